@@ -1,0 +1,139 @@
+"""hemivar: hemivariational inequalities of contact mechanics, computed, certified and drawn.
+
+    problem = hemivar.ContactProblem(mesh=..., material=..., supports=..., contact=...)
+    solution = hemivar.solve(hemivar.discretize(problem))
+
+Names are loaded when they are first used, so that ``import hemivar`` is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_EXPORTS = {
+    "hemivar.errors": ("HemivarError", "MethodError", "ProblemError"),
+    "hemivar.laws": (
+        "Bilateral",
+        "Compliance",
+        "ContactLaw",
+        "Friction",
+        "NoContact",
+        "NoFriction",
+        "PiecewiseQuadratic",
+        "Signorini",
+        "Superpotential",
+        "SurveyLaw",
+        "Tresca",
+    ),
+    "hemivar.mechanics": (
+        "Clamped",
+        "Contact",
+        "ContactProblem",
+        "DiscreteProblem",
+        "Fixed",
+        "Material",
+        "Mesh",
+        "Prescribed",
+        "Pressure",
+        "Quadrature",
+        "Roller",
+        "discretize",
+        "read_mesh",
+        "rectangle",
+        "residual",
+    ),
+    "hemivar.solvers": (
+        "LBFGS",
+        "METHODS",
+        "AugmentedLagrangian",
+        "AugmentedLagrangianNewton",
+        "ContactState",
+        "Controls",
+        "DirectOptimization",
+        "ExactInner",
+        "NewtonKrylov",
+        "NonsmoothNewton",
+        "Powell",
+        "PrimalDualActiveSet",
+        "ProximalBundle",
+        "Solution",
+        "Status",
+        "condense",
+        "solve",
+        "solve_nested",
+    ),
+    "hemivar.problem_file": ("read_problem",),
+}
+_HOME = {name: module for module, names in _EXPORTS.items() for name in names}
+
+__all__ = ["__version__", *sorted(_HOME)]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'hemivar' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return list(__all__)
+
+
+if TYPE_CHECKING:
+    from hemivar.errors import HemivarError, MethodError, ProblemError
+    from hemivar.laws import (
+        Bilateral,
+        Compliance,
+        ContactLaw,
+        Friction,
+        NoContact,
+        NoFriction,
+        PiecewiseQuadratic,
+        Signorini,
+        Superpotential,
+        SurveyLaw,
+        Tresca,
+    )
+    from hemivar.mechanics import (
+        Clamped,
+        Contact,
+        ContactProblem,
+        DiscreteProblem,
+        Fixed,
+        Material,
+        Mesh,
+        Prescribed,
+        Pressure,
+        Quadrature,
+        Roller,
+        discretize,
+        read_mesh,
+        rectangle,
+        residual,
+    )
+    from hemivar.problem_file import read_problem
+    from hemivar.solvers import (
+        LBFGS,
+        METHODS,
+        AugmentedLagrangian,
+        AugmentedLagrangianNewton,
+        ContactState,
+        Controls,
+        DirectOptimization,
+        ExactInner,
+        NewtonKrylov,
+        NonsmoothNewton,
+        Powell,
+        PrimalDualActiveSet,
+        ProximalBundle,
+        Solution,
+        Status,
+        condense,
+        solve,
+        solve_nested,
+    )

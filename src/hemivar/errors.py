@@ -1,0 +1,17 @@
+"""Errors that hemivar raises; each message says what is wrong, where, and what to do."""
+
+from __future__ import annotations
+
+__all__ = ["HemivarError", "MethodError", "ProblemError"]
+
+
+class HemivarError(Exception):
+    """Base of all errors raised by hemivar."""
+
+
+class ProblemError(HemivarError, ValueError):
+    """The problem, a law or a file is not usable as stated."""
+
+
+class MethodError(HemivarError, ValueError):
+    """The chosen method cannot treat this problem; the message says why and names one that can."""

@@ -1,0 +1,224 @@
+"""The law of a contact point: a normal superpotential and a radial friction law in local components."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.base import Superpotential
+from hemivar.laws.friction import Friction, NoFriction
+from hemivar.laws.stacked import stack
+
+__all__ = ["ContactLaw", "Linearisation"]
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """First and second derivative of a contact law on the pieces where it is smooth.
+
+    Attributes
+    ----------
+    smooth : bool array (m, 2)
+        Whether the normal and the tangential part are differentiable at r.
+    gradient : array (m, d)
+        Derivative of the smooth parts, zero elsewhere.
+    hessian : array (m, d, d)
+        Second derivative of the smooth parts, zero elsewhere.
+    """
+
+    smooth: BoolArray
+    gradient: Array
+    hessian: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ContactLaw:
+    """j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
+
+    Local displacements ``r`` have shape ``(m, d)``: column 0 is the penetration r_nu, the others the slip r_tau.
+    Multipliers have the same shape: pressure and friction of the foundation on the body.
+
+    Parameters
+    ----------
+    normal : Superpotential
+        Normal law j_nu.
+    friction : Friction
+        Friction law h_tau j_tau; none by default.
+    """
+
+    normal: Superpotential
+    friction: Friction = field(default_factory=NoFriction)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.normal, Superpotential):
+            raise ProblemError(f"the normal law must be a superpotential such as SurveyLaw, not {self.normal!r}")
+        if not isinstance(self.friction, Friction):
+            raise ProblemError(f"the friction law must be a Friction such as Tresca(0.5), not {self.friction!r}")
+
+    def at(self, points: Array | None) -> ContactLaw:
+        """The law with every parameter evaluated at ``points (m, d)``."""
+        return ContactLaw(self.normal.at(points), self.friction.at(points))
+
+    @cached_property
+    def tangential(self) -> Superpotential:
+        """The even scalar law h_tau j_tau."""
+        return self.friction.radial
+
+    def take(self, index: IntArray) -> ContactLaw:
+        """The law at some of the contact points."""
+        bound = self.friction.bounds
+        friction = Friction(bound if bound.size == 1 else bound[index], self.friction.profile.take(index))
+        return ContactLaw(self.normal.take(index), friction)
+
+    @staticmethod
+    def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:
+        """One law from laws for consecutive blocks of contact points, given as ``(law, number of points)``."""
+        laws = [(law, count) for law, count in laws if count > 0]
+        if len(laws) == 1:
+            return laws[0][0]
+        if not laws:
+            raise ProblemError("no contact point is left to put a law on")
+        bound = np.concatenate([np.broadcast_to(law.friction.bounds, (count,)) for law, count in laws])
+        profiles = [(law.friction.profile, count) for law, count in laws]
+        same = all(profile is profiles[0][0] for profile, _ in profiles)
+        return ContactLaw(
+            stack([(law.normal, count) for law, count in laws]),
+            Friction(bound, profiles[0][0] if same else stack(profiles)),
+        )
+
+    # ---- scalar questions, answered for the vector r ---------------------------------------------------
+
+    def value(self, r: Array) -> Array:
+        """j(r), shape (m,); +inf outside the domain."""
+        value = self.normal.value(r[:, 0])
+        return value + self.tangential.value(_norm(r[:, 1:])) if r.shape[1] > 1 else value
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        """Distance of the multiplier to the Clarke subdifferential dj(r), shape (m,)."""
+        normal = self.normal.distance(r[:, 0], lam[:, 0])
+        if r.shape[1] == 1:
+            return normal
+        size, direction = _polar(r[:, 1:])
+        along = np.einsum("mi,mi->m", direction, lam[:, 1:])
+        across = _norm(lam[:, 1:] - along[:, None] * direction)
+        moving = np.hypot(self.tangential.distance(size, along), across)
+        resting = self.tangential.distance(size, _norm(lam[:, 1:]))
+        return np.hypot(normal, np.where(size > 0.0, moving, resting))
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        """Distance of ``(r, lam)`` to an exact pair of the law, in units of ``lam``; see the scalar law.
+
+        Parameters
+        ----------
+        r, lam : arrays (m, d)
+        tau : array (m, 2)
+            Compliance (length per force per area) that weighs displacement against multiplier, for the normal and
+            the tangential part.
+        """
+        normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
+        if r.shape[1] == 1:
+            return normal
+        size, direction = _polar(r[:, 1:])
+        along = np.einsum("mi,mi->m", direction, lam[:, 1:])
+        across = _norm(lam[:, 1:] - along[:, None] * direction)
+        moving = np.hypot(self.tangential.graph_distance(size, along, tau[:, 1]), across)
+        to_rest = self.tangential.distance(np.zeros_like(size), _norm(lam[:, 1:]))
+        resting = np.hypot(size / tau[:, 1], to_rest)
+        return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        """Minimiser of ``a_n/2 r_n^2 + a_t/2 |r_t|^2 - b.r + j(r)``; ``a (m, 2)``, ``b (m, d)`` -> ``(m, d)``."""
+        r = np.empty(b.shape)
+        r[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
+        if b.shape[1] > 1:
+            size, direction = _polar(b[:, 1:])
+            length = np.abs(self.tangential.local_argmin(a[:, 1], size))
+            r[:, 1:] = length[:, None] * np.where(size[:, None] > 0.0, direction, _first_axis(direction))
+        return r
+
+    def prox(self, x: Array, tau: Array) -> Array:
+        """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""
+        return self.local_argmin(1.0 / tau, x / _spread(tau, x.shape[1]))
+
+    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+        """Generalised derivative of :meth:`prox`, one ``(d, d)`` block for each point."""
+        m, d = x.shape
+        jacobian = np.zeros((m, d, d))
+        jacobian[:, 0, 0] = self.normal.prox_slope(x[:, 0], tau[:, 0])
+        if d > 1:
+            size, direction = _polar(x[:, 1:])
+            length = self.tangential.prox(size, tau[:, 1])
+            slope = self.tangential.prox_slope(size, tau[:, 1])
+            ratio = np.where(size > 0.0, length / np.where(size > 0.0, size, 1.0), slope)
+            outer = np.einsum("mi,mj->mij", direction, direction)
+            jacobian[:, 1:, 1:] = ratio[:, None, None] * (np.eye(d - 1) - outer) + slope[:, None, None] * outer
+        return jacobian
+
+    def linearise(self, r: Array) -> Linearisation:
+        """Derivatives of the parts that are smooth at ``r``."""
+        m, d = r.shape
+        smooth = np.zeros((m, 2), dtype=bool)
+        gradient = np.zeros((m, d))
+        hessian = np.zeros((m, d, d))
+        smooth[:, 0] = ~self.normal.at_kink(r[:, 0])
+        gradient[:, 0] = np.where(smooth[:, 0], self.normal.derivative(r[:, 0]), 0.0)
+        hessian[:, 0, 0] = np.where(smooth[:, 0], self.normal.curvature(r[:, 0]), 0.0)
+        if d > 1:
+            size, direction = _polar(r[:, 1:])
+            smooth[:, 1] = ~self.tangential.at_kink(size)
+            slope = np.where(smooth[:, 1], self.tangential.derivative(size), 0.0)
+            curvature = np.where(smooth[:, 1], self.tangential.curvature(size), 0.0)
+            gradient[:, 1:] = slope[:, None] * direction
+            outer = np.einsum("mi,mj->mij", direction, direction)
+            across = np.where(size > 0.0, slope / np.where(size > 0.0, size, 1.0), curvature)
+            hessian[:, 1:, 1:] = across[:, None, None] * (np.eye(d - 1) - outer) + curvature[:, None, None] * outer
+        return Linearisation(smooth, gradient, hessian)
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        """``end``, cut back to the smooth piece on which ``start`` lies."""
+        out = end.copy()
+        low, high = self.normal.piece_bounds(self.normal.piece_of(start[:, 0]))
+        out[:, 0] = np.clip(end[:, 0], low, high)
+        if end.shape[1] > 1:
+            size, direction = _polar(start[:, 1:])
+            low, high = self.tangential.piece_bounds(self.tangential.piece_of(size))
+            backwards = (np.einsum("mi,mi->m", direction, end[:, 1:]) <= 0.0) & (low == 0.0)
+            length, heading = _polar(end[:, 1:])
+            out[:, 1:] = np.where(backwards, 0.0, np.clip(length, low, high))[:, None] * heading
+        return out
+
+    def recession(self, direction: Array) -> Array:
+        """Growth rate of j along each ``direction (m, d)``, shape (m,); may be +inf."""
+        rate = self.normal.recession(direction[:, 0])
+        return rate + self.tangential.recession(_norm(direction[:, 1:])) if direction.shape[1] > 1 else rate
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        """alpha of the normal and of the tangential part, each of shape (m or 1,)."""
+        return self.normal.weak_convexity, self.tangential.weak_convexity
+
+
+def _norm(x: Array) -> Array:
+    return np.abs(x[:, 0]) if x.shape[1] == 1 else np.sqrt(np.einsum("mi,mi->m", x, x))
+
+
+def _polar(x: Array) -> tuple[Array, Array]:
+    """Length and direction of each row; the direction of a zero row is zero."""
+    size = _norm(x)
+    return size, x / np.where(size > 0.0, size, 1.0)[:, None]
+
+
+def _first_axis(direction: Array) -> Array:
+    axis = np.zeros_like(direction)
+    axis[:, 0] = 1.0
+    return axis
+
+
+def _spread(tau: Array, d: int) -> Array:
+    """(m, 2) normal and tangential numbers as (m, d)."""
+    return np.concatenate([tau[:, :1], np.repeat(tau[:, 1:2], d - 1, axis=1)], axis=1)

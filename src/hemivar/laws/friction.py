@@ -1,0 +1,71 @@
+"""Friction laws: radial in the slip vector, h_tau j_tau(|u_tau|), the same in two and three dimensions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from hemivar._typing import Array, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.base import Superpotential
+from hemivar.laws.parameters import evaluate
+from hemivar.laws.piecewise import PiecewiseQuadratic
+
+__all__ = ["ABSOLUTE_VALUE", "Friction", "NoFriction", "Tresca"]
+
+#: j(r) = |r|, the profile of Tresca's law.
+ABSOLUTE_VALUE = PiecewiseQuadratic(
+    np.zeros((1, 1)), np.zeros((1, 2)), np.full((1, 1), 2.0), start=-1.0, name="absolute value"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction h_tau j_tau(|u_tau|).
+
+    Parameters
+    ----------
+    bound : Parameter
+        Friction bound h_tau >= 0 (force per area).
+    profile : Superpotential
+        Even scalar law j_tau, extended to the whole line by j_tau(-r) = j_tau(r).
+    """
+
+    bound: Parameter
+    profile: Superpotential = ABSOLUTE_VALUE
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.profile, Superpotential):
+            raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
+
+    @property
+    def name(self) -> str:
+        """Name used in messages and tables."""
+        return "tresca" if self.profile is ABSOLUTE_VALUE else self.profile.name
+
+    def at(self, points: Array | None) -> Self:
+        """The law with bound and profile evaluated at ``points (m, d)``."""
+        bound = evaluate(self.bound, points, f"bound of friction law '{self.name}'", 0.0)
+        return replace(self, bound=bound, profile=self.profile.at(points))
+
+    @property
+    def bounds(self) -> Array:
+        """Values of the friction bound, shape (1,) or (m,), for resolved parameters."""
+        return evaluate(self.bound, None, f"bound of friction law '{self.name}'", 0.0)
+
+    @property
+    def radial(self) -> Superpotential:
+        """The even scalar law h_tau j_tau, for resolved parameters."""
+        return self.profile.scaled(self.bounds)
+
+
+def Tresca(bound: Parameter) -> Friction:  # noqa: N802 - a law, named as the others are
+    """Tresca's law: friction at most ``bound``, against the slip once it slips (j_tau = |.|)."""
+    return Friction(bound)
+
+
+def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
+    """No friction."""
+    return Friction(0.0)

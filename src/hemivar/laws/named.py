@@ -1,0 +1,216 @@
+"""Named normal laws; each is a constructor of pieces with parameters that may vary over the contact boundary."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hemivar._typing import Array, BoolArray, IntArray, Parameter
+from hemivar.laws.base import Interval, Superpotential
+from hemivar.laws.parameters import evaluate
+from hemivar.laws.piecewise import PiecewiseQuadratic
+
+__all__ = ["Bilateral", "Compliance", "NamedLaw", "NoContact", "Signorini", "SurveyLaw"]
+
+
+#: One knot at zero without a jump, and two pieces without a slope.
+_ZERO = np.zeros((1, 1))
+_FLAT = np.zeros((1, 2))
+
+
+class _ParameterLaw(Superpotential):
+    """A law whose dataclass fields are parameters, all of them at least ``minimum``."""
+
+    minimum: ClassVar[dict[str, float]] = {}
+
+    def _values(self, points: Array | None) -> dict[str, Array]:
+        return {
+            f.name: evaluate(getattr(self, f.name), points, f"{f.name} of law '{self.name}'", self.minimum.get(f.name))
+            for f in fields(self)  # type: ignore[arg-type]
+        }
+
+    def at(self, points: Array | None) -> Self:
+        values = self._values(points)
+        return replace(self, **values)  # type: ignore[type-var]
+
+    def take(self, index: IntArray) -> Self:
+        values = {k: v if v.size == 1 else v[index] for k, v in self._values(None).items()}
+        return replace(self, **values)  # type: ignore[type-var]
+
+
+class NamedLaw(_ParameterLaw):
+    """A named law that is a piecewise-quadratic table once its parameters are known."""
+
+    @abstractmethod
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        """The table for checked parameter values."""
+
+    @cached_property
+    def table(self) -> PiecewiseQuadratic:
+        """The piecewise-quadratic table of this law."""
+        return self._build(self._values(None))
+
+    @property
+    def knots(self) -> Array:
+        return self.table.knots
+
+    @property
+    def domain(self) -> Interval:
+        return self.table.domain
+
+    @property
+    def weak_convexity(self) -> Array:
+        return self.table.weak_convexity
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        return self.table.growth
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        return self.table.piece_value(piece, r)
+
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        return self.table.piece_derivative(piece, r)
+
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        return self.table.piece_curvature(piece, r)
+
+    def knot_slopes(self) -> tuple[Array, Array]:
+        return self.table.knot_slopes()
+
+    def kinks(self) -> BoolArray:
+        return self.table.kinks()
+
+    def recession(self, sign: Array) -> Array:
+        return self.table.recession(sign)
+
+    def scaled(self, factor: Array | float) -> PiecewiseQuadratic:
+        return self.table.scaled(factor)
+
+    def local_minimisers(self, a: Array, b: Array) -> tuple[Array, Array]:
+        return self.table.local_minimisers(a, b)
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        return self.table.local_argmin(a, b)
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyLaw(NamedLaw):
+    """The survey's normal law: j(r) = 0 for r < 0, p_const/2 r^2 + q_max r for r >= 0 (section 5.1).
+
+    Rigid up to the pressure ``q_max``, beyond it linearly compliant with stiffness ``p_const``.
+
+    Parameters
+    ----------
+    q_max : Parameter
+        Threshold pressure, >= 0 (force per area).
+    p_const : Parameter
+        Stiffness beyond it, >= 0 (force per area and length).
+    """
+
+    q_max: Parameter
+    p_const: Parameter = 0.0
+    name: ClassVar[str] = "survey"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"q_max": 0.0, "p_const": 0.0}
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        q, p = np.broadcast_arrays(values["q_max"], values["p_const"])
+        return PiecewiseQuadratic(
+            np.zeros((1, 1)), np.stack([np.zeros_like(p), p], axis=-1), q[:, None].copy(), name=self.name
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Signorini(NamedLaw):
+    """Rigid foundation: j(r) = 0 for r <= 0, +inf for r > 0 (unilateral contact, no penalty)."""
+
+    name: ClassVar[str] = "signorini"  # type: ignore[misc]
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, upper=0.0, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Bilateral(NamedLaw):
+    """No separation and no penetration: r = 0, with any pressure."""
+
+    name: ClassVar[str] = "bilateral"  # type: ignore[misc]
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, lower=0.0, upper=0.0, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class NoContact(NamedLaw):
+    """No foundation at all: j = 0."""
+
+    name: ClassVar[str] = "none"  # type: ignore[misc]
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Compliance(_ParameterLaw):
+    """Normal compliance: pressure ``stiffness * r^exponent`` for penetration r > 0, none for r <= 0.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        Factor >= 0 (force per area and length^exponent).
+    exponent : Parameter
+        Exponent >= 1; 1 is the linear spring foundation.
+    """
+
+    stiffness: Parameter
+    exponent: Parameter = 1.0
+    name: ClassVar[str] = "compliance"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0, "exponent": 1.0}
+
+    @cached_property
+    def _resolved(self) -> tuple[Array, Array]:
+        values = self._values(None)
+        c, p = np.broadcast_arrays(values["stiffness"], values["exponent"])
+        return c, p
+
+    @property
+    def knots(self) -> Array:
+        return np.zeros((1, 1))
+
+    @property
+    def domain(self) -> Interval:
+        return Interval(np.array([-np.inf]), np.array([np.inf]))
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        c, p = self._resolved
+        return np.where(piece > 0, c / (p + 1.0) * np.maximum(r, 0.0) ** (p + 1.0), 0.0)
+
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        c, p = self._resolved
+        return np.where(piece > 0, c * np.maximum(r, 0.0) ** p, 0.0)
+
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        c, p = self._resolved
+        return np.where(piece > 0, c * p * np.maximum(r, 0.0) ** (p - 1.0), 0.0)
+
+    @property
+    def weak_convexity(self) -> Array:
+        return np.zeros(self._resolved[0].shape)
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        c, p = self._resolved
+        linear = (p == 1.0) | (c == 0.0)
+        return np.where(linear, 0.0, np.inf), np.where(linear, c, np.inf)
+
+    def recession(self, sign: Array) -> Array:
+        c, _ = self._resolved
+        return np.where((np.asarray(sign) > 0) & (c > 0.0), np.inf, 0.0)
+
+    def scaled(self, factor: Array | float) -> Compliance:
+        c, p = self._resolved
+        return Compliance(np.atleast_1d(factor) * c, p)

@@ -1,0 +1,240 @@
+"""Laws with piecewise linear derivative: one table from which everything is derived in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.base import Interval, Superpotential
+
+__all__ = ["PiecewiseQuadratic"]
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewiseQuadratic(Superpotential):
+    """Superpotential whose derivative is piecewise linear, with jumps.
+
+    The derivative equals ``start`` just left of the first knot, rises with ``slopes[i]`` on piece ``i`` and jumps
+    by ``jumps[i]`` at knot ``i``; a negative jump makes the law nonmonotone.  Outside ``[lower, upper]`` j = +inf.
+
+    Parameters
+    ----------
+    breakpoints : array (K,) or (m, K)
+        Knots, increasing along the last axis.
+    slopes : array (K + 1,) or (m, K + 1)
+        Slope of j' on each piece (force per area and length).
+    jumps : array (K,) or (m, K)
+        Jump of j' at each knot (force per area); ignored at an end of the domain.
+    start : array (), (m,)
+        j' just left of the first knot.
+    lower, upper : arrays (), (m,)
+        Domain; an end must be infinite or a knot.
+
+    Raises
+    ------
+    ProblemError
+        Knots not increasing, wrong shapes, nan, or a domain end that is not a knot.
+    """
+
+    breakpoints: Array
+    slopes: Array
+    jumps: Array
+    start: Array | float = 0.0
+    lower: Array | float = -np.inf
+    upper: Array | float = np.inf
+    name: str = "piecewise"
+    _left: Array = field(init=False, repr=False)
+    _right: Array = field(init=False, repr=False)
+    _values: Array = field(init=False, repr=False)
+    _offset: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        knots = np.atleast_2d(np.asarray(self.breakpoints, dtype=float))
+        slopes = np.atleast_2d(np.asarray(self.slopes, dtype=float))
+        jumps = np.atleast_2d(np.asarray(self.jumps, dtype=float))
+        count = knots.shape[-1]
+        if count < 1 or slopes.shape[-1] != count + 1 or jumps.shape[-1] != count:
+            raise ProblemError(
+                f"law '{self.name}': {count} knots need {count + 1} slopes and {count} jumps, "
+                f"not {slopes.shape[-1]} and {jumps.shape[-1]}; give at least one knot"
+            )
+        for what, values in (
+            ("knot", knots),
+            ("slope", slopes),
+            ("jump", jumps),
+            ("start", np.asarray(self.start)),
+        ):
+            if not np.isfinite(values).all():
+                raise ProblemError(f"law '{self.name}': a {what} is not a finite number")
+        if (np.diff(knots, axis=-1) <= 0).any():
+            raise ProblemError(f"law '{self.name}': the knots must increase strictly, got {knots[0]}")
+        rows = np.broadcast_shapes(
+            knots.shape[:1],
+            slopes.shape[:1],
+            jumps.shape[:1],
+            *(np.atleast_1d(v).shape for v in self._scalars()),
+        )
+        knots = np.broadcast_to(knots, (*rows, count))
+        slopes = np.broadcast_to(slopes, (*rows, count + 1))
+        jumps = np.broadcast_to(jumps, (*rows, count))
+        start, lower, upper = (np.broadcast_to(np.asarray(v, dtype=float), rows) for v in self._scalars())
+        for end in (lower, upper):
+            if (np.isfinite(end) & ~np.any(knots == end[..., None], axis=-1)).any():
+                raise ProblemError(f"law '{self.name}': a finite end of the domain must be one of the knots")
+        if (lower > upper).any():
+            raise ProblemError(f"law '{self.name}': the domain is empty (lower > upper)")
+        left = np.empty(knots.shape)
+        right = np.empty(knots.shape)
+        values = np.zeros(knots.shape)
+        left[..., 0] = start
+        right[..., 0] = start + jumps[..., 0]
+        for i in range(1, count):
+            width = knots[..., i] - knots[..., i - 1]
+            left[..., i] = right[..., i - 1] + slopes[..., i] * width
+            right[..., i] = left[..., i] + jumps[..., i]
+            values[..., i] = values[..., i - 1] + right[..., i - 1] * width + 0.5 * slopes[..., i] * width**2
+        set_ = object.__setattr__
+        for key, item in (
+            ("breakpoints", knots),
+            ("slopes", slopes),
+            ("jumps", jumps),
+            ("start", start),
+            ("lower", lower),
+            ("upper", upper),
+            ("_left", left),
+            ("_right", right),
+            ("_values", values),
+            ("_offset", np.zeros(rows)),
+        ):
+            set_(self, key, item)
+        origin = np.clip(np.zeros(rows), lower, upper)
+        set_(self, "_offset", self.piece_value(self.piece_of(origin), origin))
+
+    def _scalars(self) -> tuple[Array | float, Array | float, Array | float]:
+        return self.start, self.lower, self.upper
+
+    @property
+    def knots(self) -> Array:
+        return self.breakpoints
+
+    @property
+    def domain(self) -> Interval:
+        return Interval(np.asarray(self.lower), np.asarray(self.upper))
+
+    def _pick(self, table: Array, piece: IntArray) -> Array:
+        shape = np.broadcast_shapes(piece.shape, table.shape[:-1])
+        table = np.broadcast_to(table, (*shape, table.shape[-1]))
+        return np.take_along_axis(table, np.broadcast_to(piece, shape)[..., None], axis=-1)[..., 0]
+
+    def _anchor(self, piece: IntArray) -> tuple[Array, Array]:
+        """Knot to which the formula of each piece refers, and j' there on the side of the piece."""
+        knot = np.maximum(piece - 1, 0)
+        slope = np.where(piece == 0, self._pick(self._left, knot), self._pick(self._right, knot))
+        return self._pick(self.breakpoints, knot), slope
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        t, slope = self._anchor(piece)
+        s = r - t
+        base = self._pick(self._values, np.maximum(piece - 1, 0)) - self._offset
+        return base + slope * s + 0.5 * self._pick(self.slopes, piece) * s**2
+
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        t, slope = self._anchor(piece)
+        return slope + self._pick(self.slopes, piece) * (r - t)
+
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        curvature = self._pick(self.slopes, piece)
+        return np.broadcast_to(curvature, np.broadcast_shapes(curvature.shape, np.shape(r)))
+
+    def knot_slopes(self) -> tuple[Array, Array]:
+        lower, upper = np.asarray(self.lower)[..., None], np.asarray(self.upper)[..., None]
+        return (
+            np.where(self.breakpoints <= lower, -np.inf, self._left),
+            np.where(self.breakpoints >= upper, np.inf, self._right),
+        )
+
+    def kinks(self) -> BoolArray:
+        ends = (self.breakpoints <= np.asarray(self.lower)[..., None]) | (
+            self.breakpoints >= np.asarray(self.upper)[..., None]
+        )
+        return np.asarray((self.jumps != 0.0) | ends)
+
+    def _inside(self) -> tuple[BoolArray, BoolArray]:
+        """Pieces and knots that lie inside the domain (knots: strictly)."""
+        knots = self.breakpoints
+        lower, upper = np.asarray(self.lower)[..., None], np.asarray(self.upper)[..., None]
+        ends = np.concatenate([knots, np.full((*knots.shape[:-1], 1), np.inf)], axis=-1)
+        starts = np.concatenate([np.full((*knots.shape[:-1], 1), -np.inf), knots], axis=-1)
+        return (ends > lower) & (starts < upper), (knots > lower) & (knots < upper)
+
+    @property
+    def weak_convexity(self) -> Array:
+        pieces, knots = self._inside()
+        softening = np.max(np.where(pieces, -self.slopes, 0.0), axis=-1)
+        falls = np.any(knots & (self.jumps < 0.0), axis=-1)
+        return np.where(falls, np.inf, np.maximum(softening, 0.0))
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        bounded = np.isneginf(self.lower) & np.isposinf(self.upper)
+        c1 = np.maximum(np.abs(self.slopes[..., 0]), np.abs(self.slopes[..., -1]))
+        largest = np.maximum(np.abs(self._left), np.abs(self._right)) - c1[..., None] * np.abs(self.breakpoints)
+        at_origin = self.subdifferential(np.zeros(len(self.breakpoints)))
+        c0 = np.maximum(np.max(largest, axis=-1), np.maximum(np.abs(at_origin.lower), np.abs(at_origin.upper)))
+        c0 = np.maximum(c0, 0.0)
+        return np.where(bounded, c0, np.inf), np.where(bounded, c1, np.inf)
+
+    def recession(self, sign: Array) -> Array:
+        sign = np.asarray(sign, dtype=float)
+        up = _rate(self.slopes[..., -1], self._right[..., -1], np.isfinite(self.upper))
+        down = _rate(self.slopes[..., 0], -self._left[..., 0], np.isfinite(self.lower))
+        with np.errstate(invalid="ignore"):
+            return np.where(sign > 0, sign * up, np.where(sign < 0, -sign * down, 0.0))
+
+    def at(self, points: Array | None) -> PiecewiseQuadratic:
+        rows = len(self.breakpoints)
+        if points is not None and rows not in (1, len(points)):
+            raise ProblemError(f"law '{self.name}' is a table for {rows} contact points, but there are {len(points)}")
+        return self
+
+    def scaled(self, factor: Array | float) -> PiecewiseQuadratic:
+        factor = np.atleast_1d(np.asarray(factor, dtype=float))
+        return PiecewiseQuadratic(
+            self.breakpoints,
+            factor[:, None] * self.slopes,
+            factor[:, None] * self.jumps,
+            factor * self.start,
+            self.lower,
+            self.upper,
+            name=self.name,
+        )
+
+    def take(self, index: IntArray) -> PiecewiseQuadratic:
+        if len(self.breakpoints) == 1:
+            return self
+        return PiecewiseQuadratic(
+            self.breakpoints[index],
+            self.slopes[index],
+            self.jumps[index],
+            np.asarray(self.start)[index],
+            np.asarray(self.lower)[index],
+            np.asarray(self.upper)[index],
+            name=self.name,
+        )
+
+    def _stationary_point(
+        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
+    ) -> tuple[Array, BoolArray]:
+        t, slope = self._anchor(piece)
+        stiffness = a + self._pick(self.slopes, piece)
+        valid = admissible & (stiffness > 0.0)
+        root = t + (b - a * t - slope) / np.where(valid, stiffness, 1.0)
+        return np.clip(np.where(valid, root, 0.0), np.where(valid, low, 0.0), np.where(valid, high, 0.0)), valid
+
+
+def _rate(slope: Array, derivative: Array, limited: BoolArray) -> Array:
+    """Limit of j(t)/t along a ray on which j' tends to ``derivative`` and has the given slope."""
+    return np.where(limited | (slope > 0.0), np.inf, np.where(slope < 0.0, -np.inf, derivative))

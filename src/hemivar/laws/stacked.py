@@ -1,0 +1,125 @@
+"""Different scalar laws at different contact points, as one law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar._typing import Array, IntArray
+from hemivar.laws.base import Interval, Superpotential
+
+__all__ = ["StackedLaw"]
+
+
+@dataclass(frozen=True, eq=False)
+class StackedLaw(Superpotential):
+    """Law ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once."""
+
+    parts: tuple[Superpotential, ...]
+    indices: tuple[IntArray, ...]
+    name: str = "several laws"
+
+    @property
+    def _count(self) -> int:
+        return int(sum(index.size for index in self.indices))
+
+    def _gather(self, evaluate: Callable[[Superpotential, IntArray], Array]) -> Array:
+        first: Array | None = None
+        for part, index in zip(self.parts, self.indices, strict=True):
+            values = np.asarray(evaluate(part, index))
+            if first is None:
+                first = np.empty((self._count, *values.shape[1:]), dtype=values.dtype)
+            first[index] = values
+        assert first is not None
+        return first
+
+    def _columns(self, pick: Callable[[Superpotential], Array], width: int, fill: float) -> Array:
+        out = np.full((self._count, width), fill)
+        for part, index in zip(self.parts, self.indices, strict=True):
+            values = pick(part)
+            out[index, : values.shape[-1]] = values
+        return out
+
+    @property
+    def knots(self) -> Array:
+        return self._columns(lambda law: law.knots, max(law.knots.shape[-1] for law in self.parts), np.inf)
+
+    @property
+    def domain(self) -> Interval:
+        lower = self._gather(lambda law, i: np.broadcast_to(law.domain.lower, i.shape))
+        upper = self._gather(lambda law, i: np.broadcast_to(law.domain.upper, i.shape))
+        return Interval(lower, upper)
+
+    def _scatter(self, name: str, *arguments: Array) -> Array:
+        rows = [np.broadcast_to(np.asarray(x), (self._count,)) for x in arguments]
+        return self._gather(lambda law, i: np.broadcast_to(getattr(law, name)(*(x[i] for x in rows)), i.shape))
+
+    def _clipped(self, name: str, piece: IntArray, r: Array) -> Array:
+        piece = np.broadcast_to(piece, (self._count,))
+        r = np.broadcast_to(r, (self._count,))
+        return self._gather(
+            lambda law, i: np.broadcast_to(getattr(law, name)(np.minimum(piece[i], law.knots.shape[-1]), r[i]), i.shape)
+        )
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        return self._clipped("piece_value", piece, r)
+
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        return self._clipped("piece_derivative", piece, r)
+
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        return self._clipped("piece_curvature", piece, r)
+
+    def recession(self, sign: Array) -> Array:
+        return self._scatter("recession", sign)
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        return self._scatter("local_argmin", a, b)
+
+    @property
+    def weak_convexity(self) -> Array:
+        return self._gather(lambda law, i: np.broadcast_to(law.weak_convexity, i.shape))
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        return (
+            self._gather(lambda law, i: np.broadcast_to(law.growth[0], i.shape)),
+            self._gather(lambda law, i: np.broadcast_to(law.growth[1], i.shape)),
+        )
+
+    def at(self, points: Array | None) -> StackedLaw:
+        return self
+
+    def scaled(self, factor: Array | float) -> StackedLaw:
+        factor = np.broadcast_to(np.asarray(factor, dtype=float), (self._count,))
+        parts = tuple(law.scaled(factor[index]) for law, index in zip(self.parts, self.indices, strict=True))
+        return StackedLaw(parts, self.indices, name=self.name)
+
+    def take(self, index: IntArray) -> StackedLaw:
+        where = np.empty(self._count, dtype=np.int64)
+        owner = np.empty(self._count, dtype=np.int64)
+        for k, rows in enumerate(self.indices):
+            owner[rows] = k
+            where[rows] = np.arange(rows.size)
+        index = np.atleast_1d(np.asarray(index, dtype=np.int64))
+        parts: list[Superpotential] = []
+        indices: list[IntArray] = []
+        for k, part in enumerate(self.parts):
+            here = np.flatnonzero(owner[index] == k)
+            if here.size:
+                parts.append(part.take(where[index[here]]))
+                indices.append(here)
+        return StackedLaw(tuple(parts), tuple(indices), name=self.name)
+
+
+def stack(laws: Sequence[tuple[Superpotential, int]]) -> Superpotential:
+    """One law from laws for consecutive blocks of contact points, given as ``(law, number of points)``."""
+    laws = [(law, count) for law, count in laws if count > 0]
+    if len(laws) == 1:
+        return laws[0][0]
+    ends = np.cumsum([count for _, count in laws])
+    indices = tuple(np.arange(end - count, end) for end, (_, count) in zip(ends, laws, strict=True))
+    names = " + ".join(dict.fromkeys(law.name for law, _ in laws))
+    return StackedLaw(tuple(law for law, _ in laws), indices, name=names)

@@ -1,0 +1,147 @@
+"""Supports and loads of a body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hemivar._typing import Array
+from hemivar.errors import ProblemError
+
+__all__ = ["Clamped", "Fixed", "Prescribed", "Pressure", "Roller", "Support", "Traction", "VectorData"]
+
+VectorData = Sequence[float] | Array | Callable[[Array], Any]
+ScalarData = float | Callable[[Array], Any]
+
+
+@dataclass(frozen=True)
+class Clamped:
+    """No displacement: ``u = 0``."""
+
+
+@dataclass(frozen=True)
+class Roller:
+    """No displacement along the normal: ``u . nu = 0``; the body slides freely along the boundary.
+
+    Where facets of one boundary meet at less than 45 degrees their normals are averaged at the common node;
+    where they meet at a sharper corner both are fixed.
+    """
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
+
+    Attributes
+    ----------
+    x, y, z : float, callable or None
+        Value of the component, or a function of points, shape (k, d), that returns shape (k,).
+    """
+
+    x: ScalarData | None = None
+    y: ScalarData | None = None
+    z: ScalarData | None = None
+
+    def __post_init__(self) -> None:
+        if self.x is None and self.y is None and self.z is None:
+            raise ProblemError("Fixed() fixes nothing; give x, y or z, or leave the support out")
+        for name in ("x", "y", "z"):
+            value = getattr(self, name)
+            if value is not None and not callable(value):
+                _check_finite(value, f"Fixed({name}=...)")
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Prescribed displacement ``u = value``.
+
+    Attributes
+    ----------
+    value : vector, shape (d,), or callable
+        A callable gets points, shape (k, d), and returns displacements, shape (k, d).
+    """
+
+    value: VectorData
+
+    def __post_init__(self) -> None:
+        if not callable(self.value):
+            _check_finite(self.value, "Prescribed(...)")
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """Traction ``-value nu``: a positive pressure pushes into the body.
+
+    Attributes
+    ----------
+    value : float or callable
+        A callable gets points, shape (k, d), and returns shape (k,).
+    """
+
+    value: ScalarData
+
+    def __post_init__(self) -> None:
+        if not callable(self.value):
+            _check_finite(self.value, "Pressure(...)")
+            if np.ndim(self.value) != 0:
+                raise ProblemError(f"Pressure(...) takes one number or a callable, not shape {np.shape(self.value)}")
+
+
+Support = Clamped | Roller | Fixed | Prescribed
+Traction = VectorData | Pressure
+
+
+def _check_finite(value: Any, name: str) -> Array:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name}: {value!r} is not a number or vector of numbers") from error
+    if not np.all(np.isfinite(array)):
+        raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
+    return array
+
+
+def evaluate_vector(value: Any, points: Array, name: str) -> Array:
+    """A vector or a callable at points, shape (k, d); checked, shape (k, d). The number 0 means no vector."""
+    shape = points.shape
+    if not callable(value):
+        array = _check_finite(value, name)
+        if array.ndim == 0 and array == 0.0:
+            return np.zeros(shape)
+        if array.shape != (shape[1],):
+            raise ProblemError(f"{name} has shape {array.shape}; it needs {shape[1]} components")
+        return np.broadcast_to(array, shape)
+    return _checked_result(value(points), shape, points, name, (shape[1],))
+
+
+def evaluate_scalar(value: Any, points: Array, name: str) -> Array:
+    """A number or a callable at points, shape (k, d); checked, shape (k,)."""
+    shape = points.shape[:1]
+    if not callable(value):
+        array = _check_finite(value, name)
+        if array.ndim != 0:
+            raise ProblemError(f"{name} has shape {array.shape}; it must be one number or a callable")
+        return np.full(shape, float(array))
+    return _checked_result(value(points), shape, points, name, ())
+
+
+def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str, constant: tuple[int, ...]) -> Array:
+    try:
+        result = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name}: the callable does not return numbers ({error})") from error
+    if result.shape == constant and shape != constant:
+        result = np.broadcast_to(result, shape)
+    if result.shape != shape:
+        raise ProblemError(
+            f"{name}: the callable returned shape {result.shape} for points of shape {points.shape}; "
+            f"it must return shape {shape}"
+        )
+    finite = np.isfinite(result).reshape(shape[0], -1).all(axis=1)
+    if not finite.all():
+        bad = int(np.flatnonzero(~finite)[0])
+        raise ProblemError(f"{name}: the callable returned {result[bad]} at x = {points[bad].tolist()}")
+    return result

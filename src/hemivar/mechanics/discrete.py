@@ -1,0 +1,360 @@
+"""The discrete contact problem: what every solver and every certificate works on."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar._typing import Array
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.laws import ContactLaw
+    from hemivar.mechanics.material import Material
+    from hemivar.mechanics.mesh import Mesh
+
+__all__ = ["DiscreteProblem", "FieldMap"]
+
+_SYMMETRY_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class FieldMap:
+    """How the unknowns of a discrete problem become a displacement field.
+
+    The full vector of nodal displacements is ``U = P u + u0``: the columns of ``P`` are orthonormal and span
+    the free directions, ``u0`` holds the prescribed displacements. Entry ``node * d + component`` of ``U``
+    belongs to one node and one Cartesian component. Nodes of a quadratic field (``order == 2``) are the
+    vertices of the mesh followed by its edge midpoints, in the order of :attr:`Mesh.edges`.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The mesh the field lives on.
+    order : int
+        Polynomial degree of the elements, 1 or 2.
+    basis : sparse array, shape (nodes * d, n)
+        ``P``.
+    prescribed : array, shape (nodes * d,)
+        ``u0``, orthogonal to the columns of ``P``.
+    material : Material or None
+        The material, needed for stresses only.
+    """
+
+    mesh: Mesh
+    order: int
+    basis: sp.csr_array
+    prescribed: Array
+    material: Material | None = None
+
+    @property
+    def dim(self) -> int:
+        """Space dimension d."""
+        return self.mesh.dim
+
+    @property
+    def number_of_nodes(self) -> int:
+        """Number of displacement nodes (vertices, and edge midpoints if ``order == 2``)."""
+        return len(self.prescribed) // self.mesh.dim
+
+    @property
+    def nodes(self) -> Array:
+        """Coordinates of the displacement nodes, shape (nodes, d)."""
+        return self.mesh.nodes(self.order)
+
+    def displacement(self, unknowns: Array) -> Array:
+        """Nodal displacement field of a vector of unknowns.
+
+        Parameters
+        ----------
+        unknowns : array, shape (n,)
+
+        Returns
+        -------
+        array, shape (nodes, d)
+        """
+        vector = np.asarray(unknowns, dtype=float)
+        if vector.shape != (self.basis.shape[1],):
+            raise ProblemError(
+                f"the unknowns have shape {vector.shape}; this field map expects ({self.basis.shape[1]},)"
+            )
+        return np.asarray(self.basis @ vector + self.prescribed).reshape(-1, self.mesh.dim)
+
+    def restrict(self, displacement: Array) -> Array:
+        """Unknowns of a nodal displacement field: ``P' (U - u0)``.
+
+        The result reproduces the field if it fulfils the supports, and is its orthogonal projection
+        otherwise.
+
+        Parameters
+        ----------
+        displacement : array, shape (nodes, d)
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        field = np.asarray(displacement, dtype=float)
+        if field.shape != (self.number_of_nodes, self.mesh.dim):
+            raise ProblemError(
+                f"the displacement has shape {field.shape}; "
+                f"this field map expects ({self.number_of_nodes}, {self.mesh.dim})"
+            )
+        return np.asarray(self.basis.T @ (field.ravel() - self.prescribed))
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteProblem:
+    """Energy of a discrete contact problem.
+
+    ``E(u) = 1/2 u'K u - f'u + sum_j w_j j_j(r_j) + constant``, ``r = (B u - offset)`` reshaped to (m, d):
+    column 0 is the penetration of contact point j, the other columns its slip. A solution is a pair
+    ``K u + B'W lambda = f``, ``lambda_j in dj_j(r_j)`` (Clarke subdifferential).
+
+    Attributes
+    ----------
+    stiffness : sparse array, shape (n, n)
+        ``K``, symmetric with positive diagonal. A dense array or any scipy sparse matrix is converted.
+    load : array, shape (n,)
+        ``f``.
+    trace : sparse array, shape (d * m, n)
+        ``B``; row ``j * d`` is the normal component (penetration positive) of contact point j, rows
+        ``j * d + c``, c >= 1, its tangential components. Rows may be zero where a support fixes them.
+    weights : array, shape (m,)
+        Quadrature weights ``w_j > 0`` (lengths in 2D, areas in 3D).
+    gap : array, shape (m,)
+        Distance between body and foundation along the normal (less any prescribed displacement).
+    law : ContactLaw
+        The contact law with parameters resolved at the contact points.
+    constant : float
+        Energy that does not depend on the unknowns.
+    slip_offset : array, shape (m, d - 1), or None
+        Subtracted from the tangential components, as the gap is from the normal one.
+    points : array, shape (m, d), or None
+        Coordinates of the contact points.
+    frames : array, shape (m, d, d), or None
+        ``frames[j, c]`` is the unit vector of local component c; ``frames[j, 0]`` is the outward normal.
+    field : FieldMap or None
+        How to recover the displacement field.
+
+    Raises
+    ------
+    ProblemError
+        If shapes disagree, numbers are not finite, the stiffness is unsymmetric (relative to 1e-10) or has
+        a diagonal entry that is not positive, or a weight is not positive.
+    """
+
+    stiffness: sp.csr_array
+    load: Array
+    trace: sp.csr_array
+    weights: Array
+    gap: Array
+    law: ContactLaw
+    constant: float = 0.0
+    slip_offset: Array | None = None
+    points: Array | None = None
+    frames: Array | None = None
+    field: FieldMap | None = None
+
+    def __post_init__(self) -> None:
+        stiffness = _sparse(self.stiffness, "stiffness")
+        load = _dense(self.load, "load", 1)
+        trace = _sparse(self.trace, "trace")
+        weights = _dense(self.weights, "weights", 1)
+        gap = _dense(self.gap, "gap", 1)
+        n, m = load.shape[0], weights.shape[0]
+        if stiffness.shape != (n, n):
+            raise ProblemError(
+                f"stiffness has shape {stiffness.shape} but load has {n} entries; give a stiffness of shape ({n}, {n})"
+            )
+        _check_stiffness(stiffness)
+        if trace.shape[1] != n:
+            raise ProblemError(f"trace has {trace.shape[1]} columns; it needs one per unknown, {n}")
+        if m == 0 and trace.shape[0] != 0:
+            raise ProblemError(f"trace has {trace.shape[0]} rows but weights is empty; give one weight per point")
+        if m > 0 and (trace.shape[0] == 0 or trace.shape[0] % m != 0 or trace.shape[0] // m > 3):
+            raise ProblemError(
+                f"trace has {trace.shape[0]} rows for {m} contact points (as many as weights); "
+                f"it needs d = 1, 2 or 3 rows per point: one normal, d - 1 tangential"
+            )
+        if not np.all(weights > 0):
+            bad = int(np.flatnonzero(weights <= 0)[0])
+            raise ProblemError(f"weights[{bad}] = {weights[bad]:g}; every weight must be positive")
+        if gap.shape != (m,):
+            raise ProblemError(f"gap has shape {gap.shape}; it needs one number per contact point, ({m},)")
+        if not np.isfinite(self.constant):
+            raise ProblemError(f"constant = {self.constant}; the constant part of the energy must be finite")
+        for name, value in (
+            ("stiffness", stiffness),
+            ("load", load),
+            ("trace", trace),
+            ("weights", weights),
+            ("gap", gap),
+            ("constant", float(self.constant)),
+        ):
+            object.__setattr__(self, name, value)
+        d = self.dim
+        for name, shape in (("slip_offset", (m, d - 1)), ("points", None), ("frames", (m, d, d))):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = _dense(value, name, 2 if name != "frames" else 3)
+            if m > 0 and ((shape is not None and array.shape != shape) or array.shape[0] != m):
+                expected = shape if shape is not None else (m, d)
+                raise ProblemError(f"{name} has shape {array.shape}; it must be {expected}")
+            object.__setattr__(self, name, array)
+        if self.field is not None and self.field.basis.shape[1] != n:
+            raise ProblemError(f"field has {self.field.basis.shape[1]} unknowns but load has {n}; they must agree")
+        self._check_law(self.law)
+
+    def _check_law(self, law: ContactLaw) -> None:
+        if self.contact_points == 0:
+            return
+        start = -self.offset.reshape(self.contact_points, self.dim)
+        with np.errstate(all="ignore"):
+            try:
+                value = np.asarray(law.value(start))
+            except (ValueError, IndexError, TypeError) as error:
+                if isinstance(error, ProblemError):
+                    raise
+                raise ProblemError(
+                    f"the law cannot be evaluated at the {self.contact_points} contact points ({error}); "
+                    f"resolve its parameters first: law.at(points)"
+                ) from error
+        if value.shape != (self.contact_points,):
+            raise ProblemError(
+                f"the law returns values of shape {value.shape} at {self.contact_points} contact points; "
+                f"resolve its parameters at these points: law.at(points)"
+            )
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return int(self.load.shape[0])
+
+    @property
+    def contact_points(self) -> int:
+        """Number of contact points m."""
+        return int(self.weights.shape[0])
+
+    @property
+    def dim(self) -> int:
+        """Number d of local components per contact point: one normal and d - 1 tangential."""
+        if self.contact_points > 0:
+            return int(self.trace.shape[0]) // self.contact_points
+        if self.field is not None:
+            return self.field.dim
+        if self.points is not None and np.ndim(self.points) == 2:
+            return int(self.points.shape[1])
+        return 2
+
+    @property
+    def offset(self) -> Array:
+        """Gap and slip offset in the order of the rows of the trace, shape (d * m,)."""
+        offset = np.zeros((self.contact_points, self.dim))
+        offset[:, 0] = self.gap
+        if self.slip_offset is not None and self.contact_points > 0:
+            offset[:, 1:] = self.slip_offset
+        return offset.ravel()
+
+    def local(self, unknowns: Array) -> Array:
+        """Penetration and slip at the contact points: ``r = B u - offset``.
+
+        Parameters
+        ----------
+        unknowns : array, shape (n,)
+
+        Returns
+        -------
+        array, shape (m, d)
+            Column 0 penetration, columns 1.. slip.
+        """
+        return np.asarray(self.trace @ unknowns - self.offset).reshape(self.contact_points, self.dim)
+
+    def energy(self, unknowns: Array) -> float:
+        """Energy ``E(u)`` of the unknowns, shape (n,), the constant included."""
+        u = np.asarray(unknowns, dtype=float)
+        energy = 0.5 * float(u @ (self.stiffness @ u)) - float(self.load @ u) + self.constant
+        if self.contact_points > 0:
+            energy += float(self.weights @ self.law.value(self.local(u)))
+        return energy
+
+    def contact_force(self, multiplier: Array) -> Array:
+        """Nodal forces ``B' W lambda`` of a multiplier.
+
+        Parameters
+        ----------
+        multiplier : array, shape (m, d)
+            Pressure (column 0) and friction (columns 1..) of the foundation on the body.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        scaled = self.weights[:, None] * np.asarray(multiplier, dtype=float)
+        return np.asarray(self.trace.T @ scaled.ravel())
+
+    def with_law(self, law: ContactLaw) -> DiscreteProblem:
+        """The same problem with another law; matrices are shared and not checked again.
+
+        Parameters
+        ----------
+        law : ContactLaw
+            Resolved at the same contact points.
+        """
+        self._check_law(law)
+        other = copy.copy(self)
+        object.__setattr__(other, "law", law)
+        return other
+
+
+def _sparse(value: Any, name: str) -> sp.csr_array:
+    """``value`` as a csr array of finite floats, duplicates summed."""
+    try:
+        matrix = sp.csr_array(value) if sp.issparse(value) else sp.csr_array(np.atleast_2d(np.asarray(value)))
+        matrix = matrix.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name} is not a matrix of real numbers ({error})") from error
+    if not matrix.has_canonical_format:
+        matrix = matrix.copy()
+        matrix.sum_duplicates()
+    if not np.all(np.isfinite(matrix.data)):
+        raise ProblemError(f"{name} holds NaN or infinite entries")
+    return matrix
+
+
+def _dense(value: Any, name: str, ndim: int) -> Array:
+    """``value`` as a finite float array with ``ndim`` axes."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name} is not an array of real numbers ({error})") from error
+    if array.ndim != ndim:
+        raise ProblemError(f"{name} has {array.ndim} axes (shape {array.shape}); it needs {ndim}")
+    bad = ~np.isfinite(array)
+    if bad.any():
+        where = ", ".join(str(int(i)) for i in np.argwhere(bad)[0])
+        raise ProblemError(f"{name}[{where}] = {array[bad][0]}; every number must be finite")
+    return array
+
+
+def _check_stiffness(stiffness: sp.csr_array) -> None:
+    if stiffness.shape[0] == 0:
+        return
+    diagonal = stiffness.diagonal()
+    if not np.all(diagonal > 0):
+        bad = int(np.flatnonzero(~(diagonal > 0))[0])
+        raise ProblemError(
+            f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
+            f"remove unknowns that no element carries"
+        )
+    skew = stiffness - stiffness.T
+    largest = float(np.max(np.abs(skew.data), initial=0.0))
+    if largest > _SYMMETRY_TOLERANCE * float(np.max(np.abs(stiffness.data))):
+        raise ProblemError(
+            f"stiffness is not symmetric: max |K - K'| = {largest:.3g}; pass (K + K') / 2 if this is round-off"
+        )

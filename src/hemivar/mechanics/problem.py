@@ -1,0 +1,198 @@
+"""The statement of a contact problem: what a user writes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any, get_args
+
+import numpy as np
+
+from hemivar._typing import Array
+from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
+from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
+from hemivar.mechanics.conditions import _check_finite as check_finite
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.mesh import Mesh, _facet_keys
+
+__all__ = ["Contact", "ContactProblem", "Quadrature"]
+
+
+class Quadrature(StrEnum):
+    """Where the contact law is evaluated."""
+
+    NODAL = "nodal"
+    """At the nodes of the contact boundary (lumped): the nonsmooth part is separable."""
+    MIDPOINT = "midpoint"
+    """On the contact facets, at the mean displacement of each (the midpoint for order 1): constant "
+    "multipliers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """What the foundation does along one contact boundary.
+
+    Attributes
+    ----------
+    normal : Superpotential
+        Law of the penetration ``r_nu = u_nu - gap``.
+    friction : Friction
+        Law of the slip ``u_tau``; none by default.
+    gap : float or callable
+        Distance between body and foundation along the outward normal; a callable gets points, shape (k, d),
+        and returns shape (k,). Negative values mean initial interpenetration.
+    """
+
+    normal: Superpotential
+    friction: Friction = field(default_factory=NoFriction)
+    gap: float | Callable[[Array], Any] = 0.0
+
+    def __post_init__(self) -> None:
+        _ = self.law
+        if not callable(self.gap) and check_finite(self.gap, "gap").ndim != 0:
+            raise ProblemError(f"gap has shape {np.shape(self.gap)}; give one number or a callable of the points")
+
+    @property
+    def law(self) -> ContactLaw:
+        """Normal and friction law together."""
+        return ContactLaw(self.normal, self.friction)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """An elastic body, its supports and loads, and the foundations it may touch.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    material : Material
+    contact : mapping of boundary name to Contact
+    supports : mapping of boundary name to Support
+        :class:`Clamped`, :class:`Roller`, :class:`Fixed` or :class:`Prescribed`.
+    body_force : vector, shape (d,), or callable
+        Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
+    tractions : mapping of boundary name to vector, callable or Pressure
+        Force per area.
+    title : str
+    order : int
+        Polynomial degree of the elements, 1 or 2.
+    quadrature : Quadrature
+        Where the contact laws are evaluated.
+
+    Raises
+    ------
+    ProblemError
+        If a boundary name is unknown, numbers are not finite, or boundaries overlap in a way that makes no
+        sense.
+    """
+
+    mesh: Mesh
+    material: Material
+    contact: Mapping[str, Contact] = field(default_factory=dict)
+    supports: Mapping[str, Support] = field(default_factory=dict)
+    body_force: VectorData | float = 0.0
+    tractions: Mapping[str, Traction] = field(default_factory=dict)
+    title: str = ""
+    order: int = 1
+    quadrature: Quadrature = Quadrature.NODAL
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, Mesh):
+            raise ProblemError(f"mesh is {type(self.mesh).__name__}; pass a hemivar Mesh, from read_mesh or rectangle")
+        if not isinstance(self.material, Material):
+            raise ProblemError(
+                f"material is {type(self.material).__name__}; pass Material.lame(...), Material.young(...) or the like"
+            )
+        if self.order not in (1, 2):
+            raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
+        try:
+            object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
+        except ValueError as error:
+            raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
+        if self.contact and self.order == 2 and self.mesh.dim == 3:
+            raise ProblemError(
+                "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
+            )
+        for name in ("contact", "supports", "tractions"):
+            value = getattr(self, name)
+            if not isinstance(value, Mapping):
+                raise ProblemError(f"{name} must map boundary names to conditions, not be {type(value).__name__}")
+            object.__setattr__(self, name, MappingProxyType(dict(value)))
+            for boundary in value:
+                self._check_name(name, boundary)
+        self._check_values()
+        self._check_overlaps()
+
+    def on(self, mesh: Mesh) -> ContactProblem:
+        """The same problem on another mesh, which must have the same boundary names."""
+        return replace(self, mesh=mesh)
+
+    def _check_name(self, what: str, name: str) -> None:
+        known = list(self.mesh.boundaries)
+        if name in known:
+            return
+        close = difflib.get_close_matches(str(name), known, n=1)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        raise ProblemError(
+            f"{what} names boundary '{name}', which the mesh does not have{hint} "
+            f"(boundaries: {', '.join(known) or 'none'})"
+        )
+
+    def _check_values(self) -> None:
+        dim = self.mesh.dim
+        _check_vector(self.body_force, dim, "body_force", allow_zero=True)
+        for name, contact in self.contact.items():
+            if not isinstance(contact, Contact):
+                raise ProblemError(
+                    f"contact['{name}'] is {type(contact).__name__}; wrap the law: Contact(law, friction)"
+                )
+        for name, support in self.supports.items():
+            if not isinstance(support, get_args(Support)):
+                raise ProblemError(
+                    f"supports['{name}'] is {support!r}; pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
+                )
+            if isinstance(support, Prescribed):
+                _check_vector(support.value, dim, f"supports['{name}']")
+            if isinstance(support, Fixed) and dim == 2 and support.z is not None:
+                raise ProblemError(f"supports['{name}'] fixes z, but the mesh is plane; remove z")
+        for name, traction in self.tractions.items():
+            if not isinstance(traction, Pressure):
+                _check_vector(traction, dim, f"tractions['{name}']", allow_zero=True)
+
+    def _check_overlaps(self) -> None:
+        keys = {
+            name: _facet_keys(self.mesh.boundaries[name], self.mesh.number_of_nodes)
+            for name in {*self.contact, *self.supports}
+        }
+        names = list(self.contact)
+        for i, first in enumerate(names):
+            for second in names[i + 1 :]:
+                shared = int(np.isin(keys[first], keys[second]).sum())
+                if shared:
+                    raise ProblemError(
+                        f"contact boundaries '{first}' and '{second}' share {shared} facets; a facet can "
+                        f"touch one foundation only: separate them"
+                    )
+            for other, support in self.supports.items():
+                if isinstance(support, Clamped | Prescribed):
+                    shared = int(np.isin(keys[first], keys[other]).sum())
+                    if shared:
+                        how = "clamped" if isinstance(support, Clamped) else "held by a prescribed displacement"
+                        raise ProblemError(
+                            f"contact boundary '{first}' is {how} (support '{other}', {shared} common "
+                            f"facets), so no contact can happen there; remove one of the two"
+                        )
+
+
+def _check_vector(value: Any, dim: int, name: str, allow_zero: bool = False) -> None:
+    if callable(value):
+        return
+    array = check_finite(value, name)
+    if allow_zero and array.ndim == 0 and array == 0.0:
+        return
+    if array.shape != (dim,):
+        raise ProblemError(f"{name} has shape {array.shape}; on this mesh it needs {dim} components")

@@ -1,0 +1,89 @@
+"""The one residual: how far a pair (u, lambda) is from solving the discrete problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar._typing import Array
+from hemivar.mechanics.discrete import DiscreteProblem
+
+__all__ = ["Residual", "contact_compliance", "residual"]
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Residual of ``K u + B'W lambda = f``, ``lambda in dj(r)``, in units of force.
+
+    Attributes
+    ----------
+    equilibrium : float
+        ``|f - K u - B'W lambda|_2``.
+    inclusion : float
+        ``|W e|_2`` with ``e`` the distance of (r, lambda) to the graph of the law at every contact point.
+    scale : float
+        ``|f|_2``.
+    rounding : float
+        What the arithmetic alone can leave in ``equilibrium``.
+    """
+
+    equilibrium: float
+    inclusion: float
+    scale: float
+    rounding: float
+
+    @property
+    def total(self) -> float:
+        """Both parts together."""
+        return float(np.hypot(self.equilibrium, self.inclusion))
+
+    @property
+    def relative(self) -> float:
+        """Both parts together over ``|f|``; the number reported by every solver."""
+        return self.total / self.scale if self.scale > 0.0 else self.total
+
+    def below(self, atol: float, rtol: float) -> bool:
+        """Whether the pair solves the problem to ``atol + rtol |f|``, up to rounding."""
+        return bool(self.total <= atol + rtol * self.scale + self.rounding)
+
+
+def contact_compliance(problem: DiscreteProblem) -> Array:
+    """Displacement for a unit pressure at each contact point when all else is held, shape (m, 2).
+
+    It makes displacement and multiplier comparable; the columns are for the normal and the tangential part.
+    """
+    flexibility = problem.trace.power(2) @ (1.0 / problem.stiffness.diagonal())
+    flexibility = flexibility.reshape(problem.contact_points, problem.dim)
+    normal = flexibility[:, 0]
+    tangential = flexibility[:, 1:].max(axis=1) if problem.dim > 1 else normal
+    pair = np.stack([normal, tangential], axis=1)
+    largest = pair.max(initial=0.0)
+    return problem.weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0)
+
+
+def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> Residual:
+    """Residual at a displacement and a multiplier, whoever computed them.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    displacement : array (n,)
+        Unknowns u.
+    multiplier : array (m, d)
+        Pressure and friction at the contact points.
+    """
+    K, f = problem.stiffness, problem.load
+    out_of_balance = f - K @ displacement - problem.contact_force(multiplier)
+    moved = abs(K) @ np.abs(displacement) + np.abs(f)
+    inclusion = 0.0
+    if problem.contact_points:
+        r = problem.local(displacement)
+        off = problem.law.graph_distance(r, multiplier, contact_compliance(problem))
+        inclusion = float(np.linalg.norm(problem.weights * off))
+    return Residual(
+        equilibrium=float(np.linalg.norm(out_of_balance)),
+        inclusion=inclusion,
+        scale=float(np.linalg.norm(f)),
+        rounding=float(8.0 * np.finfo(float).eps * np.linalg.norm(moved)),
+    )

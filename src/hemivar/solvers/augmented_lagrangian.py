@@ -1,0 +1,231 @@
+"""Augmented Lagrangian methods: the survey's, by root finding, and a semismooth Newton form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import ClassVar
+
+import numpy as np
+import scipy.optimize as opt
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from hemivar._typing import Array
+from hemivar.errors import ProblemError
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.solvers.base import Solver, State
+from hemivar.solvers.condensed import CondensedProblem
+from hemivar.solvers.controls import Budget
+from hemivar.solvers.status import Status
+
+__all__ = ["AugmentedLagrangian", "AugmentedLagrangianNewton", "RootFinder"]
+
+
+class RootFinder(Enum):
+    """SciPy's root finders."""
+
+    HYBR = "hybr"
+    LEVENBERG_MARQUARDT = "lm"
+    KRYLOV = "krylov"
+
+
+def _check_penalty(penalty: float) -> None:
+    if not (penalty > 0.0 and np.isfinite(penalty)):
+        raise ProblemError(f"the penalty is {penalty}; give a positive number (in units of the local stiffness)")
+
+
+def _too_concave(problem: DiscreteProblem) -> str | None:
+    if problem.contact_points and any(np.isinf(alpha).any() for alpha in problem.law.weak_convexity):
+        return "the law jumps down, so that its proximal map jumps as well; use newton"
+    return None
+
+
+@dataclass(frozen=True)
+class AugmentedLagrangian(Solver):
+    """The survey's augmented Lagrangian method (section 4.2) on the condensed unknowns (r, lambda).
+
+    Solves ``A r - g + W (lambda + eps (r - p)) = 0``, ``r - p = 0`` with ``p = prox_{j/eps}(r + lambda/eps)``: the
+    gradients of the Moreau-type function l_eps, valid for every law.  Each step is one call of SciPy's root finder,
+    started from the last, with a smaller penalty.
+
+    Parameters
+    ----------
+    penalty : float
+        First penalty eps, in units of the stiffness of a contact point.
+    decrease : float
+        Factor by which it shrinks from step to step, down to ``smallest``.
+    smallest : float
+        Last penalty.
+    root_finder : RootFinder
+        ``fsolve``'s own (HYBR) by default.
+    tolerance : float
+        Relative tolerance of the unknowns that is asked of the root finder.
+    """
+
+    penalty: float = 10.0
+    decrease: float = 0.5
+    smallest: float = 0.1
+    root_finder: RootFinder = RootFinder.HYBR
+    tolerance: float = 1.5e-8
+    name: ClassVar[str] = "augmented-lagrangian"
+    default_steps: ClassVar[int] = 20
+
+    def __post_init__(self) -> None:
+        _check_penalty(self.penalty)
+        _check_penalty(self.smallest)
+        if not 0.0 < self.decrease <= 1.0:
+            raise ProblemError(f"the factor that decreases the penalty is {self.decrease}; it must be in (0, 1]")
+
+    def refuse(self, problem: DiscreteProblem) -> str | None:
+        return _too_concave(problem)
+
+    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
+        lam = system.multiplier(r)
+        return State(r, _allowed(system, r, lam), memory=(self.penalty, np.inf, 0))
+
+    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+        penalty, last, idle = state.memory
+        count = 0
+        free = system.free
+        m, d = system.shape
+        tau = system.compliance / penalty
+        rows = 1.0 / np.sqrt(np.diagonal(system.matrix)[free])
+        columns = np.repeat(system.weights, d)[free]
+        length, pressure = system.length_scale, system.pressure_scale
+        spread = np.concatenate([tau[:, :1], np.repeat(tau[:, 1:], d - 1, axis=1)], axis=1)
+        force_scale = length / float(np.median(rows))
+
+        def split(x: Array) -> tuple[Array, Array]:
+            r = system.fixed.copy()
+            lam = np.zeros((m, d))
+            r.ravel()[free] = length * x[: free.size]
+            lam.ravel()[free] = pressure * x[free.size :]
+            return r, lam
+
+        def gradient(x: Array) -> Array:
+            nonlocal count
+            count += 1
+            if count % 20 == 0:
+                budget.check()
+            r, lam = split(x)
+            p = system.law.prox(r + spread * lam, tau)
+            along = lam + (r - p) / spread
+            first = -system.out_of_balance(r).ravel()[free] + columns * along.ravel()[free]
+            return np.concatenate([rows * first / force_scale, (r - p).ravel()[free] / length])
+
+        x0 = np.concatenate([state.r.ravel()[free] / length, state.lam.ravel()[free] / pressure])
+        if free.size == 0:
+            return replace(state, ended=Status.CONVERGED)
+        options = {"xtol": self.tolerance} if self.root_finder is not RootFinder.KRYLOV else {"fatol": self.tolerance}
+        found = opt.root(gradient, x0, method=self.root_finder.value, options=options)
+        r, lam = split(np.asarray(found.x))
+        off = system.residual(r, lam)
+        idle = idle + 1 if off.total > 0.5 * last else 0
+        ended = Status.INACCURATE if idle >= 3 and penalty <= self.smallest else None
+        penalty = max(self.smallest, self.decrease * penalty)
+        return State(r, lam, state.evaluations + count, ended, memory=(penalty, min(off.total, last), idle))
+
+
+@dataclass(frozen=True)
+class AugmentedLagrangianNewton(Solver):
+    """Semismooth Newton form of the augmented Lagrangian method, on all unknowns with sparse linear algebra.
+
+    Each step linearises ``K u + B'W lambda = f``, ``r = prox(r + tau lambda)`` with the generalised derivative of the
+    proximal map and solves for (u, lambda) by one sparse factorisation.  The step is halved while the residual of
+    this system grows.
+
+    Parameters
+    ----------
+    penalty : float
+        1/tau in units of the stiffness of a contact point.
+    halvings : int
+        How often a step may be halved.
+    """
+
+    penalty: float = 1.0
+    halvings: int = 6
+    name: ClassVar[str] = "augmented-lagrangian-newton"
+    default_steps: ClassVar[int] = 60
+
+    def __post_init__(self) -> None:
+        _check_penalty(self.penalty)
+
+    def refuse(self, problem: DiscreteProblem) -> str | None:
+        return _too_concave(problem)
+
+    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
+        lam = _allowed(system, r, system.multiplier(r))
+        return State(r, lam, memory=system.unknowns(r))
+
+    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+        problem = system.problem
+        m, d = system.shape
+        u = state.memory
+        tau = system.compliance / self.penalty
+        for alpha, column in zip(problem.law.weak_convexity, (0, 1), strict=True):
+            limit = 0.5 / np.maximum(alpha, 1e-300)
+            tau[:, column] = np.minimum(tau[:, column], limit)
+        spread = np.concatenate([tau[:, :1], np.repeat(tau[:, 1:], d - 1, axis=1)], axis=1)
+        free = system.free
+        B = problem.trace[free]
+        stiffness = (np.repeat(problem.weights, d) / spread.ravel())[free]
+
+        def out_of_balance(v: Array, lam: Array) -> tuple[Array, Array]:
+            first = problem.load - problem.stiffness @ v - problem.contact_force(np.where(system.active, lam, 0.0))
+            r = problem.local(v)
+            second = r - problem.law.prox(r + spread * lam, tau)
+            return first, stiffness * second.ravel()[free]
+
+        first, second = out_of_balance(u, state.lam)
+        jacobian = problem.law.prox_jacobian(problem.local(u) + spread * state.lam, tau)
+        pull = sp.csr_array(sp.block_diag(list(jacobian), format="csr"))[free][:, free]
+        stay = sp.eye_array(free.size) - pull
+        # The law's rows are multiplied by W/tau and the unknown is tau dlambda: every entry is a stiffness.
+        scale = sp.diags_array(stiffness)
+        matrix = sp.csc_array(sp.block_array([[problem.stiffness, B.T @ scale], [scale @ stay @ B, -(scale @ pull)]]))
+        rhs = np.concatenate([first, -second])
+        try:
+            step = spla.splu(matrix, permc_spec="MMD_AT_PLUS_A").solve(rhs)
+        except RuntimeError:
+            return replace(state, ended=Status.STALLED)
+        if not np.isfinite(step).all():
+            return replace(state, ended=Status.NONFINITE)
+        du = step[: u.size]
+        dlam = np.zeros((m, d))
+        dlam.ravel()[free] = step[u.size :] / spread.ravel()[free]
+
+        def merit(pair: tuple[Array, Array]) -> float:
+            return float(np.hypot(np.linalg.norm(pair[0]), np.linalg.norm(pair[1])))
+
+        now = merit((first, second))
+        length, best = 1.0, (np.inf, 1.0)
+        evaluations = state.evaluations + 1
+        for _ in range(self.halvings + 1):
+            budget.check()
+            evaluations += 1
+            trial = merit(out_of_balance(u + length * du, state.lam + length * dlam))
+            best = min(best, (trial, length))
+            if trial < now:
+                break
+            length *= 0.5
+        length = best[1]
+        u = u + length * du
+        lam = np.where(system.active, state.lam + length * dlam, 0.0)
+        local = np.where(system.active, problem.local(u), system.fixed)
+        lam = np.where(system.active, lam, _allowed(system, local, system.multiplier(local)))
+        return State(local, lam, evaluations, memory=u)
+
+
+def _allowed(system: CondensedProblem, r: Array, lam: Array) -> Array:
+    """The multipliers of the law at ``r`` nearest to ``lam``."""
+    out = lam.copy()
+    interval = system.law.normal.subdifferential(r[:, 0])
+    out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
+    if r.shape[1] > 1:
+        size = np.linalg.norm(lam[:, 1:], axis=1)
+        rest = system.law.tangential.subdifferential(np.zeros(len(r)))
+        limit = np.maximum(rest.upper, 0.0)
+        shrink = np.where(size > limit, limit / np.where(size > 0.0, size, 1.0), 1.0)
+        out[:, 1:] = lam[:, 1:] * shrink[:, None]
+    return out

@@ -1,0 +1,301 @@
+"""Condensation: the discrete problem reduced to the local displacements of its contact points."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.solvers.factorisation import Factorisation, factorise
+
+__all__ = ["CondensedProblem", "condense"]
+
+
+@dataclass(frozen=True, eq=False)
+class CondensedProblem:
+    """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
+
+    ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
+    that minimising this energy is minimising E(u).
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+        Where it comes from.
+    matrix : array (m d, m d)
+        A, symmetric; rows and columns of components that a support fixes are zero.
+    force : array (m d,)
+        g.
+    active : bool array (m, d)
+        Components that are free to move.
+    fixed : array (m, d)
+        Values of the components that are not.
+    constant : float
+        Energy that does not depend on r.
+    rest_energy : float
+        Elastic energy of the body under its load when r = 0 (strictly: when all contact unknowns are held at zero).
+    seconds : float
+        Time the condensation took.
+    """
+
+    problem: DiscreteProblem
+    matrix: Array
+    force: Array
+    active: BoolArray
+    fixed: Array
+    constant: float
+    rest_energy: float
+    seconds: float
+    _recovery: _Recovery
+
+    # ---- views -----------------------------------------------------------------------------------------
+
+    @property
+    def law(self) -> ContactLaw:
+        """The contact law."""
+        return self.problem.law
+
+    @property
+    def weights(self) -> Array:
+        """Quadrature weights (m,)."""
+        return self.problem.weights
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Contact points m and components d."""
+        return self.active.shape[0], self.active.shape[1]
+
+    @cached_property
+    def free(self) -> IntArray:
+        """Indices of the free components in a flattened ``r``."""
+        return np.flatnonzero(self.active.ravel())
+
+    @cached_property
+    def compliance(self) -> Array:
+        """Displacement for a unit pressure at a point when all other contact points are held, (m, 2)."""
+        diagonal = np.where(self.active, np.diagonal(self.matrix).reshape(self.shape), 0.0)
+        pair = np.stack([diagonal[:, 0], diagonal[:, 1:].max(axis=1, initial=0.0)], axis=1)
+        largest = float(pair.max(initial=0.0))
+        pair = np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0)
+        return np.asarray(self.weights[:, None] / pair)
+
+    @cached_property
+    def length_scale(self) -> float:
+        """A typical displacement, for methods that work on scaled unknowns."""
+        size = max(float(np.abs(self.fixed).max(initial=0.0)), float(np.abs(self.problem.gap).max(initial=0.0)))
+        if self.free.size:
+            A = self.matrix[np.ix_(self.free, self.free)]
+            shift = 1e-3 * float(np.trace(A)) / len(A)
+            moved: Array = np.asarray(la.solve(A + shift * np.eye(len(A)), self.force[self.free], assume_a="pos"))
+            size = max(size, float(np.abs(moved).max()))
+        return size if size > 0.0 else 1.0
+
+    @cached_property
+    def pressure_scale(self) -> float:
+        """A typical multiplier."""
+        scale = float(np.linalg.norm(self.force) / np.linalg.norm(self.weights)) if self.weights.size else 0.0
+        return scale if scale > 0.0 else 1.0
+
+    # ---- energy and balance -----------------------------------------------------------------------------
+
+    def energy_norm(self, r: Array) -> float:
+        """``sqrt(u'K u)`` of the displacement with local displacements ``r``."""
+        square = float(r.ravel() @ (self.matrix @ r.ravel())) + 2.0 * self.rest_energy
+        return float(np.sqrt(max(square, 0.0)))
+
+    def start(self, guess: Array | None = None) -> Array:
+        """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
+        m, d = self.shape
+        r = -self.problem.offset.reshape(m, d) if guess is None else np.array(guess, dtype=float)
+        r = np.where(self.active, r, self.fixed)
+        domain = self.law.normal.domain
+        r[:, 0] = np.where(self.active[:, 0], np.clip(r[:, 0], domain.lower, domain.upper), r[:, 0])
+        if d > 1:
+            limit = np.broadcast_to(self.law.tangential.domain.upper, (m,))
+            size = np.linalg.norm(r[:, 1:], axis=1)
+            outside = size > limit
+            if outside.any():
+                r[outside, 1:] *= (limit[outside] / size[outside])[:, None]
+                r = np.where(self.active, r, self.fixed)
+        return r
+
+    def energy(self, r: Array) -> float:
+        """E of the displacement with local displacements ``r``."""
+        x = r.ravel()
+        return float(0.5 * x @ (self.matrix @ x) - self.force @ x + self.weights @ self.law.value(r)) + self.constant
+
+    def out_of_balance(self, r: Array) -> Array:
+        """Elastic force ``g - A r`` on the contact points, (m, d); it must equal ``W lambda``."""
+        return (self.force - self.matrix @ r.ravel()).reshape(self.shape)
+
+    def multiplier(self, r: Array) -> Array:
+        """Pressure and friction in equilibrium with ``r``; on fixed components the smallest that the law allows."""
+        lam = self.out_of_balance(r) / self.weights[:, None]
+        if not self.active.all():
+            lam = np.where(self.active, lam, 0.0)
+            interval = self.law.normal.subdifferential(r[:, 0])
+            reaction = np.clip(0.0, interval.lower, np.maximum(interval.upper, interval.lower))
+            lam[:, 0] = np.where(self.active[:, 0], lam[:, 0], reaction)
+        return lam
+
+    def residual(self, r: Array, lam: Array) -> Residual:
+        """The residual of the full problem for ``(r, lambda)``, the other unknowns being in equilibrium."""
+        off_balance = np.where(self.active, self.out_of_balance(r) - self.weights[:, None] * lam, 0.0)
+        off_law = self.law.graph_distance(r, lam, self._full_compliance) if len(r) else np.zeros(0)
+        moved = np.abs(self.matrix) @ np.abs(r.ravel()) + np.abs(self.force)
+        return Residual(
+            equilibrium=float(np.linalg.norm(off_balance)),
+            inclusion=float(np.linalg.norm(self.weights * off_law)),
+            scale=self._load_scale,
+            rounding=float(8.0 * np.finfo(float).eps * np.linalg.norm(moved)),
+        )
+
+    @cached_property
+    def _full_compliance(self) -> Array:
+        return contact_compliance(self.problem)
+
+    @cached_property
+    def _load_scale(self) -> float:
+        return float(np.linalg.norm(self.problem.load))
+
+    # ---- the way back --------------------------------------------------------------------------------------
+
+    def unknowns(self, r: Array) -> Array:
+        """All unknowns u (n,) in equilibrium with the local displacements ``r (m, d)``."""
+        return self._recovery(r)
+
+    def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
+        """All unknowns u (n,) from the local displacements, with the residual of the full problem."""
+        u = self._recovery(r)
+        found = residual(self.problem, u, lam)
+        # One step of iterative refinement where rounding in the elimination shows.
+        u_refined = self._recovery.refine(u, self.problem, lam)
+        refined = residual(self.problem, u_refined, lam)
+        return (u_refined, refined) if refined.total < found.total else (u, found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recovery:
+    """Interior unknowns from contact unknowns: ``u_I = K_II^-1 (f_I - K_IC y)``, ``y = Y (r + offset) + y0``."""
+
+    factor: Factorisation
+    stiffness: sp.csr_array
+    load: Array
+    kept: IntArray
+    offset: Array
+    spread: Any  # (k, m d) array or sparse array
+    shift: Array  # (k,)
+
+    def __call__(self, r: Array) -> Array:
+        u = np.zeros(self.load.size)
+        u[self.kept] = self.spread @ (r.ravel() + self.offset) + self.shift
+        return u + self.factor.solve_interior(self.load - self.stiffness @ u)
+
+    def refine(self, u: Array, problem: DiscreteProblem, lam: Array) -> Array:
+        rest = self.load - self.stiffness @ u - problem.contact_force(lam)
+        return u + self.factor.solve_interior(rest)
+
+
+def condense(problem: DiscreteProblem) -> CondensedProblem:
+    """Eliminate every unknown that no contact law acts on (the survey's Schur complement, section 5.2).
+
+    Costs one sparse factorisation.  Where the trace selects single unknowns (nodal quadrature) the contact unknowns
+    are kept as they are; otherwise (midpoints, arrays of the user's) they are changed for the local displacements
+    by an orthogonal factorisation of the trace, and what is left over is eliminated as well.
+
+    Raises
+    ------
+    ProblemError
+        The interior is singular (part of the body can move freely), or contact rows depend on one another.
+    """
+    began = time.perf_counter()
+    K, f, B = problem.stiffness, problem.load, problem.trace
+    m, d = problem.contact_points, problem.dim
+    B = sp.csr_array(B)
+    B.eliminate_zeros()
+    kept = np.unique(B.indices).astype(np.int64)
+    factor = factorise(K, kept)
+    interior = factor.solve_interior(f)
+    reduced_force = (f - K @ interior)[kept]
+    rest_energy = 0.5 * float(f @ interior)
+    constant = problem.constant - rest_energy
+    active = (np.diff(B.indptr) > 0).reshape(m, d)
+    rows = np.flatnonzero(active.ravel())
+    trace = sp.csr_array(B[rows][:, kept])
+    offset = problem.offset
+    select = trace.nnz == rows.size == kept.size and np.all(trace.data == 1.0)
+    S = factor.schur
+    matrix = np.zeros((m * d, m * d))
+    force = np.zeros(m * d)
+    if select:
+        columns = trace.indices
+        matrix[np.ix_(rows, rows)] = S[np.ix_(columns, columns)]
+        force[rows] = reduced_force[columns]
+        spread: Any = sp.csr_array((np.ones(rows.size), (columns, rows)), shape=(kept.size, m * d))
+        shift = np.zeros(kept.size)
+    else:
+        local, remainder = _local_coordinates(trace.toarray())
+        if remainder.shape[1]:
+            # Minimise over the combinations of contact unknowns that no contact point sees.
+            pivot = la.cho_factor(_positive(remainder.T @ S @ remainder))
+            follow = -la.cho_solve(pivot, remainder.T @ S @ local)
+            drift = la.cho_solve(pivot, remainder.T @ reduced_force)
+            constant -= 0.5 * float(drift @ (remainder.T @ reduced_force))
+            local = local + remainder @ follow
+            shift = remainder @ drift
+        else:
+            shift = np.zeros(kept.size)
+        dense = np.zeros((kept.size, m * d))
+        dense[:, rows] = local
+        spread = dense
+        block = local.T @ S @ local
+        matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
+        force[rows] = local.T @ reduced_force
+    # From contact unknowns y = r + offset to r.
+    free_offset = np.where(active.ravel(), offset, 0.0)
+    constant += 0.5 * float(free_offset @ (matrix @ free_offset)) - float(force @ free_offset)
+    force = force - matrix @ free_offset
+    fixed = np.where(active, 0.0, -offset.reshape(m, d))
+    recovery = _Recovery(factor, K, f, kept, free_offset, spread, shift)
+    return CondensedProblem(
+        problem, matrix, force, active, fixed, constant, rest_energy, time.perf_counter() - began, recovery
+    )
+
+
+def _local_coordinates(trace: Array) -> tuple[Array, Array]:
+    """Columns ``(T, N)`` with ``trace @ T = 1`` and N an orthonormal basis of the null space of ``trace``."""
+    count = trace.shape[0]
+    if count > trace.shape[1]:
+        raise _dependent()
+    q, upper = la.qr(trace.T)
+    upper = upper[:count]
+    pivots = np.abs(np.diagonal(upper))
+    if pivots.min(initial=np.inf) <= 1e-12 * pivots.max(initial=0.0):
+        raise _dependent()
+    return q[:, :count] @ la.solve_triangular(upper, np.eye(count), trans="T"), q[:, count:]
+
+
+def _dependent() -> ProblemError:
+    return ProblemError(
+        "the rows of the trace depend on one another: two contact points share their displacement; "
+        "use nodal quadrature, or join the points and add their weights"
+    )
+
+
+def _positive(matrix: Array) -> Array:
+    smallest = np.linalg.eigvalsh(matrix)[0] if matrix.size else 1.0
+    if smallest <= 0.0:
+        raise ProblemError(
+            "the body can move without deforming and without any contact point noticing it; add a support"
+        )
+    return matrix

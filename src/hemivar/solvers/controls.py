@@ -1,0 +1,92 @@
+"""When to stop, and whom to tell."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from hemivar.errors import ProblemError
+
+__all__ = ["Budget", "Controls", "OutOfTime", "Progress"]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """One line of the history of a solve.
+
+    Attributes
+    ----------
+    step : int
+        Number of the step, 0 for the initial guess.
+    energy : float
+        E(u), in units of work.
+    residual : float
+        Relative residual.
+    changed : int
+        Contact points whose state (open, stick, slip, piece) changed in this step.
+    seconds : float
+        Since the start of the iteration.
+    """
+
+    step: int
+    energy: float
+    residual: float
+    changed: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Stopping rules, the same for every method.
+
+    Parameters
+    ----------
+    rtol : float
+        Relative tolerance: converged when the residual is at most ``atol + rtol |f|``.
+    atol : float
+        Absolute tolerance, in units of force.
+    max_steps : int, optional
+        Limit of steps; each method has its own default.
+    max_time : float
+        Limit of the iteration in seconds.
+    callback : function, optional
+        Called with a :class:`Progress` after every step; return True to stop.
+    """
+
+    rtol: float = 1e-9
+    atol: float = 0.0
+    max_steps: int | None = None
+    max_time: float = math.inf
+    callback: Callable[[Progress], bool | None] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "max_time"):
+            value = getattr(self, name)
+            if not value >= 0.0:
+                raise ProblemError(f"Controls.{name} is {value}; it must be a number >= 0")
+        if self.max_steps is not None and self.max_steps < 1:
+            raise ProblemError(f"Controls.max_steps is {self.max_steps}; it must be at least 1")
+
+
+class OutOfTime(Exception):  # noqa: N818 - a signal, not an error
+    """Raised inside a method when the time limit is reached."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The time that is left."""
+
+    limit: float
+    started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def spent(self) -> float:
+        """Seconds since the start."""
+        return time.perf_counter() - self.started
+
+    def check(self) -> None:
+        """Raise :class:`OutOfTime` once the limit is passed."""
+        if self.spent > self.limit:
+            raise OutOfTime

@@ -1,0 +1,64 @@
+"""Warm start over nested meshes: the solution on one mesh is the first guess on the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hemivar._typing import Array
+from hemivar.errors import ProblemError
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.transfer import interpolate
+from hemivar.solvers.base import Solver
+from hemivar.solvers.condensed import CondensedProblem
+from hemivar.solvers.controls import Controls
+from hemivar.solvers.solution import Solution
+from hemivar.solvers.solve import solve
+
+__all__ = ["solve_nested", "transfer_solution"]
+
+
+def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
+    """The displacement of a solution as unknowns (n,) of a problem on another mesh of the same body.
+
+    Raises
+    ------
+    ProblemError
+        One of the two problems has no mesh.
+    """
+    source, target = solution.problem.field, problem.field
+    if source is None or target is None:
+        raise ProblemError("only problems on meshes can pass on their solution; give the initial guess as unknowns")
+    return target.restrict(interpolate(source, solution.displacement, target.nodes))
+
+
+def solve_nested(
+    problems: Sequence[DiscreteProblem],
+    solver: Solver | None = None,
+    controls: Controls | None = None,
+    *,
+    condensed: Sequence[CondensedProblem] | None = None,
+) -> list[Solution]:
+    """Solve on each mesh in turn, starting from the solution on the one before (survey, section 5.2).
+
+    Parameters
+    ----------
+    problems : sequence of DiscreteProblem
+        From coarse to fine.
+    solver, controls
+        As in :func:`solve`, for every mesh.
+    condensed : sequence of CondensedProblem, optional
+        Condensations to share, one for each problem.
+
+    Returns
+    -------
+    list of Solution
+        One for each mesh; the last is the one wanted.
+    """
+    if not problems:
+        raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")
+    solutions: list[Solution] = []
+    for i, problem in enumerate(problems):
+        guess = transfer_solution(solutions[-1], problem) if solutions else None
+        shared = None if condensed is None else condensed[i]
+        solutions.append(solve(problem, solver, controls, initial=guess, condensed=shared))
+    return solutions

@@ -1,0 +1,149 @@
+"""What a solve returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+
+from hemivar._typing import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.residual import Residual
+from hemivar.solvers.controls import Progress
+from hemivar.solvers.status import Status
+
+__all__ = ["ContactState", "Solution", "contact_state"]
+
+
+class ContactState(IntEnum):
+    """What a contact point does."""
+
+    OPEN = 0
+    STICK = 1
+    SLIP = 2
+
+    @property
+    def label(self) -> str:
+        """Name in files and legends."""
+        return self.name.lower()
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Displacement and multiplier of a discrete problem, with how they were obtained.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+        What was solved.
+    unknowns : array (n,)
+        The unknowns u of ``problem``.
+    multiplier : array (m, d)
+        Pressure (column 0) and friction of the foundation on the body at each contact point, force per area.
+    status : Status
+        How the solve ended; ``status.remedy`` says what to do.
+    residual : Residual
+        The residual, evaluated at this pair on the full problem.
+    method : str
+        Name of the method.
+    steps, evaluations : int
+        Steps of the method, and evaluations of energy, gradient or system that they took.
+    history : tuple of Progress
+        One entry for each step.
+    timings : mapping
+        Seconds for each stage: ``condense``, ``iterate``, ``recover``.
+    error_bound : float or None
+        Where the method certifies its end point: bound of the distance to the exact discrete solution in the
+        energy norm ``sqrt(v'Kv)``.
+    """
+
+    problem: DiscreteProblem
+    unknowns: Array
+    multiplier: Array
+    status: Status
+    residual: Residual
+    method: str
+    steps: int = 0
+    evaluations: int = 0
+    history: tuple[Progress, ...] = ()
+    timings: Mapping[str, float] = field(default_factory=dict)
+    error_bound: float | None = None
+
+    @cached_property
+    def displacement(self) -> Array:
+        """Nodal displacement (nodes, d) of the mesh, or the unknowns (n,) of a problem made of arrays."""
+        return self.unknowns if self.problem.field is None else self.problem.field.displacement(self.unknowns)
+
+    @cached_property
+    def energy(self) -> float:
+        """E(u), in units of work."""
+        return self.problem.energy(self.unknowns)
+
+    @cached_property
+    def local(self) -> Array:
+        """Local displacement r = B u - g, shape (m, d): penetration and slip."""
+        return self.problem.local(self.unknowns)
+
+    @property
+    def penetration(self) -> Array:
+        """u_nu - g at each contact point, (m,); positive into the foundation."""
+        return self.local[:, 0]
+
+    @property
+    def slip(self) -> Array:
+        """u_tau at each contact point, (m, d - 1)."""
+        return self.local[:, 1:]
+
+    @property
+    def pressure(self) -> Array:
+        """-sigma_nu at each contact point, (m,)."""
+        return self.multiplier[:, 0]
+
+    @property
+    def friction(self) -> Array:
+        """-sigma_tau at each contact point, (m, d - 1)."""
+        return self.multiplier[:, 1:]
+
+    @cached_property
+    def state(self) -> IntArray:
+        """A :class:`ContactState` for each contact point, (m,)."""
+        return contact_state(self.local, self.multiplier)
+
+    @cached_property
+    def normal_force(self) -> float:
+        """Resultant of the pressure over the contact boundary."""
+        return float(self.problem.weights @ self.pressure)
+
+    @cached_property
+    def friction_force(self) -> Array:
+        """Resultant of the friction in local components, (d - 1,)."""
+        return np.asarray(self.problem.weights @ self.friction)
+
+    @cached_property
+    def contact_length(self) -> float:
+        """Measure of the part of the contact boundary that is not open (length in 2D, area in 3D)."""
+        return float(self.problem.weights @ (self.state != ContactState.OPEN))
+
+    def raise_for_status(self) -> Solution:
+        """This solution, or an error with the remedy if the solve did not converge."""
+        if self.status is not Status.CONVERGED:
+            raise ProblemError(
+                f"{self.method}: {self.status.value} after {self.steps} steps, relative residual "
+                f"{self.residual.relative:.1e}: {self.status.remedy}"
+            )
+        return self
+
+
+def contact_state(local: Array, multiplier: Array) -> IntArray:
+    """Open (lifted, no pressure), slip (moved tangentially) or stick, for each contact point."""
+    size = float(np.abs(local).max(initial=0.0))
+    force = float(np.abs(multiplier).max(initial=0.0))
+    small, weak = 1e-9 * size, 1e-9 * force
+    is_open = (local[:, 0] <= 0.0) & (np.abs(multiplier[:, 0]) <= weak) & (local[:, 0] < -small)
+    moved = np.linalg.norm(local[:, 1:], axis=1) > small
+    state = np.where(moved, ContactState.SLIP, ContactState.STICK)
+    return np.asarray(np.where(is_open, ContactState.OPEN, state), dtype=np.int64)

@@ -1,0 +1,161 @@
+"""The loop that every method shares."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from hemivar._typing import Array
+from hemivar.errors import MethodError, ProblemError
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.solvers.base import Solver, State
+from hemivar.solvers.condensed import CondensedProblem, condense
+from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
+from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.solution import Solution, contact_state
+from hemivar.solvers.status import Status
+
+__all__ = ["solve"]
+
+#: A method that gains less than this factor in the residual over so many steps has stalled.
+_STALL_STEPS = 12
+
+
+def solve(
+    problem: DiscreteProblem,
+    solver: Solver | None = None,
+    controls: Controls | None = None,
+    *,
+    initial: Solution | Array | None = None,
+    condensed: CondensedProblem | None = None,
+) -> Solution:
+    """Solve a discrete contact problem.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+        From :func:`hemivar.discretize`, or made of the user's own arrays.
+    solver : Solver, optional
+        The method and its options; :class:`NonsmoothNewton` by default.
+    controls : Controls, optional
+        Tolerances, limits, callback.
+    initial : Solution or array (n,), optional
+        Where to start; zero displacement by default.
+    condensed : CondensedProblem, optional
+        The condensation of this very problem, to be shared by several methods.
+
+    Returns
+    -------
+    Solution
+        Always with a status; a solve that does not converge returns its best iterate and says why.
+
+    Raises
+    ------
+    MethodError
+        The method cannot treat this problem; nothing has been computed.
+    ProblemError
+        The problem cannot be solved as stated.
+    """
+    solver = NonsmoothNewton() if solver is None else solver
+    controls = Controls() if controls is None else controls
+    why = solver.refuse(problem)
+    if why is not None:
+        raise MethodError(f"{solver.name} cannot solve this problem: {why}")
+    if condensed is None:
+        condensed = condense(problem)
+    elif condensed.problem is not problem:
+        raise ProblemError("the condensation given belongs to another problem; condense this one")
+    began = time.perf_counter()
+    budget = Budget(controls.max_time)
+    guess = None if initial is None else problem.local(_unknowns(problem, initial))
+    state, status, history = _iterate(solver, condensed, condensed.start(guess), controls, budget)
+    iterated = time.perf_counter()
+    unknowns, found = condensed.recover(state.r, state.lam)
+    if found.below(controls.atol, controls.rtol):
+        status = Status.CONVERGED
+    elif status is Status.CONVERGED and state.error_bound is None:
+        status = Status.INACCURATE
+    return Solution(
+        problem=problem,
+        unknowns=unknowns,
+        multiplier=state.lam,
+        status=status,
+        residual=found,
+        method=solver.name,
+        steps=len(history) - 1,
+        evaluations=state.evaluations,
+        history=tuple(history),
+        timings={
+            "condense": condensed.seconds,
+            "iterate": iterated - began,
+            "recover": time.perf_counter() - iterated,
+        },
+        error_bound=state.error_bound,
+    )
+
+
+def _unknowns(problem: DiscreteProblem, initial: Solution | Array) -> Array:
+    u = initial.unknowns if isinstance(initial, Solution) else np.asarray(initial, dtype=float)
+    if u.shape != problem.load.shape:
+        raise ProblemError(
+            f"the initial guess has shape {u.shape}, the problem {problem.load.shape}; "
+            "between meshes use hemivar.solvers.transfer_solution"
+        )
+    if not np.isfinite(u).all():
+        raise ProblemError("the initial guess holds nan or infinity")
+    return u
+
+
+def _iterate(
+    solver: Solver, system: CondensedProblem, r: Array, controls: Controls, budget: Budget
+) -> tuple[State, Status, list[Progress]]:
+    """Step until the residual is small, the method ends, or a limit is reached; keeps the best iterate."""
+    steps = solver.default_steps if controls.max_steps is None else controls.max_steps
+    history: list[Progress] = []
+    state = State(r, system.multiplier(r))
+    best, best_total = state, np.inf
+    lowest: list[float] = []
+    status: Status | None = None
+    try:
+        state = solver.begin(system, r, budget)
+        for step in range(steps + 1):
+            if step:
+                before = contact_state(state.r, state.lam)
+                state = solver.step(system, state, budget)
+                changed = int(np.count_nonzero(contact_state(state.r, state.lam) != before))
+            else:
+                changed = 0
+            now = system.residual(state.r, state.lam)
+            finite = bool(np.isfinite(state.r).all() and np.isfinite(now.total))
+            energy = system.energy(state.r) if state.energy is None else state.energy
+            history.append(Progress(step, energy, now.relative, changed, budget.spent))
+            if finite and now.total <= best_total:
+                best, best_total = state, now.total
+            stop = controls.callback is not None and controls.callback(history[-1])
+            if not finite and step:
+                status = state.ended or Status.NONFINITE
+            elif now.below(controls.atol, controls.rtol):
+                status = Status.CONVERGED
+            elif state.ended is not None:
+                status = state.ended
+            elif stop:
+                status = Status.INTERRUPTED
+            elif budget.spent > budget.limit:
+                status = Status.MAX_TIME
+            lowest.append(best_total)
+            stuck = len(lowest) > _STALL_STEPS + 1 and lowest[-1] > 0.999 * lowest[-1 - _STALL_STEPS]
+            if status is None and stuck:
+                status = Status.STALLED
+            if status is not None:
+                break
+    except OutOfTime:
+        status = Status.MAX_TIME
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    if not history:
+        first = system.residual(best.r, best.lam).relative
+        history.append(Progress(0, system.energy(best.r), first, 0, budget.spent))
+    best = replace(best, evaluations=max(best.evaluations, state.evaluations))
+    return best, Status.MAX_STEPS if status is None else status, history

@@ -1,0 +1,41 @@
+"""How a solve ended, and what to do about it."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+__all__ = ["Status"]
+
+
+class Status(Enum):
+    """End state of a solve; the value is its name in files and tables."""
+
+    CONVERGED = "converged"
+    INACCURATE = "inaccurate"
+    MAX_STEPS = "max_steps"
+    MAX_TIME = "max_time"
+    STALLED = "stalled"
+    CYCLING = "cycling"
+    NONFINITE = "nonfinite"
+    UNBOUNDED = "unbounded"
+    INTERRUPTED = "interrupted"
+
+    @property
+    def remedy(self) -> str:
+        """What happened in words, and what to try."""
+        return _REMEDIES[self]
+
+
+_REMEDIES = {
+    Status.CONVERGED: "the residual is below the tolerance, or the error is certified to be",
+    Status.INACCURATE: "the method ended by its own stopping rule with a residual above the tolerance; "
+    "tighten its options, or use NonsmoothNewton",
+    Status.MAX_STEPS: "the step limit was reached; raise Controls.max_steps or start from a nearby solution",
+    Status.MAX_TIME: "the time limit was reached; raise Controls.max_time, or use a faster method",
+    Status.STALLED: "no step lowers the energy or the residual any more; scale of the data may be extreme, "
+    "or the tolerance is below what the arithmetic allows",
+    Status.CYCLING: "the active sets repeat without settling; use NonsmoothNewton, whose energy never rises",
+    Status.NONFINITE: "the iterate is no longer finite; start from another point or use NonsmoothNewton",
+    Status.UNBOUNDED: "the energy has no lower bound; the law does not hold the body against its load",
+    Status.INTERRUPTED: "the solve was interrupted; the best iterate so far is returned",
+}

@@ -1,0 +1,146 @@
+"""Stiffness matrices and load vectors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import skfem
+from skfem.helpers import ddot, sym_grad, trace
+
+from hemivar.errors import ProblemError
+from hemivar.mechanics import Material, Mesh, Pressure, rectangle
+from hemivar.mechanics.assembly import _form_stiffness, load_vector, quadrature_rule, stiffness_matrix
+
+from .meshes import cube, distorted
+
+
+def library_stiffness(mesh: Mesh, lam: float, mu: float):
+    kind = (skfem.MeshTri, skfem.ElementTriP1) if mesh.dim == 2 else (skfem.MeshTet, skfem.ElementTetP1)
+    basis = skfem.Basis(kind[0](mesh.points.T.copy(), mesh.cells.T.copy()), skfem.ElementVector(kind[1]()))
+
+    @skfem.BilinearForm
+    def form(u, v, w):
+        e, d = sym_grad(u), sym_grad(v)
+        return lam * trace(e) * trace(d) + 2 * mu * ddot(e, d)
+
+    return form.assemble(basis)
+
+
+MESHES = {
+    "cross": lambda: distorted(rectangle((2, 1), (6, 3), "cross")),
+    "right": lambda: rectangle((1, 1), 5).rotated(0.4),
+    "cube": lambda: distorted(cube(3)),
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_linear_elements_equal_the_library(name: str) -> None:
+    mesh = MESHES[name]()
+    K = stiffness_matrix(mesh, Material.lame(3.0, 4.0))
+    reference = library_stiffness(mesh, 3.0, 4.0)
+    assert abs(K - reference).max() < 1e-14 * abs(reference).max()
+    assert abs(K - K.T).max() == 0.0
+    assert K.has_sorted_indices
+
+
+@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("varying", [False, True])
+def test_general_tensor(name: str, varying: bool) -> None:
+    mesh = MESHES[name]()
+    size = mesh.dim * (mesh.dim + 1) // 2
+    root = np.random.default_rng(1).standard_normal((size, size))
+    C = root @ root.T + np.eye(size)
+    material = Material.tensor(lambda x: (1 + x[:, 0] ** 2)[:, None, None] * C) if varying else Material.tensor(C)
+    K = stiffness_matrix(mesh, material)
+    reference = _form_stiffness(mesh, material, 1)
+    assert abs(K - reference).max() < 1e-13 * abs(reference).max()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_tensor_equals_lame(order: int) -> None:
+    mesh = MESHES["cross"]()
+    lame = Material.lame(3.0, 2.0)
+    tensor = Material.tensor([[7, 3, 0], [3, 7, 0], [0, 0, 2]])
+    difference = stiffness_matrix(mesh, lame, order) - stiffness_matrix(mesh, tensor, order)
+    assert abs(difference).max() < 1e-13
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("name", MESHES)
+def test_rigid_motions_carry_no_energy(name: str, order: int) -> None:
+    mesh = MESHES[name]()
+    K = stiffness_matrix(mesh, Material.young(5.0, 0.3), order)
+    nodes = mesh.nodes(order)
+    turn = np.zeros_like(nodes)
+    turn[:, 0], turn[:, 1] = -nodes[:, 1], nodes[:, 0]
+    for motion in (np.ones_like(nodes), turn):
+        assert np.abs(K @ motion.ravel()).max() < 1e-12 * abs(K).max()
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_order_two_energy_of_a_quadratic_field(name: str) -> None:
+    mesh = MESHES[name]()
+    nodes = mesh.nodes(2)
+    field = np.zeros_like(nodes)
+    field[:, 0], field[:, 1] = nodes[:, 0] * nodes[:, 1], nodes[:, 0] ** 2
+    energy = field.ravel() @ stiffness_matrix(mesh, Material.lame(3.0, 2.0), 2) @ field.ravel()
+    # eps_xx = y, gamma_xy = 3 x
+    barycentric, weights = quadrature_rule(mesh.dim, 2)
+    x = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells])
+    exact = np.einsum("m,q,mq->", mesh.volumes, weights, 7 * x[..., 1] ** 2 + 2 * 9 * x[..., 0] ** 2)
+    assert np.isclose(energy, exact, rtol=1e-12)
+
+
+def test_regions() -> None:
+    mesh = rectangle((2, 1), (4, 2))
+    left = np.flatnonzero(mesh.points[mesh.cells].mean(axis=1)[:, 0] < 1)
+    right = np.setdiff1d(np.arange(mesh.number_of_cells), left)
+    mesh = Mesh(mesh.points, mesh.cells, {}, {"a": left, "b": right})
+    parts = Material.by_region({"a": Material.lame(1.0, 2.0), "b": Material.lame(5.0, 6.0)})
+    stepped = Material.lame(lambda x: np.where(x[:, 0] < 1, 1.0, 5.0), lambda x: np.where(x[:, 0] < 1, 2.0, 6.0))
+    for order in (1, 2):
+        assert abs(stiffness_matrix(mesh, parts, order) - stiffness_matrix(mesh, stepped, order)).max() < 1e-13
+    homogeneous = stiffness_matrix(mesh, Material.lame(1.0, 2.0))
+    assert abs(stiffness_matrix(mesh, Material.lame(lambda x: 1.0, 2.0)) - homogeneous).max() < 1e-13
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("name", ["cross", "cube"])
+def test_loads(name: str, order: int) -> None:
+    mesh = MESHES[name]()
+    dim, nodes = mesh.dim, mesh.nodes(order)
+    b = np.arange(1.0, dim + 1)
+    constant = load_vector(mesh, order, b).reshape(-1, dim)
+    np.testing.assert_allclose(constant.sum(axis=0), b * mesh.volumes.sum())
+    called = load_vector(mesh, order, lambda x: np.broadcast_to(b, x.shape)).reshape(-1, dim)
+    np.testing.assert_allclose(called, constant, atol=1e-15)
+    # work of a linear force on a linear displacement, exact by the rule used for callables
+    linear = load_vector(mesh, order, lambda x: x).reshape(-1, dim)
+    barycentric, weights = quadrature_rule(dim, 2)
+    x = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells])
+    exact = np.einsum("m,q,mqd->", mesh.volumes, weights, x**2)
+    assert np.isclose((linear * nodes).sum(), exact)
+    boundary = "left" if dim == 2 else "bottom"
+    _, measure = mesh.facet_normals(mesh.boundaries[boundary])
+    pulled = load_vector(mesh, order, 0.0, {boundary: b}).reshape(-1, dim)
+    np.testing.assert_allclose(pulled.sum(axis=0), b * measure.sum())
+    pressed = load_vector(mesh, order, 0.0, {boundary: Pressure(2.0)}).reshape(-1, dim)
+    direction = np.eye(dim)[0 if dim == 2 else 2]
+    np.testing.assert_allclose(pressed.sum(axis=0), 2.0 * measure.sum() * direction, atol=1e-14)
+    varying = load_vector(mesh, order, 0.0, {boundary: Pressure(lambda x: x[:, 1])}).reshape(-1, dim)
+    np.testing.assert_allclose(varying.sum(axis=0), 0.5 * direction, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("body_force", "tractions", "words"),
+    [
+        (lambda x: x[:, 0], {}, "body_force: the callable returned shape"),
+        (lambda x: np.full(x.shape, np.nan), {}, "body_force: the callable returned .*nan"),
+        (lambda x: "strong", {}, "does not return numbers"),
+        (0.0, {"left": lambda x: x[:1]}, r"tractions\['left'\]"),
+        (0.0, {"left": Pressure(lambda x: x)}, r"tractions\['left'\]"),
+    ],
+)
+def test_bad_load_functions(body_force, tractions, words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        load_vector(rectangle((1, 1), 3), 1, body_force, tractions)

@@ -1,0 +1,90 @@
+"""Evaluation of fields at other points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.mechanics import Clamped, ContactProblem, Material, Mesh, discretize, interpolate, rectangle
+from hemivar.mechanics.transfer import interpolation_matrix, locate
+
+from .meshes import cube, distorted
+
+
+@pytest.mark.parametrize("make", [lambda: rectangle((1, 1), 4), lambda: rectangle((1, 1), 4, "cross"), cube])
+def test_nested_meshes(make) -> None:
+    coarse = make()
+    fine = coarse.refined()
+    values = np.random.default_rng(0).standard_normal((coarse.number_of_nodes, 2))
+    found = interpolate(coarse, values, fine)
+    expected = np.vstack([values, values[coarse.edges].mean(axis=1)])
+    np.testing.assert_allclose(found, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_polynomials_are_reproduced(order: int, dim: int) -> None:
+    mesh = distorted(rectangle((1, 1), 5, "left") if dim == 2 else cube(3))
+    points = np.random.default_rng(1).uniform(0, 1, (500, dim))
+
+    def field(x):
+        return np.column_stack([1 + x[:, 0] - 2 * x[:, 1], x[:, 0] ** order * 3 + (x[:, 0] * x[:, 1]) ** (order - 1)])
+
+    matrix = interpolation_matrix(mesh, order, points)
+    np.testing.assert_allclose(matrix @ field(mesh.nodes(order)), field(points), atol=1e-12)
+    np.testing.assert_allclose(np.asarray(matrix.sum(axis=1)).ravel(), 1.0)
+
+
+def test_nodes_give_the_identity() -> None:
+    mesh = distorted(rectangle((1, 1), 6, "cross"))
+    for order in (1, 2):
+        matrix = interpolation_matrix(mesh, order, mesh.nodes(order))
+        assert abs(matrix - np.eye(matrix.shape[0])).max() < 1e-12
+
+
+def test_shapes_and_targets() -> None:
+    problem = ContactProblem(rectangle((1, 1), 3), Material.lame(1, 1), supports={"left": Clamped()}, order=2)
+    field = discretize(problem).field
+    values = field.nodes**2
+    assert interpolate(field, values, field).shape == values.shape
+    np.testing.assert_allclose(interpolate(field, values, field), values, atol=1e-14)
+    np.testing.assert_allclose(interpolate(problem.mesh, values, problem.mesh), problem.mesh.points**2, atol=1e-14)
+    np.testing.assert_allclose(interpolate(field, values[:, 0], np.array([[0.3, 0.7]])), [0.09])
+
+
+def test_graded_mesh() -> None:
+    """Cells of very different size: a large cell is found though many small centroids are nearer."""
+    base = rectangle((1, 1), 2)
+    plain = rectangle((1, 1), (64, 64))
+    mesh = Mesh(plain.points**5, plain.cells)
+    points = np.random.default_rng(2).uniform(0, 1, (2000, 2))
+    cells, barycentric = locate(mesh, points)
+    assert barycentric.min() > -1e-9
+    back = np.einsum("kc,kcd->kd", barycentric, mesh.points[mesh.cells[cells]])
+    np.testing.assert_allclose(back, points, atol=1e-12)
+    assert base.number_of_cells == 8
+
+
+def disc(cells: int) -> Mesh:
+    plain = rectangle((2, 2), cells, "cross", origin=(-1, -1))
+    x, y = plain.points.T
+    return Mesh(np.column_stack([x * np.sqrt(1 - y**2 / 2), y * np.sqrt(1 - x**2 / 2)]), plain.cells)
+
+
+def test_points_just_outside_are_continued() -> None:
+    coarse, fine = disc(6), disc(24)
+    linear = coarse.points @ [[1.0], [2.0]]
+    np.testing.assert_allclose(interpolate(coarse, linear, fine), fine.points @ [[1.0], [2.0]], atol=1e-12)
+
+
+def test_errors() -> None:
+    mesh = rectangle((1, 1), 4)
+    with pytest.raises(ProblemError, match=r"1 points lie outside the mesh, the first at x = \[3.0, 0.5\]"):
+        interpolate(mesh, mesh.points, np.array([[0.5, 0.5], [3.0, 0.5]]))
+    with pytest.raises(ProblemError, match="rows"):
+        interpolate(mesh, mesh.points[:3], mesh)
+    with pytest.raises(ProblemError, match="shape"):
+        interpolate(mesh, mesh.points, np.zeros((3, 3)))
+    with pytest.raises(ProblemError, match="finite"):
+        interpolate(mesh, mesh.points, np.full((1, 2), np.nan))
