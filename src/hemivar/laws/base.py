@@ -169,9 +169,10 @@ class Superpotential(ABC):
         """Clarke subdifferential dj(r), an interval for each point (empty, ``[inf, -inf]``, outside the domain)."""
         r = np.asarray(r, dtype=float)
         slope = self.derivative(r)
-        low, high = slope.copy(), slope.copy()
         left, right = self.knot_slopes()
         knots = self.knots
+        at_knot = np.any(r[..., None] == knots, axis=-1)
+        low, high = np.where(at_knot, np.inf, slope), np.where(at_knot, -np.inf, slope)
         for i in range(knots.shape[-1]):
             here = r == knots[..., i]
             low = np.where(here, np.minimum(low, np.minimum(left[..., i], right[..., i])), low)

@@ -131,6 +131,21 @@ class ContactLaw:
         resting = np.hypot(size / tau[:, 1], to_rest)
         return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
 
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        """The element of dj(r) nearest to ``lam``, (m, d); ``r`` must lie in the domain."""
+        out = np.empty_like(lam)
+        interval = self.normal.subdifferential(r[:, 0])
+        out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
+        if r.shape[1] > 1:
+            size, direction = _polar(r[:, 1:])
+            interval = self.tangential.subdifferential(size)
+            along = np.clip(np.einsum("mi,mi->m", direction, lam[:, 1:]), interval.lower, interval.upper)
+            length, heading = _polar(lam[:, 1:])
+            rest = np.minimum(length, np.maximum(interval.upper, 0.0))
+            moving = (size > 0.0)[:, None]
+            out[:, 1:] = np.where(moving, along[:, None] * direction, rest[:, None] * heading)
+        return out
+
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Minimiser of ``a_n/2 r_n^2 + a_t/2 |r_t|^2 - b.r + j(r)``; ``a (m, 2)``, ``b (m, d)`` -> ``(m, d)``."""
         r = np.empty(b.shape)

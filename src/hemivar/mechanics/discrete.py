@@ -276,11 +276,20 @@ class DiscreteProblem:
         return np.asarray(self.trace @ unknowns - self.offset).reshape(self.contact_points, self.dim)
 
     def energy(self, unknowns: Array) -> float:
-        """Energy ``E(u)`` of the unknowns, shape (n,), the constant included."""
+        """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.
+
+        Where a law ends (a rigid foundation), a penetration beyond its end by rounding alone, 1e-12 of the largest
+        displacement or gap, counts as being at the end; beyond that the energy is +inf.
+        """
         u = np.asarray(unknowns, dtype=float)
         energy = 0.5 * float(u @ (self.stiffness @ u)) - float(self.load @ u) + self.constant
         if self.contact_points > 0:
-            energy += float(self.weights @ self.law.value(self.local(u)))
+            r = self.local(u)
+            domain = self.law.normal.domain
+            rounding = 1e-12 * max(float(np.abs(r).max()), float(np.abs(self.offset).max()))
+            inside = np.clip(r[:, 0], domain.lower, domain.upper)
+            r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
+            energy += float(self.weights @ self.law.value(r))
         return energy
 
     def contact_force(self, multiplier: Array) -> Array:

@@ -212,7 +212,8 @@ class AugmentedLagrangianNewton(Solver):
         length = best[1]
         u = u + length * du
         lam = np.where(system.active, state.lam + length * dlam, 0.0)
-        local = np.where(system.active, problem.local(u), system.fixed)
+        local = problem.law.prox(problem.local(u) + spread * lam, tau)
+        local = np.where(system.active, local, system.fixed)
         lam = np.where(system.active, lam, _allowed(system, local, system.multiplier(local)))
         return State(local, lam, evaluations, memory=u)
 

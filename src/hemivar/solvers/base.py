@@ -74,6 +74,10 @@ class Solver(ABC):
     name: ClassVar[str]
     #: Limit of steps unless the controls set one.
     default_steps: ClassVar[int] = 100
+    #: Steps without progress in the residual after which it counts as stalled.
+    patience: ClassVar[int] = 12
+    #: Whether its energy never rises, so that of two iterates the one with less energy is the better one.
+    descends: ClassVar[bool] = False
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
         """Why this method cannot treat the problem, in words, or None.  Asked before any work is done."""

@@ -151,10 +151,10 @@ class CuttingPlanes(Superpotential):
     def cut(self, law: Superpotential, r: Array) -> CuttingPlanes:
         """One more tangent for each law, at ``r (m,)``."""
         interval = law.subdifferential(r)
-        low = np.where(np.isfinite(interval.lower), interval.lower, interval.upper)
-        high = np.where(np.isfinite(interval.upper), interval.upper, interval.lower)
-        middle = 0.5 * (low + high)
-        slope = np.where(np.isfinite(middle), middle, 0.0)  # a single admissible displacement: any slope is one
+        # The middle, the finite end, or zero where any slope is a subgradient.
+        bounded = np.isfinite(interval.lower) & np.isfinite(interval.upper)
+        nearest = np.clip(0.0, interval.lower, interval.upper)
+        slope = np.where(bounded, 0.5 * np.where(bounded, interval.lower + interval.upper, 0.0), nearest)
         new = (r, law.value(r), slope)
         old = (self.points, self.values, self.slopes)
         points, values, slopes = (np.concatenate([x, y[:, None]], axis=1) for x, y in zip(old, new, strict=True))

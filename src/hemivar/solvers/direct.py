@@ -27,6 +27,10 @@ class Optimizer(ABC):
     name: ClassVar[str]
     #: Limit of steps unless the controls set one.
     default_steps: ClassVar[int]
+    #: Steps without progress in the residual after which it counts as stalled.
+    patience: ClassVar[int] = 12
+    #: Whether its energy never rises.
+    descends: ClassVar[bool] = False
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
         """Why it cannot treat the problem, or None."""
@@ -64,6 +68,16 @@ class DirectOptimization(Solver):
         """Limit of steps."""
         return self.optimizer.default_steps
 
+    @property
+    def descends(self) -> bool:  # type: ignore[override]
+        """Whether its energy never rises."""
+        return self.optimizer.descends
+
+    @property
+    def patience(self) -> int:  # type: ignore[override]
+        """Steps without progress that it may take."""
+        return self.optimizer.patience
+
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.optimizer.refuse(problem)
 
@@ -93,6 +107,7 @@ class Powell(Optimizer):
     xtol: float = 1e-4
     restarts: int = 0
     name: ClassVar[str] = "direct-powell"
+    descends: ClassVar[bool] = True
     default_steps: ClassVar[int] = 50
 
     def __post_init__(self) -> None:

@@ -37,6 +37,7 @@ class LBFGS(Optimizer):
     memory: int = 30
     name: ClassVar[str] = "direct-lbfgs"
     default_steps: ClassVar[int] = 5000
+    patience: ClassVar[int] = 300
 
     def __post_init__(self) -> None:
         if self.memory < 1:

@@ -42,6 +42,7 @@ class NonsmoothNewton(Solver):
     sweeps: int = 2
     halvings: int = 20
     name: ClassVar[str] = "newton"
+    descends: ClassVar[bool] = True
 
     def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
         return State(r, system.multiplier(r), evaluations=1, energy=system.energy(r), memory=majorant(system))

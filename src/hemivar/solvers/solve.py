@@ -10,6 +10,7 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.errors import MethodError, ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.residual import residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import CondensedProblem, condense
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
@@ -18,9 +19,6 @@ from hemivar.solvers.solution import Solution, contact_state
 from hemivar.solvers.status import Status
 
 __all__ = ["solve"]
-
-#: A method that gains less than this factor in the residual over so many steps has stalled.
-_STALL_STEPS = 12
 
 
 def solve(
@@ -73,6 +71,13 @@ def solve(
     state, status, history = _iterate(solver, condensed, condensed.start(guess), controls, budget)
     iterated = time.perf_counter()
     unknowns, found = condensed.recover(state.r, state.lam)
+    multiplier = state.lam
+    if problem.contact_points and np.isfinite(problem.law.value(state.r)).all():
+        # Rounding aside, a multiplier of the law itself: no pressure at all where the body has lifted.
+        exact = np.where(condensed.active, problem.law.nearest_multiplier(state.r, state.lam), state.lam)
+        with_exact = residual(problem, unknowns, exact)
+        if with_exact.total <= found.total + found.rounding:
+            multiplier, found = exact, with_exact
     if found.below(controls.atol, controls.rtol):
         status = Status.CONVERGED
     elif status is Status.CONVERGED and state.error_bound is None:
@@ -80,7 +85,7 @@ def solve(
     return Solution(
         problem=problem,
         unknowns=unknowns,
-        multiplier=state.lam,
+        multiplier=multiplier,
         status=status,
         residual=found,
         method=solver.name,
@@ -115,7 +120,7 @@ def _iterate(
     steps = solver.default_steps if controls.max_steps is None else controls.max_steps
     history: list[Progress] = []
     state = State(r, system.multiplier(r))
-    best, best_total = state, np.inf
+    best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
     status: Status | None = None
     try:
@@ -131,8 +136,10 @@ def _iterate(
             finite = bool(np.isfinite(state.r).all() and np.isfinite(now.total))
             energy = system.energy(state.r) if state.energy is None else state.energy
             history.append(Progress(step, energy, now.relative, changed, budget.spent))
-            if finite and now.total <= best_total:
-                best, best_total = state, now.total
+            rank = energy if solver.descends else now.total
+            if finite and rank <= best_rank:
+                best, best_rank = state, rank
+            smallest = min(smallest, now.total if finite else np.inf)
             stop = controls.callback is not None and controls.callback(history[-1])
             if not finite and step:
                 status = state.ended or Status.NONFINITE
@@ -144,8 +151,8 @@ def _iterate(
                 status = Status.INTERRUPTED
             elif budget.spent > budget.limit:
                 status = Status.MAX_TIME
-            lowest.append(best_total)
-            stuck = len(lowest) > _STALL_STEPS + 1 and lowest[-1] > 0.999 * lowest[-1 - _STALL_STEPS]
+            lowest.append(smallest)
+            stuck = step > solver.patience and lowest[-1] > 0.999 * lowest[-1 - solver.patience]
             if status is None and stuck:
                 status = Status.STALLED
             if status is not None:

@@ -1,0 +1,126 @@
+"""Every method on every convex problem: the same solution, and no false claim of convergence."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from hemivar.errors import MethodError
+from hemivar.mechanics import DiscreteProblem, Quadrature
+from hemivar.solvers import METHODS, Controls, Solution, Status, condense, solve
+
+from ..problems import OTHER_DATA, SURVEY_DATA, bar, discrete_square, relative_difference
+
+EXACT = [name for name in METHODS if name not in ("direct-powell", "augmented-lagrangian", "active-set-krylov")]
+#: Methods whose accuracy is that of SciPy's routine inside them; what is asked of each.
+LOOSE = {"direct-powell": 0.05, "augmented-lagrangian": 1e-6, "active-set-krylov": 1e-6}
+
+_references: dict[tuple[str, int, Quadrature], tuple[DiscreteProblem, Solution]] = {}
+
+
+def reference(data: str, n: int, quadrature: Quadrature = Quadrature.NODAL) -> tuple[DiscreteProblem, Solution]:
+    key = (data, n, quadrature)
+    if key not in _references:
+        problem = discrete_square(data, n, quadrature=quadrature)
+        _references[key] = problem, solve(problem)
+    return _references[key]
+
+
+@pytest.mark.parametrize("data", [*SURVEY_DATA, *OTHER_DATA])
+@pytest.mark.parametrize("n", [4, 16])
+@pytest.mark.parametrize("method", EXACT)
+def test_exact_methods_agree(method: str, data: str, n: int) -> None:
+    problem, expected = reference(data, n)
+    assert expected.status is Status.CONVERGED
+    found = solve(problem, METHODS[method])
+    assert found.status is Status.CONVERGED, found.residual
+    assert relative_difference(found, expected) < 1e-8
+    assert found.energy == pytest.approx(expected.energy, rel=1e-9)
+    np.testing.assert_allclose(found.multiplier, expected.multiplier, atol=2e-6 * np.abs(expected.multiplier).max())
+
+
+@pytest.mark.parametrize("data", SURVEY_DATA)
+@pytest.mark.parametrize("method", EXACT)
+def test_exact_methods_agree_with_midpoint_quadrature(method: str, data: str) -> None:
+    problem, expected = reference(data, 8, Quadrature.MIDPOINT)
+    found = solve(problem, METHODS[method], Controls(max_steps=3000))
+    assert found.status is Status.CONVERGED, found.residual
+    assert relative_difference(found, expected) < 1e-8
+
+
+@pytest.mark.parametrize("data", [*SURVEY_DATA, *OTHER_DATA])
+@pytest.mark.parametrize("method", LOOSE)
+def test_methods_of_scipy_come_as_close_as_they_can_and_say_so(method: str, data: str) -> None:
+    problem, expected = reference(data, 16)
+    if method == "direct-powell" and data in ("rigid", "lifting"):
+        with pytest.raises(MethodError, match=r"\+inf"):
+            solve(problem, METHODS[method])
+        return
+    found = solve(problem, METHODS[method])
+    assert relative_difference(found, expected) < LOOSE[method]
+    if found.status is Status.CONVERGED:
+        assert relative_difference(found, expected) < 1e-8
+    else:
+        assert found.status is Status.INACCURATE
+        assert found.residual.relative > 1e-9
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_solves_a_bar_of_the_users_own_arrays(method: str) -> None:
+    from hemivar.laws import SurveyLaw
+
+    # kappa (r0 - r) in dj(r) with kappa = 1, r0 = 0.4: q = 0.1, p = 2 gives r = 0.3 / 3.
+    problem = bar(0.8, SurveyLaw(0.1, 2.0))
+    found = solve(problem, METHODS[method])
+    tolerance = 1e-3 if method == "direct-powell" else 1e-8
+    assert found.penetration[0] == pytest.approx(0.1, abs=tolerance)
+    assert found.pressure[0] == pytest.approx(0.3, abs=3 * tolerance)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_leaves_a_body_without_load_at_rest(method: str) -> None:
+    from hemivar.laws import SurveyLaw
+
+    found = solve(bar(0.0, SurveyLaw(0.1, 2.0)), METHODS[method])
+    np.testing.assert_array_equal(found.unknowns, 0.0)
+    assert found.status is Status.CONVERGED
+    assert found.energy == 0.0
+
+
+@pytest.mark.parametrize("data", [*SURVEY_DATA, *OTHER_DATA])
+@pytest.mark.parametrize("n", [4, 16, 64])
+def test_energy_of_the_default_never_rises_and_few_steps_suffice(data: str, n: int) -> None:
+    problem, found = reference(data, n)
+    energies = [line.energy for line in found.history]
+    assert all(later <= earlier for earlier, later in itertools.pairwise(energies))
+    assert found.steps <= 10
+    assert energies[-1] == pytest.approx(problem.energy(found.unknowns), rel=1e-9)
+
+
+def test_the_certified_bound_of_the_bundle_method_holds() -> None:
+    for data in SURVEY_DATA:
+        problem, expected = reference(data, 16)
+        found = solve(problem, METHODS["bundle"])
+        assert found.error_bound is not None
+        v = found.unknowns - expected.unknowns
+        # The reference itself is known to about 1e-12.
+        assert np.sqrt(v @ (problem.stiffness @ v)) <= found.error_bound + 1e-11
+        assert found.error_bound <= 1e-8 * np.sqrt(expected.unknowns @ (problem.stiffness @ expected.unknowns))
+
+
+def test_warm_start_at_the_solution_ends_at_once() -> None:
+    problem, expected = reference("data (5.1)", 16)
+    again = solve(problem, initial=expected)
+    assert again.steps == 0
+    assert again.status is Status.CONVERGED
+    for name in EXACT:
+        assert relative_difference(solve(problem, METHODS[name], initial=expected), expected) < 1e-8
+
+
+def test_methods_share_a_condensation() -> None:
+    problem, expected = reference("data (5.1)", 16)
+    shared = condense(problem)
+    for name in EXACT:
+        assert relative_difference(solve(problem, METHODS[name], condensed=shared), expected) < 1e-8

@@ -1,0 +1,196 @@
+"""Every way a solve can end has a name, a remedy, and an iterate that is worth having."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from hemivar.errors import MethodError, ProblemError
+from hemivar.laws import ContactLaw, PiecewiseQuadratic, SurveyLaw, Tresca
+from hemivar.mechanics import DiscreteProblem
+from hemivar.solvers import (
+    METHODS,
+    AugmentedLagrangian,
+    CondensedProblem,
+    Controls,
+    DirectOptimization,
+    ExactInner,
+    NonsmoothNewton,
+    Powell,
+    PrimalDualActiveSet,
+    Progress,
+    Solver,
+    Status,
+    condense,
+    solve,
+)
+from hemivar.solvers.base import State
+from hemivar.solvers.controls import Budget
+
+from ..problems import bar, discrete_square
+
+
+def test_every_status_has_a_remedy_in_words() -> None:
+    for status in Status:
+        assert len(status.remedy) > 30
+
+
+def test_step_limit() -> None:
+    found = solve(discrete_square(n=16), controls=Controls(max_steps=1))
+    assert found.status is Status.MAX_STEPS
+    assert found.steps == 1
+    assert found.residual.relative > 1e-9
+    with pytest.raises(ProblemError, match="max_steps after 1 steps"):
+        found.raise_for_status()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_time_limit_is_kept_within_a_method(method: str) -> None:
+    problem = discrete_square(n=16)
+    found = solve(problem, METHODS[method], Controls(max_time=0.0))
+    assert found.status in (Status.MAX_TIME, Status.CONVERGED)  # a quick method may be done by then
+    assert np.isfinite(found.unknowns).all()
+    assert found.timings["iterate"] < 1.0
+
+
+def test_long_minimisation_returns_its_best_iterate_at_the_time_limit() -> None:
+    problem = discrete_square("figure 4", n=32)
+    start = solve(problem, DirectOptimization(Powell()), Controls(max_time=0.0))
+    found = solve(problem, DirectOptimization(Powell()), Controls(max_time=0.3))
+    assert found.status is Status.MAX_TIME
+    assert found.timings["iterate"] < 1.0
+    assert found.energy < start.energy
+    assert found.evaluations > 100
+
+
+def test_callback_sees_every_step_and_can_stop() -> None:
+    seen: list[Progress] = []
+    problem = discrete_square(n=16)
+
+    def watch(line: Progress) -> bool:
+        seen.append(line)
+        return line.step == 2
+
+    found = solve(problem, controls=Controls(callback=watch))
+    assert [line.step for line in seen] == [0, 1, 2]
+    assert found.status is Status.INTERRUPTED
+    assert found.history == tuple(seen)
+
+
+def test_interrupt_from_the_keyboard_returns_the_best_iterate() -> None:
+    def interrupt(line: Progress) -> None:
+        if line.step == 2:
+            raise KeyboardInterrupt
+
+    found = solve(discrete_square(n=16), controls=Controls(callback=interrupt))
+    assert found.status is Status.INTERRUPTED
+    assert found.residual.relative < 10.0
+
+
+@dataclass(frozen=True)
+class _Idle(Solver):
+    """A method that does nothing, badly."""
+
+    value: float = 0.0
+    name: ClassVar[str] = "idle"
+
+    def begin(self, system: CondensedProblem, r: np.ndarray, budget: Budget) -> State:
+        return State(r, system.multiplier(r))
+
+    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+        return State(state.r + self.value, state.lam)
+
+
+def test_a_method_that_makes_no_progress_stalls() -> None:
+    found = solve(discrete_square(n=4), _Idle())
+    assert found.status is Status.STALLED
+    assert found.steps == _Idle().patience + 1
+
+
+def test_a_method_that_leaves_the_numbers_keeps_the_last_good_iterate() -> None:
+    found = solve(discrete_square(n=4), _Idle(float("nan")))
+    assert found.status is Status.NONFINITE
+    assert np.isfinite(found.unknowns).all()
+
+
+def test_active_sets_that_repeat_are_reported() -> None:
+    """One point on a foundation that softens faster than the bar is stiff: the sets go round in circles."""
+    law = PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0] * 3)  # type: ignore[arg-type]
+    found = solve(bar(0.5, law), PrimalDualActiveSet())
+    assert found.status in (Status.CYCLING, Status.CONVERGED)
+    if found.status is Status.CONVERGED:
+        assert found.residual.relative < 1e-9
+
+
+@pytest.mark.parametrize("inner", [ExactInner()])
+def test_cycle_detection_names_the_cycle(inner: ExactInner) -> None:
+    problem = discrete_square(n=8)
+    solver = PrimalDualActiveSet(inner)
+    condensed = condense(problem)
+    budget = Budget(np.inf)
+    state = solver.begin(condensed, condensed.start(), budget)
+    first = solver.step(condensed, state, budget)
+    sets, seen = first.memory
+    # Pretend that the sets that come next have been met before.
+    following = solver.step(condensed, first, budget)
+    known = State(first.r, first.lam, memory=(sets, seen | {following.memory[0].tobytes()}))
+    assert solver.step(condensed, known, budget).ended is Status.CYCLING
+
+
+def test_energy_without_lower_bound_is_found_out() -> None:
+    falling = PiecewiseQuadratic([0.0], [-3.0, -3.0], [0.0])  # type: ignore[arg-type]
+    found = solve(bar(0.4, falling))
+    assert found.status is Status.UNBOUNDED
+    assert np.isfinite(found.unknowns).all()
+
+
+@pytest.mark.parametrize("method", [name for name in METHODS if name not in ("newton", "direct-powell")])
+def test_methods_for_convex_laws_refuse_a_law_that_jumps_down(method: str) -> None:
+    capped = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0], name="capped")  # type: ignore[arg-type]
+    with pytest.raises(MethodError, match=f"{method} cannot solve this problem") as caught:
+        solve(bar(0.4, capped), METHODS[method])
+    assert "use newton" in str(caught.value)
+
+
+def test_bad_controls_and_options_are_named() -> None:
+    with pytest.raises(ProblemError, match=r"Controls\.rtol is -1"):
+        Controls(rtol=-1.0)
+    with pytest.raises(ProblemError, match=r"Controls\.max_time is nan"):
+        Controls(max_time=float("nan"))
+    with pytest.raises(ProblemError, match=r"Controls\.max_steps is 0"):
+        Controls(max_steps=0)
+    with pytest.raises(ProblemError, match="penalty is -1"):
+        AugmentedLagrangian(penalty=-1.0)
+    with pytest.raises(ProblemError, match="tolerances"):
+        Powell(ftol=0.0)
+
+
+def test_bad_initial_guesses_are_named() -> None:
+    problem = discrete_square(n=4)
+    with pytest.raises(ProblemError, match="shape"):
+        solve(problem, initial=np.zeros(3))
+    with pytest.raises(ProblemError, match="nan"):
+        solve(problem, initial=np.full(problem.unknowns, np.nan))
+    with pytest.raises(ProblemError, match="another problem"):
+        solve(problem, condensed=condense(discrete_square(n=4)))
+
+
+def test_no_residual_is_hidden_by_a_kink_missed_by_rounding() -> None:
+    """r = 1e-17 instead of 0 at a sticking point is a solution; a multiplier outside the law is not."""
+    problem = DiscreteProblem(
+        np.eye(2),
+        np.array([0.0, 0.2]),
+        np.eye(2),
+        np.ones(1),
+        np.zeros(1),
+        ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5)),
+    )
+    found = solve(problem, NonsmoothNewton())
+    from hemivar.mechanics import residual
+
+    assert residual(problem, np.array([0.0, 1e-17]), np.array([[0.0, 0.2]])).total < 1e-15
+    assert residual(problem, found.unknowns, found.multiplier).total < 1e-15
+    assert residual(problem, np.array([0.0, 0.1]), np.array([[0.0, 0.1]])).inclusion > 0.05
