@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import DiscreteProblem, Quadrature
-from hemivar.solvers import condense, solve
+from hemivar.solvers import METHODS, Status, condense, solve
 from hemivar.solvers.factorisation import MumpsFactorisation, SuperLUFactorisation, mumps_available
 
 from ..problems import discrete_square
@@ -23,7 +23,7 @@ def dense_schur(K: np.ndarray, kept: np.ndarray) -> np.ndarray:
 
 def random_matrix(n: int, seed: int) -> sp.csr_array:
     rng = np.random.default_rng(seed)
-    half = sp.random_array((n, n), density=0.05, rng=rng, format="csr")
+    half = sp.random(n, n, density=0.05, random_state=rng, format="csr")
     return sp.csr_array(half @ half.T + sp.eye_array(n))
 
 
@@ -132,3 +132,17 @@ def test_fixed_component_of_a_contact_point_stays_fixed() -> None:
     assert found.slip[0, 0] == pytest.approx(-0.2)
     assert found.penetration[0] == pytest.approx(0.1)  # 2 r + 0.1 + 2 r = 0.5
     assert found.energy == pytest.approx(0.01 - 0.05 + 0.01 + 0.01 + 0.5 * 0.2)
+
+
+def test_fixed_slip_carries_the_friction_of_the_law() -> None:
+    """The reaction of the support takes no part in the law: the friction of a point held at a slip is the bound."""
+    law = ContactLaw(SurveyLaw(0.1, 2.0), Tresca(0.5))
+    B = np.array([[1.0], [0.0]])
+    problem = DiscreteProblem(
+        np.array([[2.0]]), np.array([0.5]), B, np.ones(1), np.zeros(1), law, slip_offset=np.array([[0.2]])
+    )
+    for method in METHODS.values():
+        found = solve(problem, method)
+        if method.name != "direct-powell":
+            assert found.status is Status.CONVERGED, method
+            assert found.friction[0, 0] == pytest.approx(-0.5)

@@ -9,7 +9,7 @@ import pytest
 
 from hemivar.errors import MethodError
 from hemivar.mechanics import DiscreteProblem, Quadrature
-from hemivar.solvers import METHODS, Controls, Solution, Status, condense, solve
+from hemivar.solvers import METHODS, Controls, Solution, Status, condense, solve, solve_nested
 
 from ..problems import OTHER_DATA, SURVEY_DATA, bar, discrete_square, relative_difference
 
@@ -124,3 +124,15 @@ def test_methods_share_a_condensation() -> None:
     shared = condense(problem)
     for name in EXACT:
         assert relative_difference(solve(problem, METHODS[name], condensed=shared), expected) < 1e-8
+
+
+@pytest.mark.parametrize("data", SURVEY_DATA)
+@pytest.mark.parametrize("method", METHODS)
+def test_warm_start_over_nested_meshes(method: str, data: str) -> None:
+    """Every method of the survey, as in the survey: h = 1/2, 1/4, ... each started from the last."""
+    problems = [discrete_square(data, n) for n in (2, 4, 8, 16)]
+    expected = solve(problems[-1])
+    solutions = solve_nested(problems, METHODS[method])
+    assert len(solutions) == 4
+    tolerance = {"direct-powell": 0.02, "active-set-krylov": 1e-6}.get(method, 1e-8)
+    assert relative_difference(solutions[-1], expected) < tolerance

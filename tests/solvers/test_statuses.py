@@ -97,8 +97,8 @@ class _Idle(Solver):
     value: float = 0.0
     name: ClassVar[str] = "idle"
 
-    def begin(self, system: CondensedProblem, r: np.ndarray, budget: Budget) -> State:
-        return State(r, system.multiplier(r))
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        return start
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         return State(state.r + self.value, state.lam)
@@ -131,7 +131,8 @@ def test_cycle_detection_names_the_cycle(inner: ExactInner) -> None:
     solver = PrimalDualActiveSet(inner)
     condensed = condense(problem)
     budget = Budget(np.inf)
-    state = solver.begin(condensed, condensed.start(), budget)
+    start = condensed.start()
+    state = solver.begin(condensed, State(start, condensed.multiplier(start)), budget)
     first = solver.step(condensed, state, budget)
     sets, seen = first.memory
     # Pretend that the sets that come next have been met before.

@@ -179,7 +179,7 @@ class Compliance(_ParameterLaw):
 
     @property
     def knots(self) -> Array:
-        return np.zeros((1, 1))
+        return np.zeros((self._resolved[0].size, 1))
 
     @property
     def domain(self) -> Interval:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -178,10 +178,10 @@ class PrimalDualActiveSet(Solver):
                 return "the law jumps down, so a kink has no place in the order of the sets; use newton"
         return None
 
-    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
         laws = _component_laws(system)
-        state = _state_of_start(system, laws, r)
-        return State(r, system.multiplier(r), memory=(state, frozenset([state.tobytes()])))
+        sets = _sets_of_start(system, laws, start.r)
+        return replace(start, memory=(sets, frozenset([sets.tobytes()])))
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         laws = _component_laws(system)
@@ -209,7 +209,7 @@ def _component_laws(system: CondensedProblem) -> tuple[Superpotential, ...]:
     return (law.normal,) if system.shape[1] == 1 else (law.normal, law.tangential)
 
 
-def _state_of_start(system: CondensedProblem, laws: tuple[Superpotential, ...], r: Array) -> IntArray:
+def _sets_of_start(system: CondensedProblem, laws: tuple[Superpotential, ...], r: Array) -> IntArray:
     """Open and sticking where the start is at rest, otherwise the piece or knot that holds the start."""
     m, d = system.shape
     sets = np.zeros((m, d), dtype=np.int64)

@@ -17,6 +17,7 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
+from hemivar.solvers.newton import diagonal_step, majorant
 from hemivar.solvers.status import Status
 
 __all__ = ["AugmentedLagrangian", "AugmentedLagrangianNewton", "RootFinder"]
@@ -80,9 +81,9 @@ class AugmentedLagrangian(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return _too_concave(problem)
 
-    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
-        lam = system.multiplier(r)
-        return State(r, _allowed(system, r, lam), memory=(self.penalty, np.inf, 0))
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        lam = system.law.nearest_multiplier(start.r, start.lam)
+        return replace(start, lam=lam, memory=(self.penalty, np.inf, 0))
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         penalty, last, idle = state.memory
@@ -121,10 +122,22 @@ class AugmentedLagrangian(Solver):
         found = opt.root(gradient, x0, method=self.root_finder.value, options=options)
         r, lam = split(np.asarray(found.x))
         off = system.residual(r, lam)
-        idle = idle + 1 if off.total > 0.5 * last else 0
-        ended = Status.INACCURATE if idle >= 3 and penalty <= self.smallest else None
         penalty = max(self.smallest, self.decrease * penalty)
-        return State(r, lam, state.evaluations + count, ended, memory=(penalty, min(off.total, last), idle))
+        evaluations = state.evaluations + count
+        if off.below(0.0, 1e-9):
+            return State(r, lam, evaluations, memory=(penalty, off.total, 0))
+        idle = idle + 1 if off.total > 0.5 * last else 0
+        ended = Status.INACCURATE if idle >= self.patience else None
+        # The root finder is stuck between pieces: move on by steps that lower the energy, and start again from there.
+        factor = majorant(system)
+        r = system.start(r)
+        for _ in range(10):
+            budget.check()
+            new, _, tries, factor = diagonal_step(system, r, factor)
+            evaluations += tries
+            r = r if new is None else new
+        lam = system.law.nearest_multiplier(r, system.multiplier(r))
+        return State(r, lam, evaluations, ended, memory=(penalty, min(off.total, last), idle))
 
 
 @dataclass(frozen=True)
@@ -154,9 +167,9 @@ class AugmentedLagrangianNewton(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return _too_concave(problem)
 
-    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
-        lam = _allowed(system, r, system.multiplier(r))
-        return State(r, lam, memory=system.unknowns(r))
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        lam = system.law.nearest_multiplier(start.r, start.lam)
+        return replace(start, lam=lam, memory=system.unknowns(start.r))
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         problem = system.problem
@@ -214,19 +227,5 @@ class AugmentedLagrangianNewton(Solver):
         lam = np.where(system.active, state.lam + length * dlam, 0.0)
         local = problem.law.prox(problem.local(u) + spread * lam, tau)
         local = np.where(system.active, local, system.fixed)
-        lam = np.where(system.active, lam, _allowed(system, local, system.multiplier(local)))
+        lam = np.where(system.active, lam, problem.law.nearest_multiplier(local, system.multiplier(local)))
         return State(local, lam, evaluations, memory=u)
-
-
-def _allowed(system: CondensedProblem, r: Array, lam: Array) -> Array:
-    """The multipliers of the law at ``r`` nearest to ``lam``."""
-    out = lam.copy()
-    interval = system.law.normal.subdifferential(r[:, 0])
-    out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
-    if r.shape[1] > 1:
-        size = np.linalg.norm(lam[:, 1:], axis=1)
-        rest = system.law.tangential.subdifferential(np.zeros(len(r)))
-        limit = np.maximum(rest.upper, 0.0)
-        shrink = np.where(size > limit, limit / np.where(size > 0.0, size, 1.0), 1.0)
-        out[:, 1:] = lam[:, 1:] * shrink[:, None]
-    return out

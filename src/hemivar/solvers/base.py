@@ -84,8 +84,8 @@ class Solver(ABC):
         return None
 
     @abstractmethod
-    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
-        """The state at the starting point ``r (m, d)``."""
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        """The first state, from a starting point that lies in the domain of the laws and a guess of its multiplier."""
 
     @abstractmethod
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:

@@ -69,13 +69,13 @@ class ProximalBundle(Optimizer):
             return "the law is not convex, and cutting planes of a nonconvex law are no lower bounds; use newton"
         return None
 
-    def begin(self, system: CondensedProblem, r: Array) -> State:
+    def begin(self, system: CondensedProblem, start: State) -> State:
         m, d = system.shape
         reach = 10.0 * system.length_scale
         normal = CuttingPlanes.around(system.law.normal, m, reach)
         tangential = CuttingPlanes.around(system.law.tangential, m, reach) if d > 1 else None
-        memory = _Memory(normal, tangential, self.weight, r, system.energy(r))
-        return State(r, system.multiplier(r), 1, memory=memory)
+        memory = _Memory(normal, tangential, self.weight, start.r, system.energy(start.r))
+        return replace(start, evaluations=1, memory=memory)
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         memory: _Memory = state.memory
@@ -250,7 +250,8 @@ def _minimise_model(
         force=system.force + stiffness * centre.ravel(),
     )
     inner = NonsmoothNewton()
-    state = inner.begin(model, model.start(centre), budget)
+    start = model.start(centre)
+    state = inner.begin(model, State(start, model.multiplier(start)), budget)
     for _ in range(60):
         budget.check()
         before = state.energy

@@ -142,10 +142,8 @@ class CondensedProblem:
         """Pressure and friction in equilibrium with ``r``; on fixed components the smallest that the law allows."""
         lam = self.out_of_balance(r) / self.weights[:, None]
         if not self.active.all():
-            lam = np.where(self.active, lam, 0.0)
-            interval = self.law.normal.subdifferential(r[:, 0])
-            reaction = np.clip(0.0, interval.lower, np.maximum(interval.upper, interval.lower))
-            lam[:, 0] = np.where(self.active[:, 0], lam[:, 0], reaction)
+            reaction = self.law.nearest_multiplier(r, np.zeros(self.shape))
+            lam = np.where(self.active, lam, reaction)
         return lam
 
     def residual(self, r: Array, lam: Array) -> Residual:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -36,9 +36,9 @@ class Optimizer(ABC):
         """Why it cannot treat the problem, or None."""
         return None
 
-    def begin(self, system: CondensedProblem, r: Array) -> State:
-        """State at the starting point."""
-        return State(r, system.multiplier(r), evaluations=1, energy=system.energy(r))
+    def begin(self, system: CondensedProblem, start: State) -> State:
+        """The first state."""
+        return replace(start, evaluations=1, energy=system.energy(start.r))
 
     @abstractmethod
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
@@ -81,8 +81,8 @@ class DirectOptimization(Solver):
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.optimizer.refuse(problem)
 
-    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
-        return self.optimizer.begin(system, r)
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        return self.optimizer.begin(system, start)
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         return self.optimizer.step(system, state, budget)

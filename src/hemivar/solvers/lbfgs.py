@@ -48,9 +48,9 @@ class LBFGS(Optimizer):
             return "the law jumps down, so that its proximal map jumps as well; use newton"
         return None
 
-    def begin(self, system: CondensedProblem, r: Array) -> State:
+    def begin(self, system: CondensedProblem, start: State) -> State:
         envelope = _Envelope(system, 0.95 / majorant(system))
-        point = envelope.at(r)
+        point = envelope.at(start.r)
         return _state(system, point, 1, _Memory(envelope, point))
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:

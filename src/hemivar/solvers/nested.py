@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hemivar._typing import Array
+
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.transfer import interpolate
@@ -28,7 +29,7 @@ def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
     source, target = solution.problem.field, problem.field
     if source is None or target is None:
         raise ProblemError("only problems on meshes can pass on their solution; give the initial guess as unknowns")
-    return target.restrict(interpolate(source, solution.displacement, target.nodes))
+    return target.restrict(interpolate(source, solution.displacement, target))
 
 
 def solve_nested(

@@ -15,7 +15,7 @@ from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
 
-__all__ = ["NonsmoothNewton", "diagonal", "majorant", "newton_components", "newton_system"]
+__all__ = ["NonsmoothNewton", "diagonal", "diagonal_step", "majorant", "newton_components", "newton_system"]
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ class NonsmoothNewton(Solver):
     name: ClassVar[str] = "newton"
     descends: ClassVar[bool] = True
 
-    def begin(self, system: CondensedProblem, r: Array, budget: Budget) -> State:
-        return State(r, system.multiplier(r), evaluations=1, energy=system.energy(r), memory=majorant(system))
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        return replace(start, evaluations=1, energy=system.energy(start.r), memory=majorant(system))
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         r, energy, evaluations = state.r, float(state.energy or 0.0), state.evaluations
         factor: float = state.memory
         for _ in range(self.sweeps):
-            new, gain, tries, factor = _diagonal_step(system, r, factor)
+            new, gain, tries, factor = diagonal_step(system, r, factor)
             evaluations += tries
             if new is None:
                 return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
@@ -101,7 +101,7 @@ def diagonal(system: CondensedProblem) -> Array:
     return np.where(diagonal > 0.0, diagonal, typical)
 
 
-def _diagonal_step(system: CondensedProblem, r: Array, factor: float) -> tuple[Array | None, float, int, float]:
+def diagonal_step(system: CondensedProblem, r: Array, factor: float) -> tuple[Array | None, float, int, float]:
     """All points minimise their diagonal problem at once; it is stiffened until the energy falls."""
     d = r.shape[1]
     force = system.out_of_balance(r)

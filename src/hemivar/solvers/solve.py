@@ -67,8 +67,8 @@ def solve(
         raise ProblemError("the condensation given belongs to another problem; condense this one")
     began = time.perf_counter()
     budget = Budget(controls.max_time)
-    guess = None if initial is None else problem.local(_unknowns(problem, initial))
-    state, status, history = _iterate(solver, condensed, condensed.start(guess), controls, budget)
+    start = _start(condensed, initial)
+    state, status, history = _iterate(solver, condensed, start, controls, budget)
     iterated = time.perf_counter()
     unknowns, found = condensed.recover(state.r, state.lam)
     multiplier = state.lam
@@ -101,7 +101,12 @@ def solve(
     )
 
 
-def _unknowns(problem: DiscreteProblem, initial: Solution | Array) -> Array:
+def _start(system: CondensedProblem, initial: Solution | Array | None) -> State:
+    """The starting point, checked and moved into the domain of the laws."""
+    if initial is None:
+        r = system.start()
+        return State(r, system.multiplier(r))
+    problem = system.problem
     u = initial.unknowns if isinstance(initial, Solution) else np.asarray(initial, dtype=float)
     if u.shape != problem.load.shape:
         raise ProblemError(
@@ -110,21 +115,21 @@ def _unknowns(problem: DiscreteProblem, initial: Solution | Array) -> Array:
         )
     if not np.isfinite(u).all():
         raise ProblemError("the initial guess holds nan or infinity")
-    return u
+    r = system.start(problem.local(u))
+    return State(r, system.multiplier(r))
 
 
 def _iterate(
-    solver: Solver, system: CondensedProblem, r: Array, controls: Controls, budget: Budget
+    solver: Solver, system: CondensedProblem, state: State, controls: Controls, budget: Budget
 ) -> tuple[State, Status, list[Progress]]:
     """Step until the residual is small, the method ends, or a limit is reached; keeps the best iterate."""
     steps = solver.default_steps if controls.max_steps is None else controls.max_steps
     history: list[Progress] = []
-    state = State(r, system.multiplier(r))
     best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
     status: Status | None = None
     try:
-        state = solver.begin(system, r, budget)
+        state = solver.begin(system, state, budget)
         for step in range(steps + 1):
             if step:
                 before = contact_state(state.r, state.lam)

@@ -1,0 +1,689 @@
+"""The command ``hemivar``: a thin skin over the library.
+
+Everything but the command line itself is imported inside the commands, so that ``hemivar --help`` is quick.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hemivar import __version__
+from hemivar.errors import HemivarError, ProblemError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from hemivar.mechanics.discrete import DiscreteProblem
+    from hemivar.mechanics.mesh import Mesh
+    from hemivar.problem_file import ProblemFile
+    from hemivar.report.tables import Table
+    from hemivar.solvers import Controls, Progress, Solution, Solver
+
+__all__ = ["app", "main"]
+
+_CONVERGED, _NOT_CONVERGED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
+_FIGURES = (".png", ".svg", ".pdf")
+_DEFAULT_METHOD = "newton"
+_COMPARE_SECONDS = 60.0
+
+app = typer.Typer(
+    name="hemivar",
+    help="Solve contact problems of elastic bodies with foundations given by superpotentials.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 converged, 1 not converged, 2 bad input, 130 interrupted.",
+)
+
+_ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The problem file.")]
+_Rtol = Annotated[
+    float | None, typer.Option(metavar="X", help="Tolerance of the residual, relative to the load [1e-9].")
+]
+_MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps [set by the method].")]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments; those of the process by default.
+
+    Returns
+    -------
+    int
+        0 converged (or done), 1 not converged, 2 bad input (one line on stderr), 130 interrupted.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, ValueError, OSError):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    arguments = None if argv is None else list(argv)
+    try:
+        result = app(args=arguments, prog_name="hemivar", standalone_mode=False)
+        code = result if isinstance(result, int) else _CONVERGED
+        sys.stdout.flush()
+    except HemivarError as error:
+        return _complain(str(error))
+    except (KeyboardInterrupt, typer.Abort):
+        code = _INTERRUPTED
+    except typer.Exit as stop:
+        code = stop.exit_code
+    except BrokenPipeError:
+        # whoever read our output has gone; say nothing, also when Python flushes at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _CONVERGED
+    except MemoryError:
+        return _complain("not enough memory for this problem; take fewer cells")
+    except OSError as error:
+        return _complain(f"{error.filename or 'a file'}: {error.strerror or error}; check path and disk")
+    except Exception as error:
+        if not hasattr(error, "format_message"):
+            raise
+        usage = error.format_message()
+        usage = usage.rstrip(".") + (" " if usage.endswith("?") else "; ")
+        return _complain(f"{usage}see 'hemivar --help'")
+    if code == _INTERRUPTED:
+        sys.stderr.write("hemivar: interrupted\n")
+    return code
+
+
+def _complain(message: str) -> int:
+    line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    sys.stdout.flush()
+    sys.stderr.write(f"hemivar: error: {line}\n")
+    return _BAD_INPUT
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"hemivar {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of the command itself."""
+
+
+# ---- commands --------------------------------------------------------------------------------------------
+
+
+@app.command("solve")
+def _solve(
+    problem: _ProblemPath,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help="Method, see 'hemivar methods' [newton].")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the results.")] = None,
+    vtu: Annotated[Path | None, typer.Option(metavar="FILE.vtu", help="Write the fields, for ParaView.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the deformed body (.png, .svg or .pdf).")
+    ] = None,
+    rtol: _Rtol = None,
+    max_time: Annotated[
+        float | None, typer.Option(metavar="S", help="Limit of the iteration in seconds [none].")
+    ] = None,
+    max_steps: _MaxSteps = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No line for each step.")] = False,
+    warm_start: Annotated[
+        bool, typer.Option("--warm-start", help="Solve on coarser meshes first, each starting the next.")
+    ] = False,
+) -> int:
+    """Solve a contact problem."""
+    _check_outputs({"--json": json, "--vtu": vtu, "--plot": plot}, problem)
+    _check_limits(rtol, max_time, max_steps)
+    solver = None if method is None else _method(method)
+    stated = _read(problem)
+    solver = solver or _method(stated.solver.method or _DEFAULT_METHOD)
+    console = _console()
+    trace = None if quiet else _StepPrinter()
+    controls = _controls(stated, rtol, max_time, max_steps, trace)
+    meshes = stated.coarser_meshes() if warm_start else []
+    if warm_start and not meshes:
+        raise ProblemError(
+            f"{stated.name}: --warm-start needs coarser meshes; give even numbers of cells, or [mesh] refine"
+        )
+    discrete = [_discretize(stated, mesh) for mesh in (*meshes, None)]
+    _print_head(stated, discrete[-1], solver)
+    solution = _solve_levels(discrete, solver, controls, trace)
+    _print_summary(console, solution)
+    written = _write(solution, stated, json, vtu, plot)
+    if written:
+        print(f"written           {', '.join(written)}")
+    return _exit_code(solution)
+
+
+@app.command("compare")
+def _compare(
+    problem: _ProblemPath,
+    methods: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Methods to compare [all]; newton is the reference.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the table.")] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
+    rtol: _Rtol = None,
+    max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each method in seconds [60].")] = None,
+    max_steps: _MaxSteps = None,
+) -> int:
+    """Solve a contact problem by several methods and compare them in one table.
+
+    Exit code 0 if the default method converged, whatever the others did.
+    """
+    from hemivar.mechanics import discretize  # noqa: F401 - imported early, so that times are those of methods
+    from hemivar.report.tables import Table
+    from hemivar.solvers import METHODS, condense
+
+    _check_outputs({"--json": json, "--csv": csv}, problem)
+    _check_limits(rtol, max_time, max_steps)
+    names = list(METHODS) if methods is None else [name.strip() for name in methods.split(",")]
+    solvers = {name: _method(name) for name in [_DEFAULT_METHOD, *names]}
+    stated = _read(problem)
+    limit = max_time or stated.solver.max_time or _COMPARE_SECONDS
+    controls = _controls(stated, rtol, limit, max_steps, None)
+    discrete = _discretize(stated, None)
+    _print_head(stated, discrete, None)
+    condensed = condense(discrete)
+    print(f"condensation      {condensed.seconds:.3g} s, shared by all methods, not in the times below")
+    print(f"limits            {limit:g} s for each method, relative residual {controls.rtol:.0e}\n")
+
+    console = _console()
+    runs: list[_Run] = []
+    reference: _Run | None = None
+    interrupted = False
+    with _stages(console, len(solvers)) as say:
+        for name, solver in solvers.items():
+            say(name)
+            run = _run(name, solver, discrete, controls, condensed, reference)
+            if reference is None and run.solution is not None:
+                reference = run
+            runs.append(run)
+            interrupted = run.status == "interrupted"
+            if interrupted:
+                break
+    table = Table(_Run.columns, tuple(run.row for run in runs))
+    _print_table(console, table)
+    if reference is not None:
+        print(f"difference: relative, in the energy norm, to {reference.name}")
+    for run in runs:
+        if run.note:
+            console.print(f"{run.name}: {run.note}", soft_wrap=True)
+    if csv is not None:
+        table.write_csv(csv)
+    if json is not None:
+        _write_comparison(json, stated, discrete, runs, reference)
+    if interrupted:
+        return _INTERRUPTED
+    if runs[0].status != "converged":
+        sys.stderr.write(f"hemivar: the reference method {runs[0].name} did not converge: {runs[0].note}\n")
+        return _NOT_CONVERGED
+    return _CONVERGED
+
+
+@app.command("survey")
+def _survey(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for figures, tables and report.html.")] = Path(
+        "survey"
+    ),
+    max_n: Annotated[int, typer.Option(metavar="N", help="Finest mesh size is 1/N; a power of two.")] = 128,
+    max_time: Annotated[float, typer.Option(metavar="S", help="Limit of each method on each mesh, in seconds.")] = 60.0,
+) -> int:
+    """Reproduce the survey's numerical section: its Figures 1 to 5 and its Table 1."""
+    _check_limits(None, max_time, None)
+    if max_n < 8 or max_n & (max_n - 1):
+        raise ProblemError(f"--max-n is {max_n}; it must be a power of two, at least 8")
+    _check_folder(out)
+    from hemivar.report.survey import run_survey
+
+    console = _console()
+    figures, levels, references = 4, max_n.bit_length() - 1, 2
+    with _stages(console, figures + levels + references) as say:
+        result = run_survey(out, max_n=max_n, method_time_limit=max_time, progress=say)
+    if result.table1.rows:
+        _print_table(console, result.table1)
+    if result.orders:
+        print("observed orders of convergence in the V-norm (reference, method)")
+        for (reference, method), order in result.orders.items():
+            print(f"    {order:5.2f}   {reference}, {method}")
+    print(f"\nwritten           {out / 'report.html'} and {len(result.files) - 1} other files")
+    print(f"time              {result.seconds:.3g} s")
+    if result.interrupted:
+        print("interrupted: the report holds what was done until then")
+        return _INTERRUPTED
+    return _CONVERGED
+
+
+@app.command("new")
+def _new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = Path("problem.toml"),
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
+) -> int:
+    """Write a commented problem file that solves as it is."""
+    from hemivar.problem_file import SAMPLE
+
+    if file.exists() and not file.is_dir() and not force:
+        raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")
+    _check_outputs({"FILE": file}, None)
+    file.write_text(SAMPLE.replace("FILE", str(file), 1), encoding="utf-8")
+    print(f"written           {file}\nnow try           hemivar solve {file} --plot figure.png")
+    return _CONVERGED
+
+
+@app.command("laws")
+def _laws(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this law only.")] = None,
+) -> int:
+    """List the laws of foundations and their parameters."""
+    from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+
+    entries = [*NORMAL_LAWS.values(), *FRICTION_LAWS.values()]
+    if name is not None:
+        known = list(dict.fromkeys(entry.name for entry in entries))
+        if name not in known:
+            raise ProblemError(f"law '{name}' is not known{_suggest(name, known)}")
+        entries = [entry for entry in entries if entry.name == name]
+    kind = None
+    for entry in entries:
+        if entry.kind != kind:
+            kind = entry.kind
+            print(f"{kind} laws" if name is None else f"{kind} law")
+        required = "".join(f", {p.name} = ..." for p in entry.parameters if p.required)
+        print(f"\n  {entry.name}: {entry.summary}")
+        print(f"      {entry.formula}")
+        print(f'      {kind} = {{ law = "{entry.name}"{required} }}')
+        for p in entry.parameters:
+            default = "" if p.default is None else f", default {p.default:g}"
+            lowest = "" if p.minimum == -math.inf else f", at least {p.minimum:g}"
+            print(f"      {p.name:<12}{p.meaning} [{p.unit}]{lowest}{default}")
+        if entry is entries[-1] or entries[entries.index(entry) + 1].kind != kind:
+            print()
+    if name is None:
+        print("Every parameter is a number or, in quotes, a formula of x and y (and z).")
+    return _CONVERGED
+
+
+@app.command("methods")
+def _methods() -> int:
+    """List the methods."""
+    from dataclasses import fields, is_dataclass
+
+    from hemivar.solvers import METHODS
+
+    def first_line(thing: Any) -> str:
+        return (type(thing).__doc__ or "").strip().split("\n")[0]
+
+    for name, solver in METHODS.items():
+        default = " (default)" if name == _DEFAULT_METHOD else ""
+        print(f"{name}{default}\n    {first_line(solver)}")
+        for option in fields(solver):  # type: ignore[arg-type]
+            inner = getattr(solver, option.name)
+            if is_dataclass(inner):
+                print(f"    {first_line(inner)}")
+    return _CONVERGED
+
+
+# ---- checks before anything is computed ------------------------------------------------------------------
+
+_SUFFIXES = {"--json": (".json",), "--csv": (".csv",), "--vtu": (".vtu",), "--plot": _FIGURES}
+
+
+def _check_outputs(outputs: Mapping[str, Path | None], source: Path | None) -> None:
+    """Refuse output files that could not be written, or that would overwrite something else."""
+    taken: dict[Path, str] = {} if source is None else {source.resolve(): "the problem file"}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        suffixes = _SUFFIXES.get(option)
+        if suffixes and path.suffix.lower() not in suffixes:
+            raise ProblemError(f"{option} {path}: the name must end in {' or '.join(suffixes)}")
+        if path.is_dir():
+            raise ProblemError(f"{option} {path}: this is a folder; name a file")
+        _check_parent(path, f"{option} {path}")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise ProblemError(f"{option} {path}: the file is write-protected; name another one")
+        other = taken.setdefault(path.resolve(), option)
+        if other != option:
+            raise ProblemError(f"{option} {path}: this is {other} already; name another file")
+
+
+def _check_parent(path: Path, what: str) -> None:
+    parent = path.parent
+    if not parent.exists():
+        raise ProblemError(f"{what}: the folder '{parent}' does not exist; make it first")
+    if not parent.is_dir():
+        raise ProblemError(f"{what}: '{parent}' is not a folder; name another place")
+    if not path.exists() and not os.access(parent, os.W_OK | os.X_OK):
+        raise ProblemError(f"{what}: the folder '{parent}' is write-protected; name another one")
+
+
+def _check_folder(path: Path) -> None:
+    """Refuse an output folder that is a file or could not be made."""
+    if path.exists():
+        if not path.is_dir():
+            raise ProblemError(f"--out {path}: this is a file; name a folder")
+        if not os.access(path, os.W_OK | os.X_OK):
+            raise ProblemError(f"--out {path}: the folder is write-protected; name another one")
+    else:
+        _check_parent(path, f"--out {path}")
+
+
+def _check_limits(rtol: float | None, max_time: float | None, max_steps: int | None) -> None:
+    if rtol is not None and not 0.0 < rtol < math.inf:
+        raise ProblemError(f"--rtol is {rtol:g}; it must be a positive number")
+    if max_time is not None and not max_time > 0.0:
+        raise ProblemError(f"--max-time is {max_time:g}; it must be a positive number of seconds")
+    if max_steps is not None and max_steps < 1:
+        raise ProblemError(f"--max-steps is {max_steps}; it must be at least 1")
+
+
+def _method(name: str) -> Solver:
+    from hemivar.solvers import METHODS
+
+    if name not in METHODS:
+        raise ProblemError(f"method '{name}' is not known{_suggest(name, list(METHODS))}")
+    return METHODS[name]
+
+
+def _suggest(name: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    guess = f"; did you mean '{close[0]}'?" if close else ""
+    return f"{guess} (known: {', '.join(known)})"
+
+
+# ---- work ------------------------------------------------------------------------------------------------
+
+
+def _read(path: Path) -> ProblemFile:
+    from hemivar.problem_file import read_problem_file
+
+    return read_problem_file(path)
+
+
+def _discretize(stated: ProblemFile, mesh: Mesh | None) -> DiscreteProblem:
+    """The discrete problem, on another mesh if one is given; errors name the file."""
+    from hemivar.mechanics import discretize
+
+    try:
+        return discretize(stated.problem if mesh is None else stated.problem.on(mesh))
+    except ProblemError as error:
+        message = str(error)
+        if not message.startswith(f"{stated.name}: "):
+            table = "[supports] " if "support" in message else ""
+            message = f"{stated.name}: {table}{message}"
+        raise ProblemError(message) from error
+
+
+def _controls(
+    stated: ProblemFile,
+    rtol: float | None,
+    max_time: float | None,
+    max_steps: int | None,
+    callback: Callable[[Progress], bool | None] | None,
+) -> Controls:
+    """Limits from the command line, else from the file, else the defaults."""
+    from hemivar.solvers import Controls
+
+    given = stated.solver
+    chosen: dict[str, Any] = {
+        "rtol": rtol if rtol is not None else given.rtol,
+        "max_time": max_time if max_time is not None else given.max_time,
+        "max_steps": max_steps if max_steps is not None else given.max_steps,
+    }
+    return Controls(callback=callback, **{key: value for key, value in chosen.items() if value is not None})
+
+
+def _solve_levels(
+    discrete: list[DiscreteProblem], solver: Solver, controls: Controls, trace: _StepPrinter | None
+) -> Solution:
+    """Solve on every mesh in turn, each solution being the first guess on the next mesh."""
+    from hemivar.solvers import solve, transfer_solution
+
+    solution: Solution | None = None
+    for problem in discrete:
+        if trace is not None:
+            trace.head(problem if len(discrete) > 1 else None)
+        guess = None if solution is None else transfer_solution(solution, problem)
+        solution = solve(problem, solver, controls, initial=guess)
+        if solution.status.value == "interrupted":
+            break
+    assert solution is not None
+    return solution
+
+
+class _Run:
+    """One method in a comparison."""
+
+    columns = ("method", "status", "time (s)", "steps", "evaluations", "residual", "energy", "difference")
+
+    def __init__(self, name: str, status: str, note: str = "", solution: Solution | None = None) -> None:
+        self.name = name
+        self.status = status
+        self.note = note
+        self.solution = solution
+        self.seconds: float | None = None
+        self.difference: float | None = None
+
+    @property
+    def row(self) -> tuple[Any, ...]:
+        s = self.solution
+        if s is None:
+            return (self.name, self.status, *[None] * 6)
+        return (
+            self.name, self.status, self.seconds, s.steps, s.evaluations, s.residual.relative,
+            f"{s.energy:.10g}", self.difference,
+        )  # fmt: skip
+
+
+def _run(
+    name: str,
+    solver: Solver,
+    discrete: DiscreteProblem,
+    controls: Controls,
+    condensed: Any,
+    reference: _Run | None,
+) -> _Run:
+    """Try a method; a refusal or a failure becomes a row of the table."""
+    from hemivar.errors import MethodError
+    from hemivar.report.tables import energy_norm_difference
+    from hemivar.solvers import solve
+
+    try:
+        solution = solve(discrete, solver, controls, condensed=condensed)
+    except MethodError as error:
+        return _Run(name, "refused", str(error))
+    except Exception as error:
+        reason = " ".join(str(error).split()) or "no message"
+        return _Run(name, "failed", f"{type(error).__name__}: {reason}")
+    status = solution.status.value
+    run = _Run(name, status, "" if status == "converged" else solution.status.remedy, solution)
+    run.seconds = sum(value for stage, value in solution.timings.items() if stage != "condense")
+    other = solution if reference is None else reference.solution
+    assert other is not None
+    run.difference = energy_norm_difference(solution, other)
+    return run
+
+
+# ---- files -----------------------------------------------------------------------------------------------
+
+
+def _write(
+    solution: Solution, stated: ProblemFile, json: Path | None, vtu: Path | None, plot: Path | None
+) -> list[str]:
+    """Write what was asked for; the names of the files."""
+    written: list[Path] = []
+    if json is not None:
+        from hemivar.report.files import write_json
+
+        written.append(write_json(solution, json))
+    if vtu is not None:
+        from hemivar.report.files import write_vtu
+
+        written += [path for path in write_vtu(solution, vtu) if path is not None]
+    if plot is not None:
+        from hemivar.report.figures import plot_solution, save
+
+        title = stated.problem.title.replace("$", r"\$") or None
+        written.append(save(plot_solution(solution, scale="auto", title=title), plot))
+    return [str(path) for path in written]
+
+
+def _write_comparison(
+    path: Path, stated: ProblemFile, discrete: DiscreteProblem, runs: list[_Run], reference: _Run | None
+) -> None:
+    import json
+
+    def plain(value: Any) -> Any:
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    keys = ("method", "status", "seconds", "steps", "evaluations", "residual", "energy", "difference")
+    records = []
+    for run in runs:
+        record = dict(zip(keys, (plain(cell) for cell in run.row), strict=True))
+        record["energy"] = None if run.solution is None else plain(run.solution.energy)
+        records.append({**record, "note": run.note})
+    data = {
+        "problem": stated.name,
+        "title": stated.problem.title,
+        "unknowns": discrete.unknowns,
+        "contact_points": discrete.contact_points,
+        "reference": None if reference is None else reference.name,
+        "methods": records,
+    }
+    path.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+# ---- what is printed -------------------------------------------------------------------------------------
+
+
+def _console() -> Console:
+    """A console without colours unless it is a terminal."""
+    from rich.console import Console
+
+    return Console(file=sys.stdout, highlight=False, markup=False, emoji=False)
+
+
+def _print_table(console: Console, table: Table) -> None:
+    """Print a table whole, also where it is wider than the terminal."""
+    from rich import box
+
+    shown = table.rich()
+    shown.box = box.SIMPLE_HEAD
+    for column in shown.columns:
+        column.no_wrap = True
+    whole = console.measure(shown, options=console.options.update(width=10_000)).maximum
+    width = console.width
+    console.width = max(width, whole)
+    console.print(shown, crop=False)
+    console.width = width
+
+
+@contextlib.contextmanager
+def _stages(console: Console, count: int) -> Iterator[Callable[[str], None]]:
+    """A bar with the stage at work on a terminal; a line for each stage elsewhere."""
+    if not console.is_terminal:
+        yield lambda stage: print(stage, flush=True)
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("", total=count)
+        begun: list[str] = []
+
+        def say(stage: str) -> None:
+            bar.update(task, description=stage, completed=len(begun))
+            begun.append(stage)
+
+        yield say
+
+
+class _StepPrinter:
+    """Prints a line for each step of a solve."""
+
+    def head(self, problem: DiscreteProblem | None) -> None:
+        """Head of the columns, for each mesh of a warm start with its size."""
+        level = ""
+        if problem is not None and problem.field is not None:
+            level = f"   mesh with h = {problem.field.mesh.size:.3g}, {problem.unknowns} unknowns"
+        print(f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}{level}", flush=True)
+
+    def __call__(self, now: Progress) -> None:
+        print(f"{now.step:>6}  {now.residual:>9.2e}  {now.energy:>18.10g}  {now.changed:>14}", flush=True)
+
+
+def _print_head(stated: ProblemFile, discrete: DiscreteProblem, solver: Solver | None) -> None:
+    mesh = stated.problem.mesh
+    kind = "triangles" if mesh.dim == 2 else "tetrahedra"
+    order = "" if stated.problem.order == 1 else ", quadratic elements"
+    size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
+    title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
+    print(title or stated.name)
+    print(f"mesh              {size}")
+    print(f"unknowns          {discrete.unknowns}")
+    where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
+    print(f"contact points    {discrete.contact_points}{where}")
+    if solver is not None:
+        print(f"method            {solver.name}", flush=True)
+
+
+def _print_summary(console: Console, solution: Solution) -> None:
+    import numpy as np
+
+    from hemivar.solvers import ContactState, Status
+
+    good = solution.status is Status.CONVERGED
+    console.print("\nstatus            ", end="")
+    console.print(solution.status.value, style="bold green" if good else "bold red", end="")
+    console.print(f" after {solution.steps} steps, relative residual {solution.residual.relative:.1e}")
+    stages = ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
+    print(f"time              {stages}")
+    print(f"energy            {solution.energy:.10g}")
+    if solution.error_bound is not None:
+        print(f"error bound       {solution.error_bound:.3g} (energy norm)")
+    if not good:
+        print(f"what to do        {solution.status.remedy}")
+    if solution.problem.contact_points == 0:
+        return
+    print(f"normal force      {solution.normal_force:.6g}")
+    friction = solution.friction_force
+    if friction.size == 1:
+        print(f"friction force    {friction[0]:.6g}")
+    elif friction.size:
+        frames = solution.problem.frames
+        assert frames is not None
+        vector = np.einsum("m,mc,mcd->d", solution.problem.weights, solution.friction, frames[:, 1:])
+        print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
+    what = "length" if solution.problem.dim == 2 else "area"
+    total = float(solution.problem.weights.sum())
+    print(f"contact {what:<10}{solution.contact_length:.6g} of {total:.6g}")
+    counts = [f"{int(np.sum(solution.state == state))} {state.label}" for state in ContactState]
+    print(f"contact points    {', '.join(counts)}")
+    print(f"max penetration   {solution.penetration.max():.6g}")
+    print(f"max pressure      {solution.pressure.max():.6g}")
+
+
+def _exit_code(solution: Solution) -> int:
+    from hemivar.solvers import Status
+
+    if solution.status is Status.CONVERGED:
+        return _CONVERGED
+    if solution.status is Status.INTERRUPTED:
+        return _INTERRUPTED
+    sys.stdout.flush()
+    sys.stderr.write(
+        f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
+        f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
+    )
+    return _NOT_CONVERGED

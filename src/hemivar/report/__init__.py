@@ -1,0 +1,37 @@
+"""Figures, tables and files of results."""
+
+from hemivar.report.figures import (
+    Arrows,
+    observed_order,
+    plot_contact,
+    plot_errors,
+    plot_history,
+    plot_solution,
+    save,
+)
+from hemivar.report.files import contact_columns, read_json, solution_record, write_csv, write_json, write_vtu
+from hemivar.report.survey import SURVEY_METHODS, SurveyResult, run_survey
+from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
+
+__all__ = [
+    "PAPER_TABLE_1",
+    "SURVEY_METHODS",
+    "Arrows",
+    "SurveyResult",
+    "Table",
+    "comparison_table",
+    "contact_columns",
+    "energy_norm_difference",
+    "observed_order",
+    "plot_contact",
+    "plot_errors",
+    "plot_history",
+    "plot_solution",
+    "read_json",
+    "run_survey",
+    "save",
+    "solution_record",
+    "write_csv",
+    "write_json",
+    "write_vtu",
+]

@@ -1,0 +1,209 @@
+"""Tables of results: to the terminal, CSV, Markdown and HTML."""
+
+from __future__ import annotations
+
+import csv
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.errors import ProblemError
+from hemivar.solvers import Solution
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table", "energy_norm_difference"]
+
+
+@dataclass(frozen=True)
+class PaperRow:
+    """One method of the survey's Table 1, for h = 1/8, 1/16, 1/32, 1/64, 1/128.
+
+    Attributes
+    ----------
+    seconds : tuple of float
+        Time without assembly, on the machine of the authors.
+    count_name : str
+        What is counted; empty if nothing is.
+    counts : tuple of int
+        Functional evaluations or set iterations.
+    """
+
+    seconds: tuple[float, ...]
+    count_name: str = ""
+    counts: tuple[int, ...] = ()
+
+
+#: The survey's Table 1 (arXiv 2103.14518); one entry for each of 1/h = 8, 16, 32, 64, 128.
+PAPER_TABLE_1: Mapping[str, PaperRow] = MappingProxyType(
+    {
+        "direct optimization": PaperRow(
+            (0.14, 0.36, 1.33, 3.97, 40.40), "functional evaluations", (1027, 1397, 2832, 2748, 5329)
+        ),
+        "augmented Lagrangian": PaperRow((0.26, 0.74, 1.38, 3.79, 37.60)),
+        "primal-dual active set": PaperRow((0.07, 0.19, 0.76, 6.96, 178.07), "set iterations", (4, 4, 4, 5, 6)),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text and numbers with a heading.
+
+    Attributes
+    ----------
+    columns : tuple of str
+    rows : tuple of tuples
+        Strings, numbers or None (empty), as many as there are columns.
+    title : str
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        for number, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ProblemError(
+                    f"row {number} of table '{self.title}' has {len(row)} entries for {len(self.columns)} columns"
+                )
+
+    def write_csv(self, path: str | Path) -> Path:
+        """Write the table with full precision; returns the path."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(self.columns)
+            writer.writerows(["" if cell is None else cell for cell in row] for row in self.rows)
+        return path
+
+    def markdown(self) -> str:
+        """The table in Markdown, numbers rounded and to the right."""
+        right = self._numeric()
+        lines = [
+            "| " + " | ".join(_escape(name) for name in self.columns) + " |",
+            "|" + "|".join("---:" if to_right else "---" for to_right in right) + "|",
+        ]
+        lines += ["| " + " | ".join(_escape(_text(cell)) for cell in row) + " |" for row in self.rows]
+        heading = f"**{self.title}**\n\n" if self.title else ""
+        return heading + "\n".join(lines) + "\n"
+
+    def html(self) -> str:
+        """The table as HTML."""
+        right = self._numeric()
+
+        def line(cells: Sequence[str], tag: str) -> str:
+            row = (
+                f"<{tag}{' class=number' if to_right else ''}>{html.escape(cell)}</{tag}>"
+                for cell, to_right in zip(cells, right, strict=True)
+            )
+            return "<tr>" + "".join(row) + "</tr>"
+
+        caption = f"<caption>{html.escape(self.title)}</caption>" if self.title else ""
+        body = "\n".join(line([_text(cell) for cell in row], "td") for row in self.rows)
+        return f"<table>{caption}<thead>{line(self.columns, 'th')}</thead>\n<tbody>{body}</tbody></table>"
+
+    def rich(self) -> RichTable:
+        """The table for the terminal, to be printed by ``rich``."""
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        table = RichTable(title=self.title or None)
+        for name, to_right in zip(self.columns, self._numeric(), strict=True):
+            table.add_column(Text(name), justify="right" if to_right else "left")
+        for row in self.rows:
+            table.add_row(*(Text(_text(cell)) for cell in row))
+        return table
+
+    def _numeric(self) -> list[bool]:
+        """Which columns hold numbers (or text that begins like one)."""
+        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
+        return [all(_like_number(cell) for cell in column) and len(self.rows) > 0 for column in columns]
+
+
+def _like_number(cell: Any) -> bool:
+    return cell is None or not isinstance(cell, str) or cell[:1] in "0123456789>-" or cell == ""
+
+
+def _text(cell: Any) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, float | np.floating):
+        value = float(cell)
+        if value == 0.0:
+            return "0"
+        return f"{value:.2e}" if not 1e-3 <= abs(value) < 1e5 else f"{value:.4g}"
+    return str(cell)
+
+
+def _escape(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def energy_norm_difference(one: Solution, other: Solution) -> float:
+    """``|u - v|_K / |v|_K`` for two solutions of the same discrete problem (v the second one)."""
+    if one.problem is not other.problem:
+        raise ProblemError("the two solutions belong to different discrete problems; compare them by interpolation")
+    K = other.problem.stiffness
+    apart = one.unknowns - other.unknowns
+    size = float(other.unknowns @ (K @ other.unknowns))
+    return float(np.sqrt(max(float(apart @ (K @ apart)), 0.0) / size)) if size > 0.0 else float(np.abs(apart).max())
+
+
+def comparison_table(
+    solutions: Mapping[str, Solution] | Sequence[Solution],
+    *,
+    reference: Solution | None = None,
+    title: str = "",
+) -> Table:
+    """Several solutions of one discrete problem side by side.
+
+    Parameters
+    ----------
+    solutions : mapping of name to Solution, or sequence
+        A sequence is labelled by the names of the methods.
+    reference : Solution, optional
+        What the others are compared with; the first one by default.
+    title : str
+
+    Returns
+    -------
+    Table
+        Columns method, status, residual, energy, difference (relative, in the energy norm, to the reference), steps,
+        evaluations, condense, iterate, recover (seconds).
+
+    Raises
+    ------
+    ProblemError
+        No solution, or solutions of different problems.
+    """
+    named = list(solutions.items()) if isinstance(solutions, Mapping) else [(s.method, s) for s in solutions]
+    if not named:
+        raise ProblemError("there is no solution to compare")
+    reference = named[0][1] if reference is None else reference
+    rows = tuple(
+        (
+            name,
+            solution.status.value,
+            solution.residual.relative,
+            f"{solution.energy:.9g}",
+            energy_norm_difference(solution, reference),
+            solution.steps,
+            solution.evaluations,
+            *(solution.timings.get(stage, 0.0) for stage in ("condense", "iterate", "recover")),
+        )
+        for name, solution in named
+    )
+    columns = (
+        "method", "status", "residual", "energy", "difference", "steps", "evaluations", "condense (s)", "iterate (s)",
+        "recover (s)",
+    )  # fmt: skip
+    return Table(columns, rows, title)

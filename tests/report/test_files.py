@@ -1,0 +1,142 @@
+"""What is written can be read, and says the same."""
+
+import csv
+import json
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.gallery import beam
+from hemivar.mechanics import discretize, von_mises
+from hemivar.report import read_json, solution_record, write_csv, write_json, write_vtu
+from hemivar.solvers import solve
+
+
+def test_json_holds_the_solution(plane, tmp_path):
+    record = read_json(write_json(plane, tmp_path / "folder" / "solution.json"))
+    assert record == solution_record(plane)
+    assert record["status"] == "converged"
+    assert record["unknowns"] == plane.problem.unknowns
+    assert record["energy"] == plane.energy
+    assert record["history"][-1]["residual"] == plane.history[-1].residual
+    contact = record["contact"]
+    assert set(contact["boundary"]) == {"bottom"}
+    assert np.array_equal(contact["x"], plane.problem.points)
+    assert np.array_equal(contact["normal"], np.tile([0.0, -1.0], (16, 1)))
+    assert contact["pressure"] == plane.pressure.tolist()
+    assert contact["friction"] == plane.friction[:, 0].tolist()
+    assert set(contact["state"]) == {"stick", "slip"}
+    assert sum(w for w, s in zip(contact["weight"], contact["state"], strict=True) if s != "open") == pytest.approx(
+        record["contact_length"]
+    )
+
+
+def test_the_force_of_the_foundation_balances_the_rest(plane):
+    """Load, foundation and clamped edge are in equilibrium; the foundation pushes up and holds back the slip."""
+    force = solution_record(plane)["resultants"]["force"]
+    assert force[1] == pytest.approx(plane.normal_force)
+    assert force[0] == pytest.approx(-plane.friction_force[0])
+    assert force[0] < 0.0 < plane.slip.max()
+
+
+def test_numbers_that_are_not_finite_become_null(plane, tmp_path):
+    broken = replace(plane, multiplier=np.full_like(plane.multiplier, np.nan), error_bound=np.inf)
+    text = write_json(broken, tmp_path / "broken.json").read_text()
+    record = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in a JSON file"))
+    assert record["error_bound"] is None
+    assert record["contact"]["pressure"] == [None] * 16
+
+
+def test_solid_has_vectors(solid):
+    contact = solution_record(solid)["contact"]
+    assert np.shape(contact["friction"]) == np.shape(contact["slip"]) == (6, 2)
+    force = np.array(solution_record(solid)["resultants"]["force"])
+    assert force[2] > 0.0
+    assert force.shape == (3,)
+
+
+def test_problem_of_arrays(bar, tmp_path):
+    record = read_json(write_json(bar, tmp_path / "bar.json"))
+    assert record["contact"]["boundary"] is None
+    assert record["contact"]["slip"] is None
+    assert record["resultants"]["force"] is None
+    assert write_csv(bar, tmp_path / "bar.csv").read_text().splitlines()[0] == "x,weight,penetration,pressure,state"
+    with pytest.raises(ProblemError, match="no mesh"):
+        write_vtu(bar, tmp_path / "bar.vtu")
+
+
+def test_unreadable_records(tmp_path):
+    with pytest.raises(ProblemError, match="cannot be read"):
+        read_json(tmp_path / "missing.json")
+    for name, text in (("text.json", "not json"), ("list.json", "[1]")):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(ProblemError, match="write_json"):
+            read_json(tmp_path / name)
+
+
+def test_suffix_is_checked(plane, tmp_path):
+    for write in (write_json, write_csv, write_vtu):
+        with pytest.raises(ProblemError, match="must end in"):
+            write(plane, tmp_path / "solution.txt")
+
+
+def test_csv_has_a_line_for_each_contact_point(solid, tmp_path):
+    with write_csv(solid, tmp_path / "contact.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 6
+    assert [float(row["friction_2"]) for row in rows] == solid.friction[:, 1].tolist()
+    assert {row["boundary"] for row in rows} == {"bottom"}
+
+
+def test_vtu_can_be_read(body, tmp_path, capfd):
+    solution = body
+    path, contact = write_vtu(solution, tmp_path / "solution.vtu")
+    assert capfd.readouterr() == ("", "")
+    field = solution.problem.field
+    grid, skin = meshio.read(path), meshio.read(contact)
+    assert np.allclose(grid.points[:, : field.dim], field.nodes, atol=1e-15)
+    (block,) = grid.cells
+    assert block.type == {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra"}[field.dim, field.order]
+    assert np.array_equal(grid.point_data["displacement"][:, : field.dim], solution.displacement)
+    assert np.allclose(grid.cell_data["von_mises"][0], von_mises(field, solution.displacement))
+    stress = grid.cell_data["stress"][0]
+    xx, yy, zz, xy, yz, xz = stress.T
+    mises = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (xy**2 + yz**2 + xz**2))
+    assert np.allclose(mises, grid.cell_data["von_mises"][0])
+    (facets,) = skin.cells
+    assert facets.type == {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle"}[field.dim, field.order]
+    assert len(facets.data) == len(field.mesh.boundaries["bottom"])
+    assert skin.point_data["pressure"].max() <= solution.pressure.max() * (1 + 1e-12)
+    assert skin.point_data["pressure"].max() == grid.point_data["pressure"].max()
+    off = grid.point_data["state"] == -1
+    assert off.sum() >= len(grid.points) - len(skin.points)
+    assert not grid.point_data["contact_force"][off].any()
+
+
+def test_vtu_at_the_contact_nodes(plane, tmp_path):
+    body, _ = write_vtu(plane, tmp_path / "solution.vtu")
+    grid = meshio.read(body)
+    points = plane.problem.points
+    nodes = [int(np.argmin(np.linalg.norm(grid.points[:, :2] - x, axis=1))) for x in points]
+    assert np.array_equal(grid.point_data["pressure"][nodes], plane.pressure)
+    assert np.array_equal(grid.point_data["state"][nodes], plane.state)
+    assert np.array_equal(grid.point_data["friction"][nodes, 0], plane.friction[:, 0])
+    assert np.array_equal(grid.point_data["contact_force"][nodes, 1], plane.pressure)
+    assert np.count_nonzero(grid.point_data["state"] >= 0) == 16
+
+
+def test_regions_are_numbered(curved, tmp_path):
+    grid = meshio.read(write_vtu(curved, tmp_path / "solution.vtu")[0])
+    region = grid.cell_data["region"][0]
+    assert np.array_equal(np.flatnonzero(region == 0), curved.problem.field.mesh.regions["left half"])
+    assert set(region) == {-1, 0}
+
+
+def test_body_without_contact_has_no_contact_file(tmp_path):
+    solution = solve(discretize(beam()))
+    body, contact = write_vtu(solution, tmp_path / "beam.vtu")
+    assert contact is None
+    assert "pressure" not in meshio.read(body).point_data

@@ -1,0 +1,100 @@
+"""The survey's section 5, on coarse meshes, and its report."""
+
+import itertools
+import math
+
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.report import run_survey
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    said = []
+    result = run_survey(tmp_path_factory.mktemp("survey"), max_n=8, progress=said.append)
+    return result, said
+
+
+def test_everything_is_written(small):
+    result, said = small
+    names = {path.name for path in result.files}
+    expected = {f"figure{k}{suffix}" for k in range(1, 6) for suffix in (".png", ".pdf")}
+    expected |= {"table1.csv", "table1.md", "errors.csv", "orders.csv", "runs.csv", "methods.csv", "report.html"}
+    assert expected <= names
+    assert all(path.stat().st_size > 0 for path in result.files)
+    assert not result.interrupted
+    assert any("Figure 5" in line for line in said)
+
+
+def test_nine_curves_fall(small):
+    result, _ = small
+    assert len(result.errors) == 9
+    assert result.sizes == (0.5, 0.25, 0.125)
+    for values in result.errors.values():
+        assert all(fine < coarse for coarse, fine in itertools.pairwise(values))
+    assert all(0.6 < order < 1.1 for order in result.orders.values())
+
+
+def test_methods_agree(small):
+    result, _ = small
+    columns = result.methods.columns
+    for row in result.methods.rows:
+        cells = dict(zip(columns, row, strict=True))
+        if cells["status"] == "converged":
+            assert cells["difference"] < 1e-6
+
+
+def test_table_1_has_the_survey_beside(small):
+    result, _ = small
+    rows = {(row[0], row[1], row[2]): row[3:] for row in result.table1.rows}
+    assert rows["direct optimization", "functional evaluations", "survey"] == (1027,)
+    assert rows["primal-dual active set", "set iterations", "hemivar"][0] >= 1
+    assert rows["newton (default)", "time, s", "hemivar"][0] > 0.0
+
+
+def test_figure_3_friction(small):
+    result, _ = small
+    assert result.largest_friction[32] == pytest.approx(0.4986, abs=5e-5)
+
+
+def test_report_is_one_page(small):
+    result, _ = small
+    page = (result.folder / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 9
+    assert 'src="figure' not in page
+    assert "Table 1" in page
+    assert "numpy" in page
+
+
+def test_interruption_leaves_a_report(tmp_path):
+    def progress(message):
+        if message.startswith("Figure 2"):
+            raise KeyboardInterrupt
+
+    result = run_survey(tmp_path, max_n=8, progress=progress)
+    assert result.interrupted
+    page = (tmp_path / "report.html").read_text()
+    assert "interrupted" in page
+    assert (tmp_path / "figure1.png").exists()
+    assert not (tmp_path / "figure2.png").exists()
+    assert result.errors == {}
+
+
+def test_time_limit_is_said_and_the_run_goes_on(tmp_path):
+    result = run_survey(tmp_path, max_n=8, method_time_limit=1e-9)
+    times = [cell for row in result.table1.rows if row[2] == "hemivar" and "time" in row[1] for cell in row[3:]]
+    assert "> 1e-09 s" in times
+    assert all(math.isfinite(x) for values in result.errors.values() for x in values)
+
+
+@pytest.mark.parametrize("options", [{"max_n": 12}, {"max_n": 4}, {"method_time_limit": 0.0}])
+def test_options_are_checked(tmp_path, options):
+    with pytest.raises(ProblemError):
+        run_survey(tmp_path, **options)
+
+
+def test_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ProblemError, match="cannot be made"):
+        run_survey(tmp_path / "file" / "folder")

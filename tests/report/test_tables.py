@@ -1,0 +1,72 @@
+"""Tables say the same in every form."""
+
+import csv
+from html.parser import HTMLParser
+
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.gallery import survey
+from hemivar.mechanics import discretize
+from hemivar.report import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
+from hemivar.solvers import METHODS, solve
+
+
+def test_comparison_of_methods():
+    problem = discretize(survey("5.1", 4))
+    solutions = {name: solve(problem, METHODS[name]) for name in ("newton", "active-set")}
+    table = comparison_table(solutions, title="both")
+    assert [row[0] for row in table.rows] == ["newton", "active-set"]
+    column = table.columns.index("difference")
+    assert table.rows[0][column] == 0.0
+    assert table.rows[1][column] < 1e-12
+    assert comparison_table(list(solutions.values())).rows[1][0] == "active-set"
+
+
+def test_solutions_of_different_problems_are_not_compared(plane, bar):
+    with pytest.raises(ProblemError, match="different"):
+        energy_norm_difference(plane, bar)
+    with pytest.raises(ProblemError, match="no solution"):
+        comparison_table([])
+
+
+TABLE = Table(("name", "value"), (("a|b <c>", 0.123456789), ("d", None), ("e", 1234567.0)), "title & more")
+
+
+def test_csv_keeps_all_digits(tmp_path):
+    with TABLE.write_csv(tmp_path / "sub" / "table.csv").open() as stream:
+        rows = list(csv.reader(stream))
+    assert rows == [["name", "value"], ["a|b <c>", "0.123456789"], ["d", ""], ["e", "1234567.0"]]
+
+
+def test_markdown():
+    lines = TABLE.markdown().splitlines()
+    assert lines[2:] == ["| name | value |", "|---|---:|", "| a\\|b <c> | 0.1235 |", "| d |  |", "| e | 1.23e+06 |"]
+
+
+def test_html_is_escaped():
+    found = []
+    parser = HTMLParser()
+    parser.handle_data = found.append
+    parser.feed(TABLE.html())
+    assert [text for text in found if text.strip()] == [
+        "title & more", "name", "value", "a|b <c>", "0.1235", "d", "e", "1.23e+06"
+    ]  # fmt: skip
+
+
+def test_terminal():
+    from rich.console import Console
+
+    console = Console(width=60, record=True, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
+    console.print(TABLE.rich())
+    assert "a|b <c>" in console.export_text()
+
+
+def test_rows_must_fit():
+    with pytest.raises(ProblemError, match="row 0"):
+        Table(("a", "b"), ((1,),))
+
+
+def test_paper_table():
+    assert {len(row.seconds) for row in PAPER_TABLE_1.values()} == {5}
+    assert PAPER_TABLE_1["primal-dual active set"].counts == (4, 4, 4, 5, 6)
