@@ -155,9 +155,13 @@ class PrimalDualActiveSet(Solver):
     ----------
     inner : InnerSolver
         Exact solution of the inner problem, or SciPy's Newton-Krylov as in the survey.
+    sets_from_guess : bool
+        Whether the first sets are those of the initial guess.  By default they are open and sticking whatever the
+        guess, as in the survey, and the guess only starts the inner solver.
     """
 
     inner: InnerSolver = field(default_factory=ExactInner)
+    sets_from_guess: bool = False
     default_steps: ClassVar[int] = 200
 
     @property
@@ -180,7 +184,7 @@ class PrimalDualActiveSet(Solver):
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
         laws = _component_laws(system)
-        sets = _sets_of_start(system, laws, start.r)
+        sets = _sets_of_start(system, laws, start.r if self.sets_from_guess else system.start())
         return replace(start, memory=(sets, frozenset([sets.tobytes()])))
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:

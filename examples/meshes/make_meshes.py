@@ -1,0 +1,65 @@
+"""Make the meshes of the examples with Gmsh (``pip install "hemivar[gmsh]"``).
+
+Run ``python examples/meshes/make_meshes.py``. The results are part of the repository: the examples run without Gmsh.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+RADIUS = 1.0
+CONTACT_ANGLE = 0.2  # the arc that may touch the plane ends at +- this angle from the bottom
+FINE, COARSE = 0.0025, 0.12  # lengths of elements at the bottom and far from it
+FINE_WITHIN, COARSE_FROM = 0.075, 1.0  # distances from the bottom
+
+
+def half_disc(path: Path) -> None:
+    """A half disc, flat side up, bottom at the origin: boundaries top, contact and side, region body."""
+    import gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("half_disc")
+    geo = gmsh.model.geo
+
+    def on_arc(angle: float) -> int:
+        return geo.addPoint(RADIUS * math.sin(angle), RADIUS * (1.0 - math.cos(angle)), 0.0)
+
+    centre = geo.addPoint(0.0, RADIUS, 0.0)
+    left, foot_left, bottom, foot_right, right = (
+        on_arc(angle) for angle in (-math.pi / 2, -CONTACT_ANGLE, 0.0, CONTACT_ANGLE, math.pi / 2)
+    )
+    arcs = [
+        geo.addCircleArc(a, centre, b)
+        for a, b in ((left, foot_left), (foot_left, bottom), (bottom, foot_right), (foot_right, right))
+    ]
+    top = [geo.addLine(right, centre), geo.addLine(centre, left)]
+    surface = geo.addPlaneSurface([geo.addCurveLoop([*arcs, *top])])
+    geo.synchronize()
+    gmsh.model.addPhysicalGroup(1, top, name="top")
+    gmsh.model.addPhysicalGroup(1, arcs[1:3], name="contact")
+    gmsh.model.addPhysicalGroup(1, [arcs[0], arcs[3]], name="side")
+    gmsh.model.addPhysicalGroup(2, [surface], name="body")
+    field = gmsh.model.mesh.field
+    distance, size = field.add("Distance"), field.add("Threshold")
+    field.setNumbers(distance, "PointsList", [bottom])
+    for key, value in (
+        ("InField", distance),
+        ("SizeMin", FINE),
+        ("SizeMax", COARSE),
+        ("DistMin", FINE_WITHIN),
+        ("DistMax", COARSE_FROM),
+    ):
+        field.setNumber(size, key, value)
+    field.setAsBackgroundMesh(size)
+    for key in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
+        gmsh.option.setNumber(f"Mesh.{key}", 0)
+    gmsh.model.mesh.generate(2)
+    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+    gmsh.write(str(path))
+    gmsh.finalize()
+
+
+if __name__ == "__main__":
+    half_disc(Path(__file__).parent / "half_disc.msh")

@@ -1,0 +1,194 @@
+"""The order of the rooms: who may import whom, what is loaded when, and what every module must have."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "hemivar"
+
+#: Modules and packages of hemivar by rank: each may import itself and what stands on a lower line.
+LAYERS: tuple[tuple[str, ...], ...] = (
+    ("errors", "_typing"),
+    ("laws", "formula"),
+    ("mechanics",),
+    ("solvers", "certify", "gallery"),
+    ("problem_file", "evolution", "distributed"),
+    ("report",),
+    ("cli",),
+    ("__main__",),
+)
+RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
+
+#: External packages that only some rooms know; module path prefixes inside hemivar.
+ONLY_IN = {
+    "skfem": ("mechanics",),
+    "matplotlib": ("report",),
+    "mpl_toolkits": ("report",),
+    "meshio": ("mechanics", "report"),
+    "gmsh": (),
+    "typer": ("cli",),
+    "mumps": ("solvers.factorisation",),
+}
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def module_name(path: Path) -> str:
+    """Dotted name below hemivar, ``""`` for the package itself."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def is_type_checking(test: ast.expr) -> bool:
+    name = test.attr if isinstance(test, ast.Attribute) else getattr(test, "id", None)
+    return name == "TYPE_CHECKING"
+
+
+def walk(node: ast.AST, at_import: bool = True) -> Iterator[tuple[ast.stmt, bool]]:
+    """Import statements, and whether they run when the module is imported; type checking blocks are left out."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child, at_import
+        elif isinstance(child, ast.If) and is_type_checking(child.test):
+            for other in child.orelse:
+                yield from walk(ast.Module([other], []), at_import)
+        else:
+            inside = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+            yield from walk(child, at_import and not inside)
+
+
+def imports(path: Path) -> Iterator[tuple[str, bool, int]]:
+    """Absolute names of imported modules, with whether they load at import, and the line."""
+    package = ("hemivar", *module_name(path).split(".")) if module_name(path) else ("hemivar",)
+    if path.name != "__init__.py":
+        package = package[:-1]
+    for node, at_import in walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, at_import, node.lineno
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            source = ".".join(part for part in (base, node.module or "") if part)
+            if source == "hemivar":
+                for alias in node.names:
+                    yield f"hemivar.{alias.name}", at_import, node.lineno
+            else:
+                yield source, at_import, node.lineno
+
+
+def layer(module: str) -> str:
+    return module.split(".")[0]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
+def test_imports_go_downwards(path: Path) -> None:
+    own = layer(module_name(path))
+    if own == "":
+        return  # the package itself loads its public names on demand
+    assert own in RANK, f"hemivar.{own} has no rank; place it in LAYERS"
+    for name, _, line in imports(path):
+        if not name.startswith("hemivar."):
+            assert name != "hemivar", f"{path}:{line} imports hemivar itself; import the submodule"
+            continue
+        other = layer(name.removeprefix("hemivar."))
+        if other == "__version__":
+            continue
+        assert other in RANK, f"{path}:{line} imports hemivar.{other}, which has no rank"
+        assert other == own or RANK[other] < RANK[own], f"{path}:{line}: {own} must not import {other}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
+def test_external_packages_stay_in_their_rooms(path: Path) -> None:
+    own = module_name(path)
+    for name, _, line in imports(path):
+        rooms = ONLY_IN.get(name.split(".")[0])
+        if rooms is not None:
+            allowed = any(own == room or own.startswith(room + ".") for room in rooms)
+            assert allowed, f"{path}:{line}: {name} may be imported in {rooms} only"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
+def test_slow_packages_are_imported_where_they_are_used(path: Path) -> None:
+    for name, at_import, line in imports(path):
+        if name.split(".")[0] in ("matplotlib", "mpl_toolkits", "meshio"):
+            assert not at_import, f"{path}:{line}: import {name} inside the function that uses it"
+
+
+@pytest.mark.parametrize(
+    ("module", "absent"),
+    [
+        ("hemivar", ("numpy", "scipy", "skfem", "matplotlib", "meshio", "rich")),
+        ("hemivar.cli", ("scipy", "skfem", "matplotlib", "meshio")),
+        ("hemivar.laws", ("skfem", "matplotlib", "meshio")),
+        ("hemivar.solvers", ("matplotlib",)),
+        ("hemivar.report", ("matplotlib",)),
+    ],
+)
+def test_import_is_quick(module: str, absent: tuple[str, ...]) -> None:
+    code = f"import sys, {module}; print(*[name for name in {absent!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def public_modules() -> list[str]:
+    names = [module_name(path) for path in FILES]
+    public = [name for name in names if not any(part.startswith("_") for part in name.split("."))]
+    return [f"hemivar.{name}" if name else "hemivar" for name in public]
+
+
+@pytest.mark.parametrize("name", public_modules())
+def test_public_modules_say_what_is_public_and_what_for(name: str) -> None:
+    module = importlib.import_module(name)
+    assert module.__doc__, f"{name} has no docstring"
+    assert hasattr(module, "__all__"), f"{name} has no __all__"
+    assert len(set(module.__all__)) == len(module.__all__), f"{name}.__all__ repeats a name"
+    for public in module.__all__:
+        value = getattr(module, public)
+        if inspect.isclass(value) or inspect.isfunction(value):
+            assert inspect.getdoc(value), f"{name}.{public} has no docstring"
+
+
+def test_lazy_names_are_all_there_and_typed() -> None:
+    import hemivar
+
+    tree = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If) and is_type_checking(node.test))
+    typed = {alias.name for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert typed | {"__version__"} == set(hemivar.__all__)
+    assert set(dir(hemivar)) >= set(hemivar.__all__)
+
+
+TEXTS = sorted(
+    path
+    for folder in ("src", "examples", "docs", "benchmarks")
+    for path in (ROOT / folder).rglob("*")
+    if path.suffix in (".py", ".md", ".toml")
+)
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_texts_name_no_folder_of_one_machine_and_leave_nothing_undone(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for pattern in (r"(?<![\w.])/(tmp|work|home|root|Users)/", r"\b(TODO|FIXME|XXX)\b"):
+        found = re.search(pattern, text)
+        assert found is None, f"{path}: {found and found[0]}"
+
+
+def test_versions_agree() -> None:
+    import tomllib
+
+    import hemivar
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["version"] == hemivar.__version__
+    assert f"[{hemivar.__version__}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
