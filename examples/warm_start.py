@@ -33,7 +33,7 @@ def main(out: Path | None = None) -> dict[str, list[float]]:
     condensed = [hv.condense(level) for level in levels]
     sizes = [2 * 2**k for k in range(len(levels))]
 
-    method = hv.PrimalDualActiveSet()
+    method = hv.PrimalDualActiveSet(sets_from_guess=True)
     warm = hv.solve_nested(levels, method, condensed=condensed)
     cold = [hv.solve(level, method, condensed=c) for level, c in zip(levels, condensed, strict=True)]
     print("steps of the active set method")

@@ -197,8 +197,7 @@ def test_a_byte_order_mark_is_no_obstacle(tmp_path: Path) -> None:
         (
             'tensor = [["4 + x", 1, 0], [1, 3, 0], [0, 0, 1]]',
             Material.tensor(
-                lambda p: np.array([[4, 1, 0], [1, 3, 0], [0, 0, 1.0]])
-                + p[:, :1, None] * np.diag([1.0, 0, 0])[None]
+                lambda p: np.array([[4, 1, 0], [1, 3, 0], [0, 0, 1.0]]) + p[:, :1, None] * np.diag([1.0, 0, 0])[None]
             ),
         ),
     ],

@@ -291,7 +291,7 @@ def weighted_block(
 
     top = Prescribed((0.0, -(top_displacement or 0.0)))
     problem = ContactProblem(
-        mesh=rectangle((width, height), n),
+        mesh=rectangle((width, height), n, pattern="cross"),
         material=Material.lame(lam, mu),
         contact={"bottom": Contact(law)},
         supports={"left": Fixed(x=0.0), "right": Fixed(x=0.0), "top": top},
@@ -331,7 +331,7 @@ def manufactured_spring(n: int = 8, *, lame: tuple[float, float] = (4.0, 4.0), o
         return volume + 2 * mu * stretch_x, volume + 2 * mu * stretch_y
 
     problem = ContactProblem(
-        mesh=rectangle((2.0, 1.0), (2 * n, n)),
+        mesh=rectangle((2.0, 1.0), (2 * n, n), pattern="cross"),
         material=Material.lame(lam, mu),
         contact={"bottom": Contact(springs)},
         supports={"left": Clamped()},

@@ -23,15 +23,28 @@ class Residual:
     inclusion : float
         ``|W e|_2`` with ``e`` the distance of (r, lambda) to the graph of the law at every contact point.
     scale : float
-        ``|f|_2``.
+        The larger of ``|f|_2`` and ``|B'W lambda|_2`` (a body may be loaded by its foundation alone).
     rounding : float
-        What the arithmetic alone can leave in ``equilibrium``.
+        What the arithmetic alone can leave in ``equilibrium``, but at most 1e-6 of ``scale``: a runaway iterate
+        must not excuse its own residual.
     """
 
     equilibrium: float
     inclusion: float
     scale: float
     rounding: float
+
+    @staticmethod
+    def of(out_of_balance: Array, inclusion: Array, load: float, contact_force: Array, moved: Array) -> Residual:
+        """From the vectors of both parts, ``|f|``, the contact force, and ``|K||u| + |f|`` entry by entry."""
+        scale = max(load, float(np.linalg.norm(contact_force)))
+        rounding = float(8.0 * np.finfo(float).eps * np.linalg.norm(moved))
+        return Residual(
+            equilibrium=float(np.linalg.norm(out_of_balance)),
+            inclusion=float(np.linalg.norm(inclusion)),
+            scale=scale,
+            rounding=min(rounding, 1e-6 * scale),
+        )
 
     @property
     def total(self) -> float:
@@ -40,11 +53,11 @@ class Residual:
 
     @property
     def relative(self) -> float:
-        """Both parts together over ``|f|``; the number reported by every solver."""
+        """Both parts together over ``scale``; the number reported by every solver."""
         return self.total / self.scale if self.scale > 0.0 else self.total
 
     def below(self, atol: float, rtol: float) -> bool:
-        """Whether the pair solves the problem to ``atol + rtol |f|``, up to rounding."""
+        """Whether the pair solves the problem to ``atol + rtol * scale``, up to rounding."""
         return bool(self.total <= atol + rtol * self.scale + self.rounding)
 
 
@@ -74,16 +87,15 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
         Pressure and friction at the contact points.
     """
     K, f = problem.stiffness, problem.load
-    out_of_balance = f - K @ displacement - problem.contact_force(multiplier)
-    moved = abs(K) @ np.abs(displacement) + np.abs(f)
-    inclusion = 0.0
+    force = problem.contact_force(multiplier)
+    inclusion = np.zeros(0)
     if problem.contact_points:
         r = problem.local(displacement)
-        off = problem.law.graph_distance(r, multiplier, contact_compliance(problem))
-        inclusion = float(np.linalg.norm(problem.weights * off))
-    return Residual(
-        equilibrium=float(np.linalg.norm(out_of_balance)),
+        inclusion = problem.weights * problem.law.graph_distance(r, multiplier, contact_compliance(problem))
+    return Residual.of(
+        out_of_balance=f - K @ displacement - force,
         inclusion=inclusion,
-        scale=float(np.linalg.norm(f)),
-        rounding=float(8.0 * np.finfo(float).eps * np.linalg.norm(moved)),
+        load=float(np.linalg.norm(f)),
+        contact_force=force,
+        moved=abs(K) @ np.abs(displacement) + np.abs(f),
     )

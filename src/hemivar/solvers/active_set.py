@@ -118,10 +118,9 @@ class NewtonKrylov(InnerSolver):
             return r, 0
         weights = np.repeat(system.weights, system.shape[1])
         length = system.length_scale
-        stiffness = np.diagonal(system.matrix)[free]
-        scale = float(np.abs(system.force / np.sqrt(np.maximum(np.diagonal(system.matrix), 1e-300)))[free].max())
+        precondition = 1.0 / np.sqrt(system.diagonal.ravel()[free])
+        scale = float(np.abs(precondition * system.force[free]).max())
         scale = scale if scale > 0.0 else length
-        precondition = 1.0 / np.sqrt(stiffness)
         count = 0
 
         def balance(x: Array) -> Array:
@@ -138,6 +137,8 @@ class NewtonKrylov(InnerSolver):
             x = opt.newton_krylov(balance, x0, f_tol=self.tolerance, maxiter=60)
         except opt.NoConvergence as error:
             x = np.asarray(error.args[0])
+        except ValueError:  # SciPy's word for a Krylov space without a direction, as in a singular problem
+            x = x0
         balance(np.asarray(x))
         return r.copy(), count
 
@@ -148,8 +149,8 @@ class PrimalDualActiveSet(Solver):
 
     Every component knows the piece or the kink of the graph it is on.  The problem with these sets given is solved,
     then ``z = r + tau lambda`` tells each component where it belongs, and it moves there by at most one place: from
-    open to rigid to penetrating, from stick to slip.  It starts open and sticking.  A set that has been met before
-    is a cycle, and is reported as one.
+    open to rigid to penetrating, from stick to slip.  It starts open and sticking (resting on the foundation where
+    only that holds the body).  A set that has been met before is a cycle, and is reported as one.
 
     Parameters
     ----------
@@ -223,7 +224,8 @@ def _sets_of_start(system: CondensedProblem, laws: tuple[Superpotential, ...], r
         sets[:, c] = 2 * law.piece_of(r[:, c]) + at.any(axis=1)
         if c == 0:  # "open": the piece below the knot, where there is one
             closed = at.any(axis=1) & (law.domain.lower < r[:, 0])
-            sets[:, 0] -= closed
+            if not len(system.rigid_modes):  # a body that only its foundation holds starts on the foundation
+                sets[:, 0] -= closed
     return sets
 
 

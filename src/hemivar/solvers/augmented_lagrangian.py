@@ -17,7 +17,7 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.newton import diagonal_step, majorant
+from hemivar.solvers.newton import lower_energy
 from hemivar.solvers.status import Status
 
 __all__ = ["AugmentedLagrangian", "AugmentedLagrangianNewton", "RootFinder"]
@@ -91,7 +91,7 @@ class AugmentedLagrangian(Solver):
         free = system.free
         m, d = system.shape
         tau = system.compliance / penalty
-        rows = 1.0 / np.sqrt(np.diagonal(system.matrix)[free])
+        rows = 1.0 / np.sqrt(system.diagonal.ravel()[free])
         columns = np.repeat(system.weights, d)[free]
         length, pressure = system.length_scale, system.pressure_scale
         spread = np.concatenate([tau[:, :1], np.repeat(tau[:, 1:], d - 1, axis=1)], axis=1)
@@ -129,13 +129,7 @@ class AugmentedLagrangian(Solver):
         idle = idle + 1 if off.total > 0.5 * last else 0
         ended = Status.INACCURATE if idle >= self.patience else None
         # The root finder is stuck between pieces: move on by steps that lower the energy, and start again from there.
-        factor = majorant(system)
-        r = system.start(r)
-        for _ in range(10):
-            budget.check()
-            new, _, tries, factor = diagonal_step(system, r, factor)
-            evaluations += tries
-            r = r if new is None else new
+        r = lower_energy(system, system.start(r), 10)
         lam = system.law.nearest_multiplier(r, system.multiplier(r))
         return State(r, lam, evaluations, ended, memory=(penalty, min(off.total, last), idle))
 
@@ -201,9 +195,13 @@ class AugmentedLagrangianNewton(Solver):
         try:
             step = spla.splu(matrix, permc_spec="MMD_AT_PLUS_A").solve(rhs)
         except RuntimeError:
-            return replace(state, ended=Status.STALLED)
-        if not np.isfinite(step).all():
-            return replace(state, ended=Status.NONFINITE)
+            step = np.full(rhs.size, np.inf)
+        far = 1e6 * system.length_scale
+        if not np.abs(step[: u.size]).max(initial=0.0) <= far:
+            # No contact holds the body at this point, or not enough of it: let the energy fall until some does.
+            r = lower_energy(system, system.start(problem.local(u)), 20)
+            lam = problem.law.nearest_multiplier(r, system.multiplier(r))
+            return State(r, lam, state.evaluations + 20, memory=system.unknowns(r))
         du = step[: u.size]
         dlam = np.zeros((m, d))
         dlam.ravel()[free] = step[u.size :] / spread.ravel()[free]

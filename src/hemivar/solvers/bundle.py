@@ -16,7 +16,7 @@ from hemivar.solvers.base import State
 from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.direct import Optimizer
-from hemivar.solvers.newton import NonsmoothNewton, diagonal
+from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import Status
 
 __all__ = ["CuttingPlanes", "ProximalBundle"]
@@ -241,7 +241,7 @@ def _minimise_model(
     system: CondensedProblem, law: ContactLaw, weight: float, centre: Array, budget: Budget
 ) -> tuple[Array, int]:
     """Minimiser of the elastic energy, the cutting planes and the proximal term."""
-    stiffness = weight * diagonal(system).ravel()
+    stiffness = weight * system.diagonal.ravel()
     stiffness[~system.active.ravel()] = 0.0
     model = replace(
         system,

@@ -81,13 +81,42 @@ class CondensedProblem:
         return np.flatnonzero(self.active.ravel())
 
     @cached_property
+    def diagonal(self) -> Array:
+        """Stiffness of every component when all others are held, one number for the tangential ones, (m, d).
+
+        Where a body hangs on a contact point alone, that stiffness is zero; the stiffness of the material at the point
+        takes its place.
+        """
+        m, d = self.shape
+        pair = self.weights[:, None] / self._full_compliance
+        local = np.concatenate([pair[:, :1], np.repeat(pair[:, 1:], d - 1, axis=1)], axis=1)
+        diagonal = np.diagonal(self.matrix).reshape(m, d).copy()
+        if d > 1:
+            diagonal[:, 1:] = diagonal[:, 1:].max(axis=1, keepdims=True)
+        return np.where(diagonal > 1e-10 * local, diagonal, local)
+
+    @cached_property
     def compliance(self) -> Array:
         """Displacement for a unit pressure at a point when all other contact points are held, (m, 2)."""
-        diagonal = np.where(self.active, np.diagonal(self.matrix).reshape(self.shape), 0.0)
-        pair = np.stack([diagonal[:, 0], diagonal[:, 1:].max(axis=1, initial=0.0)], axis=1)
-        largest = float(pair.max(initial=0.0))
-        pair = np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0)
-        return np.asarray(self.weights[:, None] / pair)
+        d = self.shape[1]
+        return np.asarray(self.weights[:, None] / self.diagonal[:, [0, min(1, d - 1)]])
+
+    @cached_property
+    def rigid_modes(self) -> Array:
+        """Directions of the free components in which the body moves without deforming, (k, free.size)."""
+        A = self.matrix[np.ix_(self.free, self.free)]
+        if self.free.size == 0:
+            return np.zeros((0, 0))
+        scale = 1.0 / np.sqrt(self.diagonal.ravel()[self.free])
+        scaled = scale[:, None] * A * scale
+        try:
+            factor, _ = la.cho_factor(scaled)
+            if np.diagonal(factor).min() > 1e-6:
+                return np.zeros((0, self.free.size))
+        except la.LinAlgError:
+            pass
+        values, vectors = la.eigh(scaled)
+        return np.asarray((scale[:, None] * vectors[:, values < 1e-11]).T)
 
     @cached_property
     def length_scale(self) -> float:
@@ -95,8 +124,8 @@ class CondensedProblem:
         size = max(float(np.abs(self.fixed).max(initial=0.0)), float(np.abs(self.problem.gap).max(initial=0.0)))
         if self.free.size:
             A = self.matrix[np.ix_(self.free, self.free)]
-            shift = 1e-3 * float(np.trace(A)) / len(A)
-            moved: Array = np.asarray(la.solve(A + shift * np.eye(len(A)), self.force[self.free], assume_a="pos"))
+            held = A + 1e-3 * np.diag(self.diagonal.ravel()[self.free])
+            moved: Array = np.asarray(la.solve(held, self.force[self.free], assume_a="pos"))
             size = max(size, float(np.abs(moved).max()))
         return size if size > 0.0 else 1.0
 
@@ -150,12 +179,12 @@ class CondensedProblem:
         """The residual of the full problem for ``(r, lambda)``, the other unknowns being in equilibrium."""
         off_balance = np.where(self.active, self.out_of_balance(r) - self.weights[:, None] * lam, 0.0)
         off_law = self.law.graph_distance(r, lam, self._full_compliance) if len(r) else np.zeros(0)
-        moved = np.abs(self.matrix) @ np.abs(r.ravel()) + np.abs(self.force)
-        return Residual(
-            equilibrium=float(np.linalg.norm(off_balance)),
-            inclusion=float(np.linalg.norm(self.weights * off_law)),
-            scale=self._load_scale,
-            rounding=float(8.0 * np.finfo(float).eps * np.linalg.norm(moved)),
+        return Residual.of(
+            out_of_balance=off_balance,
+            inclusion=self.weights * off_law,
+            load=self._load_scale,
+            contact_force=np.where(self.active, self.weights[:, None] * lam, 0.0),
+            moved=np.abs(self.matrix) @ np.abs(r.ravel()) + np.abs(self.force),
         )
 
     @cached_property

@@ -15,7 +15,7 @@ from hemivar.solvers.base import State
 from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.direct import Optimizer
-from hemivar.solvers.newton import diagonal, majorant
+from hemivar.solvers.newton import majorant
 
 __all__ = ["LBFGS"]
 
@@ -118,7 +118,7 @@ class _Envelope:
     @cached_property
     def metric(self) -> Array:
         """Stiffness of the forward-backward step, (m, d)."""
-        return diagonal(self.system) / self.factor
+        return self.system.diagonal / self.factor
 
     @cached_property
     def root(self) -> Array:

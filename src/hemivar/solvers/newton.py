@@ -15,7 +15,7 @@ from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
 
-__all__ = ["NonsmoothNewton", "diagonal", "diagonal_step", "majorant", "newton_components", "newton_system"]
+__all__ = ["NonsmoothNewton", "diagonal_step", "lower_energy", "majorant", "newton_components", "newton_system"]
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def majorant(system: CondensedProblem) -> float:
     if free.size == 0:
         return 1.0
     A = system.matrix[np.ix_(free, free)]
-    scale = 1.0 / np.sqrt(diagonal(system).ravel()[free])
+    scale = 1.0 / np.sqrt(system.diagonal.ravel()[free])
     v = np.cos(1.0 + np.arange(free.size) ** 1.3)  # no symmetry of the mesh has a part in this
     v /= np.linalg.norm(v)
     largest = 1.0
@@ -91,16 +91,6 @@ def majorant(system: CondensedProblem) -> float:
     return max(1.05 * largest, 1.0)
 
 
-def diagonal(system: CondensedProblem) -> Array:
-    """Diagonal of A with one number for all tangential components of a point, (m, d)."""
-    m, d = system.shape
-    diagonal = np.diagonal(system.matrix).reshape(m, d).copy()
-    if d > 1:
-        diagonal[:, 1:] = diagonal[:, 1:].max(axis=1, keepdims=True)
-    typical = diagonal.max(initial=0.0) or 1.0
-    return np.where(diagonal > 0.0, diagonal, typical)
-
-
 def diagonal_step(system: CondensedProblem, r: Array, factor: float) -> tuple[Array | None, float, int, float]:
     """All points minimise their diagonal problem at once; it is stiffened until the energy falls."""
     d = r.shape[1]
@@ -108,7 +98,7 @@ def diagonal_step(system: CondensedProblem, r: Array, factor: float) -> tuple[Ar
     value = system.law.value(r)
     feasible = np.isfinite(value).all()
     for attempt in range(1, 9):
-        stiffness = factor * diagonal(system)
+        stiffness = factor * system.diagonal
         pair = np.stack([stiffness[:, 0], stiffness[:, min(1, d - 1)]], axis=1) / system.weights[:, None]
         pull = (stiffness * r + force) / system.weights[:, None]
         new = np.where(system.active, system.law.local_argmin(pair, pull), system.fixed)
@@ -149,6 +139,17 @@ def _newton_step(system: CondensedProblem, r: Array, halvings: int) -> tuple[Arr
             break
         length *= 0.5
     return best, best_gain, tries
+
+
+def lower_energy(system: CondensedProblem, r: Array, steps: int) -> Array:
+    """Where some diagonal minimisations lead from ``r``; methods that are stuck start again from there."""
+    factor = majorant(system)
+    for _ in range(steps):
+        new, _, _, factor = diagonal_step(system, r, factor)
+        if new is None:
+            break
+        r = new
+    return r
 
 
 def newton_components(law: ContactLaw, r: Array, active: BoolArray) -> BoolArray:

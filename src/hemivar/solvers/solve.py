@@ -65,6 +65,7 @@ def solve(
         condensed = condense(problem)
     elif condensed.problem is not problem:
         raise ProblemError("the condensation given belongs to another problem; condense this one")
+    _check_held(condensed)
     began = time.perf_counter()
     budget = Budget(controls.max_time)
     start = _start(condensed, initial)
@@ -117,6 +118,27 @@ def _start(system: CondensedProblem, initial: Solution | Array | None) -> State:
         raise ProblemError("the initial guess holds nan or infinity")
     r = system.start(problem.local(u))
     return State(r, system.multiplier(r))
+
+
+def _check_held(system: CondensedProblem) -> None:
+    """Refuse a convex problem whose energy falls without end along a rigid motion.
+
+    With one rigid motion the check is complete; with several, it looks along each of them.
+    """
+    law = system.law
+    if not len(system.rigid_modes) or any((alpha > 0.0).any() for alpha in law.weak_convexity):
+        return
+    for mode in system.rigid_modes:
+        for sign in (1.0, -1.0):
+            direction = np.zeros(system.shape)
+            direction.ravel()[system.free] = sign * mode
+            pull = float(system.force @ direction.ravel())
+            hold = float(system.weights @ law.recession(direction))
+            if hold - pull < -1e-9 * float(np.abs(system.force) @ np.abs(direction).ravel()):
+                raise ProblemError(
+                    "the energy has no lower bound: the load pushes the body along a rigid motion that neither supports"
+                    " nor foundation resist strongly enough; add a support, lower the load, or take a law that holds it"
+                )
 
 
 def _iterate(

@@ -1,0 +1,116 @@
+"""Bodies that only their foundation holds: semicoercive problems, solvable and not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.errors import MethodError, ProblemError
+from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpotential, SurveyLaw
+from hemivar.mechanics import (
+    Contact,
+    ContactProblem,
+    DiscreteProblem,
+    Material,
+    Pressure,
+    Roller,
+    discretize,
+    rectangle,
+)
+from hemivar.solvers import METHODS, Controls, Status, solve
+
+
+def free_bar(load: tuple[float, float], law: Superpotential) -> DiscreteProblem:
+    """Two nodes and one spring, held by the foundation under the second node alone."""
+    K = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return DiscreteProblem(
+        K,
+        np.array(load),
+        np.array([[0.0, 1.0]]),
+        np.ones(1),
+        np.zeros(1),
+        ContactLaw(law),  # type: ignore[arg-type]
+    )
+
+
+def block(law: Superpotential) -> DiscreteProblem:
+    """A block between frictionless walls, pressed on its foundation by a pressure 0.5."""
+    return discretize(
+        ContactProblem(
+            mesh=rectangle((1.0, 1.0), 4, pattern="cross"),
+            material=Material.lame(4.0, 4.0),
+            supports={"left": Roller(), "right": Roller()},
+            contact={"bottom": Contact(law)},
+            tractions={"top": Pressure(0.5)},
+        )
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("law", "penetration"),
+    [(Compliance(2.0), 0.25), (SurveyLaw(0.3, 2.0), 0.1), (SurveyLaw(0.6, 2.0), 0.0), (Signorini(), 0.0)],
+)
+def test_block_on_its_foundation(method: str, law: Superpotential, penetration: float) -> None:
+    try:
+        found = solve(block(law), METHODS[method], Controls(max_steps=4000))
+    except MethodError:
+        assert isinstance(law, Signorini)
+        return
+    if found.status is Status.CONVERGED:
+        np.testing.assert_allclose(found.penetration, penetration, atol=1e-7)
+        np.testing.assert_allclose(found.pressure, 0.5, atol=1e-6)
+    else:
+        assert method in ("direct-powell", "active-set-krylov")
+    if method == "newton":
+        assert found.status is Status.CONVERGED
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bar_on_its_foundation(method: str) -> None:
+    found = solve(free_bar((0.2, 0.3), Compliance(4.0)), METHODS[method])
+    if found.status is Status.CONVERGED:
+        np.testing.assert_allclose(found.unknowns, [0.325, 0.125], atol=1e-7)
+    else:
+        assert method in ("direct-powell", "active-set-krylov")
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("law", [NoContact(), Compliance(3.0), SurveyLaw(0.3, 2.0), Signorini()])
+def test_body_pulled_off_its_foundation_is_refused(method: str, law: Superpotential) -> None:
+    with pytest.raises((ProblemError, MethodError), match=r"no lower bound|\+inf"):
+        solve(free_bar((-0.2, -0.3), law), METHODS[method])
+
+
+def test_load_beyond_what_the_foundation_can_carry_is_refused() -> None:
+    with pytest.raises(ProblemError, match="no lower bound"):
+        solve(free_bar((0.2, 0.3), SurveyLaw(0.4)))
+    held = solve(free_bar((0.2, 0.3), SurveyLaw(0.6)))
+    assert held.status is Status.CONVERGED
+    assert held.pressure[0] == pytest.approx(0.5)
+
+
+def test_body_loaded_by_its_foundation_alone() -> None:
+    """No load at all, but the body starts 0.1 deep in the foundation: r + 2 r = 0.1 - ... in closed form."""
+    problem = DiscreteProblem(
+        np.array([[1.0]]),
+        np.zeros(1),
+        np.array([[1.0]]),
+        np.ones(1),
+        np.array([-0.1]),
+        ContactLaw(Compliance(2.0)),  # type: ignore[arg-type]
+    )
+    for name, method in METHODS.items():
+        found = solve(problem, method)
+        if name != "direct-powell":
+            assert found.status is Status.CONVERGED
+            assert found.unknowns[0] == pytest.approx(-0.2 / 3.0, abs=1e-8)
+
+
+def test_runaway_iterates_do_not_excuse_themselves() -> None:
+    from hemivar.mechanics import residual
+
+    problem = free_bar((-0.2, -0.3), Compliance(3.0))
+    far = residual(problem, np.full(2, -8e15), np.zeros((1, 1)))
+    assert far.rounding <= 1e-6 * far.scale
+    assert not far.below(0.0, 1e-9)
