@@ -102,7 +102,8 @@ def plot_solution(
     ax : matplotlib Axes, optional
         Draw here rather than on a new figure.
     scale : float or "auto"
-        Factor of the displacement; gaps are drawn with the same factor, so that contact looks closed.
+        Factor of the displacement; gaps are drawn with the same factor, so that contact looks closed.  ``"auto"``
+        makes small displacements visible, unless the gap varies.
     arrows : Arrows
         ``"force"`` (default), ``"components"`` (pressure and friction apart) or ``"none"``.
     title : str, optional
@@ -125,7 +126,7 @@ def plot_solution(
     arrows = _member(Arrows, arrows, "arrows")
     mesh = problem.field.mesh
     displacement = solution.displacement[: mesh.number_of_nodes]
-    factor = _factor(scale, mesh, displacement)
+    factor = _factor(scale, mesh, displacement, solution.problem.gap)
     with _context():
         if mesh.dim == 3:
             return _draw_solid(solution, mesh, displacement, factor, title, unit)
@@ -324,10 +325,13 @@ def _nearest(points: Array, problem: DiscreteProblem, boundary: ContactBoundary)
     return np.asarray(boundary.index[found])
 
 
-def _factor(scale: float | str, mesh: Mesh, displacement: Array) -> float:
+def _factor(scale: float | str, mesh: Mesh, displacement: Array, gap: Array) -> float:
     if scale == "auto":
-        largest = float(np.linalg.norm(displacement, axis=1).max(initial=0.0))
-        wanted = 0.1 * float(np.ptp(mesh.points, axis=0).max())
+        size = float(np.ptp(mesh.points, axis=0).max())
+        if gap.size and np.ptp(gap) > 1e-6 * size:
+            return 1.0  # blown up with the displacement, a gap around a curved body would bend its foundation
+        largest = float(np.linalg.norm(displacement, axis=1).max(initial=float(np.abs(gap).max(initial=0.0))))
+        wanted = 0.1 * size
         return _round_number(wanted / largest) if 0.0 < largest < wanted else 1.0
     if isinstance(scale, str) or not (math.isfinite(scale) and scale > 0.0):
         raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
