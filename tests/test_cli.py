@@ -447,7 +447,7 @@ def test_an_odd_size_of_the_survey_is_refused_before_anything_is_made(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(capsys, "survey", "--max-n", "4")[0] == 2
-    assert not (folder / "survey").exists()
+    assert not (folder / "survey-output").exists()
 
 
 @pytest.mark.slow

@@ -235,7 +235,7 @@ def _compare(
 @app.command("survey")
 def _survey(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for figures, tables and report.html.")] = Path(
-        "survey"
+        "survey-output"
     ),
     max_n: Annotated[int, typer.Option(metavar="N", help="Finest mesh size is 1/N; a power of two.")] = 128,
     max_time: Annotated[float, typer.Option(metavar="S", help="Limit of each method on each mesh, in seconds.")] = 60.0,

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+import scipy.linalg as la
 
 from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
@@ -30,9 +31,11 @@ class ProximalBundle(Optimizer):
     Each law is replaced by the largest of its cutting planes, a lower bound, and the model is minimised with a
     proximal term around the best point so far, whose weight fades with every serious step.
 
-    Once the proximal term is gone, the minimum of the model is a lower bound of the energy E*, so that the gap
-    ``E(r) - E_model(r)`` bounds the error: ``|u - u*|_K <= sqrt(2 gap)`` since E is K-strongly convex.  The method ends
-    when this bound, relative to the size of u, is below ``tolerance``, and returns it as ``Solution.error_bound``.
+    Once the proximal term is gone, the method certifies its points.  With the model M <= E, a subgradient ``rho`` of M
+    at r and both energies K-strongly convex, ``E(u*) >= M(r) - |rho| x + x^2/2`` and ``E(r) >= E(u*) + x^2/2`` for the
+    error ``x = |u - u*|_K``, so that ``x <= (|rho| + sqrt(|rho|^2 + 4 (E(r) - M(r))))/2``, with ``|rho|`` in the K^-1
+    norm.  It ends when this bound, relative to the size of u, is below ``tolerance``, and returns it as
+    ``Solution.error_bound``.  Where only the foundation holds the body there is no such bound.
 
     Parameters
     ----------
@@ -88,15 +91,19 @@ class ProximalBundle(Optimizer):
         profile = Friction(1.0, tangential) if tangential is not None else Friction(0.0)
         model = ContactLaw(normal, profile)
         r, inner = _minimise_model(system, model, memory.weight, memory.centre, budget)
-        gap = float(system.weights @ np.maximum(system.law.value(r) - model.value(r), 0.0))
+        above = normal.gap(system.law.normal, r[:, 0])
+        if tangential is not None:
+            above = above + tangential.gap(system.law.tangential, np.linalg.norm(r[:, 1:], axis=1))
+        gap = float(system.weights @ above)
         energy = system.energy(r)
         # The model at r is the energy less the gap: predicted against true decrease from the centre.
         serious = memory.energy - energy >= self.descent * (memory.energy - energy + gap)
         weight = memory.weight
         bound, ended = None, None
         if weight == 0.0:
-            bound = float(np.sqrt(2.0 * gap))
-            ended = Status.CONVERGED if bound <= self.tolerance * system.energy_norm(r) else None
+            bound = _error_bound(system, model, r, gap)
+            certified = bound is not None and bound <= self.tolerance * system.energy_norm(r)
+            ended = Status.CONVERGED if certified else None
         elif serious:
             weight = self.fading * weight if self.fading * weight > 1e-3 * self.weight else 0.0
         centre, best = (r, energy) if energy <= memory.energy else (memory.centre, memory.energy)
@@ -159,6 +166,25 @@ class CuttingPlanes(Superpotential):
         old = (self.points, self.values, self.slopes)
         points, values, slopes = (np.concatenate([x, y[:, None]], axis=1) for x, y in zip(old, new, strict=True))
         return CuttingPlanes(points, values, slopes, self.ends)._pick(np.argsort(points, axis=1, kind="stable"))
+
+    def gap(self, law: Superpotential, r: Array) -> Array:
+        """Bound of how far the law lies above its tangents at ``r``, free of cancellation.
+
+        A tangent at x with slope s lies at most ``(xi - s) (r - x)`` below the law at r, for any subgradient xi at r.
+        """
+        interval = law.subdifferential(r)
+        plain = law.value(r) - self.value(r) + 4.0 * np.finfo(float).eps * np.abs(law.value(r))
+        best = np.maximum(plain, 0.0)
+        count = self.points.shape[1]
+        ahead = np.sum(self.points < r[:, None], axis=1)
+        rows = np.arange(len(r))
+        for index in (np.maximum(ahead - 1, 0), np.minimum(ahead, count - 1)):
+            away = r - self.points[rows, index]
+            subgradient = np.where(away > 0.0, interval.lower, interval.upper)
+            usable = np.isfinite(subgradient)
+            bound = np.where(usable, subgradient - self.slopes[rows, index], np.inf) * np.where(usable, away, 1.0)
+            best = np.minimum(best, np.maximum(bound, 0.0))
+        return best
 
     def nearest(self, r: Array, limit: int) -> CuttingPlanes:
         """The ``limit`` tangents nearest to ``r``, and the two outermost."""
@@ -237,6 +263,18 @@ class CuttingPlanes(Superpotential):
         return CuttingPlanes(self.points[index], self.values[index], self.slopes[index], ends)
 
 
+def _error_bound(system: CondensedProblem, model: ContactLaw, r: Array, gap: float) -> float | None:
+    """Bound of the energy-norm error at ``r``; None where only the foundation holds the body."""
+    if len(system.rigid_modes):
+        return None
+    force = system.out_of_balance(r)
+    lam = model.nearest_multiplier(r, force / system.weights[:, None])
+    rest = (force - system.weights[:, None] * lam).ravel()[system.free]
+    A = system.matrix[np.ix_(system.free, system.free)]
+    square = float(rest @ la.solve(A, rest, assume_a="pos")) if rest.any() else 0.0
+    return 0.5 * (float(np.sqrt(square)) + float(np.sqrt(square + 4.0 * gap)))
+
+
 def _minimise_model(
     system: CondensedProblem, law: ContactLaw, weight: float, centre: Array, budget: Budget
 ) -> tuple[Array, int]:
@@ -252,10 +290,12 @@ def _minimise_model(
     inner = NonsmoothNewton()
     start = model.start(centre)
     state = inner.begin(model, State(start, model.multiplier(start)), budget)
+    idle = 0
     for _ in range(60):
         budget.check()
         before = state.energy
         state = inner.step(model, state, budget)
-        if state.energy == before or model.residual(state.r, state.lam).below(0.0, 1e-14):
+        idle = idle + 1 if state.energy == before else 0
+        if idle == 2 or model.residual(state.r, state.lam).below(0.0, 1e-15):
             break
     return state.r, state.evaluations

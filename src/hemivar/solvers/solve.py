@@ -164,7 +164,8 @@ def _iterate(
             energy = system.energy(state.r) if state.energy is None else state.energy
             history.append(Progress(step, energy, now.relative, changed, budget.spent))
             rank = energy if solver.descends else now.total
-            if finite and rank <= best_rank:
+            certified = state.ended is Status.CONVERGED and state.error_bound is not None
+            if finite and (rank <= best_rank or certified):
                 best, best_rank = state, rank
             smallest = min(smallest, now.total if finite else np.inf)
             stop = controls.callback is not None and controls.callback(history[-1])
