@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ def test_orders_of_figure_5() -> None:
         assert level.problem.field is not None
         lifted = interpolate(level.problem.field, level.displacement, field)
         errors.append(v_norm(field, lifted - reference.displacement))
-    assert all(fine < coarse for coarse, fine in zip(errors, errors[1:], strict=False))
+    assert all(fine < coarse for coarse, fine in itertools.pairwise(errors))
     order = -np.polyfit(np.log(sizes[:-2]), np.log(errors[:-1]), 1)[0]
     assert 0.8 < order < 0.95
 
