@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hemivar.errors import ProblemError
-from hemivar.formula import FUNCTIONS, Formula, FormulaArray
+from hemivar.formula import FUNCTIONS, Formula, FormulaArray, ScalarFormula
 
 POINTS = np.random.default_rng(1).uniform(0.1, 2.0, (7, 2))
 X, Y = POINTS.T
@@ -157,3 +157,56 @@ def test_arrays_of_formulas() -> None:
     matrix = FormulaArray((1.0, Formula("x"), 2.0, 3.0), (2, 2))
     assert matrix(POINTS).shape == (7, 2, 2)
     np.testing.assert_allclose(matrix(POINTS)[:, 0, 1], X)
+
+
+# ---- formulas of one variable ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "r^3 - 2*r/(1 + r^2)",
+        "sin(2*r)*cos(r) - tan(r/4)",
+        "exp(-r^2)*log(2 + r) + sqrt(2 + r)",
+        "tanh(r)^2 / (3 - r)",
+        "2^r + (2 + r)^r - -r",
+        "-(r - 1)*-(r + 2)",
+        "5",
+    ],
+)
+def test_symbolic_derivatives(text: str) -> None:
+    smooth = ScalarFormula(text).branch(0.3)
+    slope, curvature = smooth.derivative(), smooth.derivative().derivative()
+    r, h = np.linspace(-1.0, 1.0, 21), 1e-5
+    np.testing.assert_allclose(slope(r), (smooth(r + h) - smooth(r - h)) / (2 * h), rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(curvature(r), (slope(r + h) - slope(r - h)) / (2 * h), rtol=1e-7, atol=1e-8)
+
+
+def test_piecewise_formulas_and_their_switches() -> None:
+    formula = ScalarFormula("piecewise((0, r < 0), (10*r^2, 0 <= r < 0.1), 0.1)")
+    np.testing.assert_allclose(formula(np.array([-1.0, 0.05, 0.1, 2.0])), [0.0, 0.025, 0.1, 0.1])
+    np.testing.assert_array_equal(formula.switches(1.0), [0.0, 0.1])
+    assert str(formula.branch(0.05).derivative()) == "20 * r"
+    nested = ScalarFormula("abs(abs(r) - 1) + max(0, r^2 - 4, r)")
+    np.testing.assert_allclose(nested.switches(10.0), [-2.0, 0.5 - 17**0.5 / 2, -1.0, 0.0, 1.0, 2.0, 0.5 + 17**0.5 / 2])
+    assert ScalarFormula("8*s", "s")(np.array([2.0]))[0] == 16.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("r < 1", "character 1: a comparison stands in piecewise"),
+        ("piecewise(r)", "character 11: this entry of piecewise has no condition"),
+        ("piecewise()", "has no entry"),
+        ("piecewise((r, r < 1, 2))", r"an entry of piecewise is \(value, condition\)"),
+        ("piecewise((1, r == 0))", "character 15: a condition compares"),
+        ("piecewise((1, r < y))", "character 19: 'y' is not known"),
+        ("1 + x", "character 5: 'x' is not known; use r"),
+        ("__import__('os')", "does not belong"),
+    ],
+)
+def test_bad_formulas_of_one_variable(text: str, words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        ScalarFormula(text)
+    with pytest.raises(ProblemError, match=r"does not belong|only numbers|not known"):
+        Formula("piecewise((1, x < 0), (2, True))")

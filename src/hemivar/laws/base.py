@@ -18,8 +18,12 @@ from functools import cached_property
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.laws.description import LawDescription, LawKink
 
 __all__ = ["Interval", "Superpotential"]
+
+#: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
+_FAR = 1e8
 
 
 @dataclass(frozen=True)
@@ -43,10 +47,16 @@ class Superpotential(ABC):
 
     Pieces are numbered 0..K: piece ``i`` lies between knot ``i - 1`` and knot ``i`` (the first and the last one
     are unbounded, or outside the domain).  Outside ``[lower, upper]`` the value is +inf.
+
+    On every piece the curvature j'' must be monotone (or constant); where it turns round, put a knot, which need
+    not be a kink.  Then ``a r - b + j'(r)`` bends at most once on a piece, and all local minimisers are found.
     """
 
     #: Short name used in messages, files and tables.
     name: str = "law"
+
+    #: Whether alpha and the growth constants come from sampling, not from a formula.
+    constants_sampled: bool = False
 
     # ---- what a law supplies -------------------------------------------------------------------------
 
@@ -97,6 +107,29 @@ class Superpotential(ABC):
     @abstractmethod
     def recession(self, sign: Array) -> Array:
         """Growth rate lim j(t s)/t, t -> inf, in each direction ``s``; may be +inf."""
+
+    def asymptotic_curvature(self, sign: float) -> Array:
+        """lim 2 j(t s)/t^2, t -> inf, for ``s = +1`` or ``-1``, shape (m or 1,); +inf where j ends or grows faster.
+
+        Zero unless the recession is infinite; then, unless a law knows better, measured far away.
+        """
+        rate = np.atleast_1d(self.recession(np.array([sign])))
+        bound = self.domain
+        ends = np.isfinite(bound.upper if sign > 0.0 else bound.lower)
+        if np.all(np.isfinite(rate)):
+            return np.where(ends, np.inf, 0.0)
+        far = np.full(self.knots.shape[0], sign * _FAR)
+        with np.errstate(all="ignore"):
+            measured = 2.0 * self.value(far) / far**2
+            further = self.value(10.0 * far) * 0.02 / far**2
+        measured = np.where(np.isnan(measured), rate, measured)
+        superlinear = np.abs(further) > 2.0 * np.abs(measured) + 1e-6
+        measured = np.where(superlinear & np.isfinite(measured), np.copysign(np.inf, measured), measured)
+        return np.where(ends, np.inf, np.where(np.isfinite(rate), 0.0, measured))
+
+    def piece_formula(self, piece: int) -> str:
+        """The derivative j' on a piece as text, for a law with parameters of one contact point; may be empty."""
+        return ""
 
     # ---- what follows --------------------------------------------------------------------------------
 
@@ -236,6 +269,7 @@ class Superpotential(ABC):
             low, high = self.piece_bounds(piece)
             start = psi_right[..., i - 1] if i > 0 else np.full(shape, -np.inf)
             end = psi_left[..., i] if i < count else np.full(shape, np.inf)
+            low, high, start, end = self._convex_part(piece, a, b, low, high, start, end)
             admissible = (low < high) & (start < 0.0) & (end > 0.0)
             root, found = self._stationary_point(piece, a, b, low, high, admissible)
             points[..., i] = np.where(found, root, 0.0)
@@ -245,9 +279,43 @@ class Superpotential(ABC):
         for i in range(count):
             valid = finite[..., i] & (psi_left[..., i] <= 0.0) & (psi_right[..., i] >= 0.0)
             t = np.broadcast_to(at[..., i], shape)
+            for psi, side in ((psi_left[..., i], i), (psi_right[..., i], i + 1)):
+                if np.any(flat := valid & (psi == 0.0)):  # stationary from this side: it must not bend down
+                    curvature = self.piece_curvature(np.full(shape, side, dtype=np.int64), t)
+                    valid = valid & ~(flat & (a + curvature < 0.0))
             points[..., count + 1 + i] = t
             energies[..., count + 1 + i] = np.where(valid, 0.5 * a * t**2 - b * t + self.value(t), np.inf)
         return points, energies
+
+    def _convex_part(
+        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """The part of each piece on which ``a r - b + j'(r)`` increases, and its values at the ends.
+
+        As j'' is monotone on a piece, this is the piece, or what lies on one side of a point, or nothing (then
+        ``low == high``).
+        """
+        with np.errstate(all="ignore"):
+            size = _FAR * (1.0 + np.abs(b) / np.maximum(a, 1e-12))
+            first = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0) - size)
+            last = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, 0.0) + size)
+            bends_first = a + self.piece_curvature(piece, first) < 0.0
+            bends_last = a + self.piece_curvature(piece, last) < 0.0
+            if not np.any(bends_first | bends_last):
+                return low, high, start, end
+            concave, convex = np.where(bends_first, first, last), np.where(bends_first, last, first)
+            mixed = bends_first != bends_last
+            for _ in range(1100):
+                middle = 0.5 * (concave + convex)
+                if np.all((middle == concave) | (middle == convex) | ~mixed):
+                    break
+                bends = a + self.piece_curvature(piece, middle) < 0.0
+                concave, convex = np.where(bends, middle, concave), np.where(bends, convex, middle)
+            psi = a * convex - b + self.piece_derivative(piece, convex)
+        from_left, from_right = mixed & bends_first, mixed & bends_last
+        low, start = np.where(from_left, convex, low), np.where(from_left, psi, start)
+        high, end = np.where(from_right, convex, high), np.where(from_right, psi, end)
+        return low, np.where(bends_first & bends_last, low, high), start, end
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
@@ -258,6 +326,61 @@ class Superpotential(ABC):
         r = np.take_along_axis(points, best, axis=-1)[..., 0]
         lowest = np.take_along_axis(energies, best, axis=-1)[..., 0]
         return np.where(np.isfinite(lowest), r, np.nan)
+
+    def coercive_against(self, a: Array | float) -> BoolArray:
+        """Whether ``a/2 r^2 - b r + j(r)`` is bounded below for every b, given the curvature ``a >= 0`` (m,).
+
+        With ``a = inf`` it always is; a law that answers with False at some point needs a stiffer body.
+        """
+        a = np.asarray(a, dtype=float)
+        outward = np.minimum(self.asymptotic_curvature(1.0), self.asymptotic_curvature(-1.0))
+        return np.asarray(a + outward > 0.0)
+
+    def describe(self, point: int = 0) -> LawDescription:
+        """Formula, kinks and constants of the law at one contact point."""
+        law = self.take(np.array([point]))
+        knots = law.knots[0]
+        left, right = (side[0] for side in law.knot_slopes())
+        places = [i for i in range(knots.size) if np.isfinite(knots[i])]
+        kinks = tuple(LawKink(float(knots[i]), float(left[i]), float(right[i])) for i in places if left[i] != right[i])
+        lower, upper = float(law.domain.lower.ravel()[0]), float(law.domain.upper.ravel()[0])
+        alpha = float(law.weak_convexity[0])
+        falls = tuple(kink.place for kink in kinks if kink.jump < 0.0)
+        pieces: list[tuple[str, float, float]] = []
+        steepest, where = 0.0, None
+        for i in range(len(places) + 1):
+            piece = np.array([i])
+            low, high = (float(end[0]) for end in law.piece_bounds(piece))
+            if low >= high:
+                continue
+            for r in (low, high):
+                with np.errstate(all="ignore"):
+                    curvature = float(law.piece_curvature(piece, np.array([np.clip(r, -_FAR, _FAR)]))[0])
+                if curvature < steepest:
+                    steepest, where = curvature, (low if np.isfinite(low) else high) if not np.isfinite(r) else r
+            formula = law.piece_formula(i)
+            if formula and pieces and pieces[-1][0] == formula and left[i - 1] == right[i - 1]:
+                pieces[-1] = (formula, pieces[-1][1], high)
+            elif formula:
+                pieces.append((formula, low, high))
+        c0, c1 = (float(np.atleast_1d(c)[0]) for c in law.growth)
+        rates = [float(np.atleast_1d(law.recession(np.array([sign])))[0]) for sign in (-1.0, 1.0)]
+        rates = [rate + 0.0 for rate in rates]
+        outward = min(float(np.atleast_1d(law.asymptotic_curvature(sign))[0]) for sign in (-1.0, 1.0))
+        return LawDescription(
+            name=law.name,
+            pieces=tuple(_piece_line(*piece) for piece in pieces),
+            domain=(lower, upper),
+            knots=tuple(float(knots[i]) for i in places),
+            kinks=kinks,
+            alpha=alpha,
+            alpha_places=falls if falls else () if where is None else (float(where),),
+            c0=c0,
+            c1=c1,
+            recession=(rates[0], rates[1]),
+            coercive_above=max(0.0, -outward),
+            constants_sampled=law.constants_sampled,
+        )
 
     @cached_property
     def _convex(self) -> bool:
@@ -313,13 +436,15 @@ class Superpotential(ABC):
                 (~np.isfinite(low), anchor_high, -1.0),
                 (~np.isfinite(high), anchor_low, 1.0),
             ):
-                end = anchor + sign * step
+                at_anchor = np.abs(psi(anchor)) / np.maximum(a, 1e-300)
+                end = anchor + sign * np.maximum(step, np.where(np.isfinite(at_anchor), at_anchor, 0.0))
+                end = np.where(end == anchor, anchor + sign * np.maximum(np.abs(anchor), 1e-300) * 1e-15, end)
                 for _ in range(200):
                     open_end = endless & admissible & ~(sign * psi(end) > 0.0)
                     if not open_end.any():
                         break
                     end = np.where(open_end, anchor + 4.0 * (end - anchor), end)
-                admissible &= ~(endless & ~np.isfinite(end))
+                admissible &= ~(endless & (open_end | ~np.isfinite(end)))
                 if sign < 0:
                     low = np.where(endless, end, low)
                 else:
@@ -340,3 +465,8 @@ class Superpotential(ABC):
                 if np.all(done | ~admissible):
                     break
         return r, admissible & np.isfinite(r)
+
+
+def _piece_line(formula: str, low: float, high: float) -> str:
+    ends = (f"{low:.6g} < " if np.isfinite(low) else "", f" < {high:.6g}" if np.isfinite(high) else "")
+    return f"j'(r) = {formula}" + (f"   for {ends[0]}r{ends[1]}" if any(ends) else "")

@@ -11,6 +11,7 @@ import numpy as np
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
+from hemivar.laws.bounds import StateBound, stack_bounds
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.stacked import stack
 
@@ -39,6 +40,9 @@ class Linearisation:
 @dataclass(frozen=True, eq=False)
 class ContactLaw:
     """j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
+
+    The bound h_tau may depend on penetration or pressure (:class:`~hemivar.laws.StateBound`); then only the parts
+    that do not need it answer, until :meth:`frozen` evaluates it.
 
     Local displacements ``r`` have shape ``(m, d)``: column 0 is the penetration r_nu, the others the slip r_tau.
     Multipliers have the same shape: pressure and friction of the foundation on the body.
@@ -71,9 +75,41 @@ class ContactLaw:
 
     def take(self, index: IntArray) -> ContactLaw:
         """The law at some of the contact points."""
-        bound = self.friction.bounds
-        friction = Friction(bound if bound.size == 1 else bound[index], self.friction.profile.take(index))
-        return ContactLaw(self.normal.take(index), friction)
+        return ContactLaw(self.normal.take(index), self.friction.take(index))
+
+    @property
+    def state_dependent(self) -> bool:
+        """Whether the friction bound depends on penetration or pressure, so that J(w, v) has two arguments."""
+        return self.friction.state_dependent
+
+    def frozen(self, r: Array, lam: Array) -> ContactLaw:
+        """The ordinary law J(w, .) that holds in a state w; the law itself if it does not depend on the state.
+
+        Parameters
+        ----------
+        r, lam : arrays (m, d)
+            Local displacement and multiplier of the state; penetration and pressure are their first columns.
+        """
+        if not self.state_dependent:
+            return self
+        r, lam = np.asarray(r, dtype=float), np.asarray(lam, dtype=float)
+        return ContactLaw(self.normal, self.friction.frozen(r[:, 0], lam[:, 0]))
+
+    def frozen_at(self, r: Array) -> ContactLaw:
+        """Like :meth:`frozen`, at the pressure of the normal law: the element of dj_nu(r_nu) nearest to zero."""
+        if not self.state_dependent:
+            return self
+        lam = np.zeros(r.shape)
+        bound = self.normal.domain
+        interval = self.normal.subdifferential(np.clip(r[:, 0], bound.lower, bound.upper))
+        lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
+        return self.frozen(r, lam)
+
+    @property
+    def lipschitz(self) -> Array:
+        """Lipschitz constant of the friction bound in the penetration, shape (m or 1,); 0 if it has none."""
+        bound = self.friction.bound
+        return bound.lipschitz if isinstance(bound, StateBound) else np.zeros(1)
 
     @staticmethod
     def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:
@@ -83,7 +119,16 @@ class ContactLaw:
             return laws[0][0]
         if not laws:
             raise ProblemError("no contact point is left to put a law on")
-        bound = np.concatenate([np.broadcast_to(law.friction.bounds, (count,)) for law, count in laws])
+        bound: Array | StateBound
+        if any(law.state_dependent for law, _ in laws):
+            bound = stack_bounds(
+                [
+                    (law.friction.bound if isinstance(law.friction.bound, StateBound) else law.friction.bounds, count)
+                    for law, count in laws
+                ]
+            )
+        else:
+            bound = np.concatenate([np.broadcast_to(law.friction.bounds, (count,)) for law, count in laws])
         profiles = [(law.friction.profile, count) for law, count in laws]
         same = all(profile is profiles[0][0] for profile, _ in profiles)
         return ContactLaw(
@@ -132,13 +177,14 @@ class ContactLaw:
         return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
-        """The element of dj(r) nearest to ``lam``, (m, d); ``r`` must lie in the domain."""
+        """The element of dj(r) nearest to ``lam``, (m, d); outside its domain r counts as at the end of it."""
         out = np.empty_like(lam)
-        interval = self.normal.subdifferential(r[:, 0])
+        ends = self.normal.domain
+        interval = self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper))
         out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
         if r.shape[1] > 1:
             size, direction = _polar(r[:, 1:])
-            interval = self.tangential.subdifferential(size)
+            interval = self.tangential.subdifferential(np.minimum(size, self.tangential.domain.upper))
             along = np.clip(np.einsum("mi,mi->m", direction, lam[:, 1:]), interval.lower, interval.upper)
             length, heading = _polar(lam[:, 1:])
             rest = np.minimum(length, np.maximum(interval.upper, 0.0))
@@ -208,8 +254,13 @@ class ContactLaw:
         return out
 
     def recession(self, direction: Array) -> Array:
-        """Growth rate of j along each ``direction (m, d)``, shape (m,); may be +inf."""
+        """Growth rate of j along each ``direction (m, d)``, shape (m,); may be +inf.
+
+        Friction whose bound depends on the state counts nothing: it may vanish.
+        """
         rate = self.normal.recession(direction[:, 0])
+        if self.state_dependent:
+            return rate
         return rate + self.tangential.recession(_norm(direction[:, 1:])) if direction.shape[1] > 1 else rate
 
     @property

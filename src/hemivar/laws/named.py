@@ -10,11 +10,12 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray, Parameter
+from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
-__all__ = ["Bilateral", "Compliance", "NamedLaw", "NoContact", "Signorini", "SurveyLaw"]
+__all__ = ["Bilateral", "Compliance", "NamedLaw", "NoContact", "ParameterLaw", "Signorini", "SurveyLaw"]
 
 
 #: One knot at zero without a jump, and two pieces without a slope.
@@ -22,16 +23,28 @@ _ZERO = np.zeros((1, 1))
 _FLAT = np.zeros((1, 2))
 
 
-class _ParameterLaw(Superpotential):
-    """A law whose dataclass fields are parameters, all of them at least ``minimum``."""
+class ParameterLaw(Superpotential):
+    """A law whose dataclass fields are parameters, at least ``minimum``, > 0 if ``positive``; ``None`` if left out."""
 
     minimum: ClassVar[dict[str, float]] = {}
+    positive: ClassVar[tuple[str, ...]] = ()
 
     def _values(self, points: Array | None) -> dict[str, Array]:
-        return {
-            f.name: evaluate(getattr(self, f.name), points, f"{f.name} of law '{self.name}'", self.minimum.get(f.name))
-            for f in fields(self)  # type: ignore[arg-type]
-        }
+        found: dict[str, Array] = {}
+        for f in fields(self):  # type: ignore[arg-type]
+            given = getattr(self, f.name)
+            if given is None:
+                continue
+            what = f"{f.name} of law '{self.name}'"
+            found[f.name] = evaluate(given, points, what, self.minimum.get(f.name))
+            if f.name in self.positive and np.any(found[f.name] <= 0.0):
+                raise ProblemError(f"{what} is {found[f.name].min():g}; it must be positive")
+        rows = {value.size for value in found.values()} - {1}
+        if len(rows) > 1:
+            raise ProblemError(
+                f"law '{self.name}': its parameters are given for {sorted(rows)} contact points; make them equal"
+            )
+        return found
 
     def at(self, points: Array | None) -> Self:
         values = self._values(points)
@@ -42,7 +55,7 @@ class _ParameterLaw(Superpotential):
         return replace(self, **values)  # type: ignore[type-var]
 
 
-class NamedLaw(_ParameterLaw):
+class NamedLaw(ParameterLaw):
     """A named law that is a piecewise-quadratic table once its parameters are known."""
 
     @abstractmethod
@@ -78,6 +91,12 @@ class NamedLaw(_ParameterLaw):
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return self.table.piece_curvature(piece, r)
+
+    def asymptotic_curvature(self, sign: float) -> Array:
+        return self.table.asymptotic_curvature(sign)
+
+    def piece_formula(self, piece: int) -> str:
+        return self.table.piece_formula(piece)
 
     def knot_slopes(self) -> tuple[Array, Array]:
         return self.table.knot_slopes()
@@ -155,7 +174,7 @@ class NoContact(NamedLaw):
 
 
 @dataclass(frozen=True, eq=False)
-class Compliance(_ParameterLaw):
+class Compliance(ParameterLaw):
     """Normal compliance: pressure ``stiffness * r^exponent`` for penetration r > 0, none for r <= 0.
 
     Parameters
@@ -210,6 +229,16 @@ class Compliance(_ParameterLaw):
     def recession(self, sign: Array) -> Array:
         c, _ = self._resolved
         return np.where((np.asarray(sign) > 0) & (c > 0.0), np.inf, 0.0)
+
+    def asymptotic_curvature(self, sign: float) -> Array:
+        c, p = self._resolved
+        if sign < 0.0:
+            return np.zeros(c.shape)
+        return np.where(c == 0.0, 0.0, np.where(p > 1.0, np.inf, c))
+
+    def piece_formula(self, piece: int) -> str:
+        c, p = (float(x[0]) for x in self._resolved)
+        return "0" if piece == 0 else f"{c:.6g} r" + (f"^{p:.6g}" if p != 1.0 else "")
 
     def scaled(self, factor: Array | float) -> Compliance:
         c, p = self._resolved

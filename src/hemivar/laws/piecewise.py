@@ -187,6 +187,25 @@ class PiecewiseQuadratic(Superpotential):
         c0 = np.maximum(c0, 0.0)
         return np.where(bounded, c0, np.inf), np.where(bounded, c1, np.inf)
 
+    def asymptotic_curvature(self, sign: float) -> Array:
+        end, slope = (self.upper, self.slopes[..., -1]) if sign > 0.0 else (self.lower, self.slopes[..., 0])
+        return np.where(np.isfinite(end), np.inf, slope)
+
+    def piece_formula(self, piece: int) -> str:
+        t, slope = (float(x[0]) for x in self._anchor(np.array([piece])))
+        k = float(self.slopes[0, piece])
+        if k == 0.0:
+            return f"{slope + 0.0:.6g}"
+        constant = slope - k * t
+        if abs(constant) <= 1e-14 * float(np.abs(self._left).max() + np.abs(self._right).max() + abs(k * t)):
+            return f"{k:.6g} r"
+        return f"{constant:.6g} {'+' if k > 0 else '-'} {abs(k):.6g} r"
+
+    def _convex_part(
+        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        return low, high, start, end  # straight pieces; those that fall are left out below
+
     def recession(self, sign: Array) -> Array:
         sign = np.asarray(sign, dtype=float)
         up = _rate(self.slopes[..., -1], self._right[..., -1], np.isfinite(self.upper))

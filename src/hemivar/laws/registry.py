@@ -3,17 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from hemivar._typing import Parameter
 from hemivar.errors import ProblemError
+from hemivar.laws.analytic import FormulaLaw
 from hemivar.laws.base import Superpotential
+from hemivar.laws.bounds import CoulombBound, StateBound
 from hemivar.laws.friction import Friction, NoFriction, Tresca
 from hemivar.laws.named import Bilateral, Compliance, NoContact, Signorini, SurveyLaw
+from hemivar.laws.nonmonotone import (
+    Adhesive,
+    Capped,
+    FinitePenetration,
+    Layered,
+    Logarithmic,
+    SawTooth,
+    SlipTable,
+    SlipWeakening,
+    Softening,
+    StaticKinetic,
+)
+from hemivar.laws.tables import read_law_table
 
 __all__ = [
     "FRICTION_LAWS",
@@ -21,6 +37,7 @@ __all__ = [
     "LawEntry",
     "LawKind",
     "LawParameter",
+    "ParameterForm",
     "friction_law",
     "normal_law",
 ]
@@ -33,9 +50,24 @@ class LawKind(StrEnum):
     FRICTION = "friction"
 
 
+class ParameterForm(StrEnum):
+    """How a parameter is written."""
+
+    NUMBER = "number"
+    """A number, or a function of x."""
+    BOUND = "bound"
+    """A friction bound: a number, a function of x, or a function of penetration or pressure."""
+    NUMBERS = "numbers"
+    """A list of numbers."""
+    FILE = "file"
+    """The path of a file."""
+    TEXT = "text"
+    """A text, one of the choices if there are any."""
+
+
 @dataclass(frozen=True)
 class LawParameter:
-    """A parameter of a law: a number, or a function of x.
+    """A parameter of a law.
 
     Attributes
     ----------
@@ -48,18 +80,37 @@ class LawParameter:
         Value if it is left out; ``None`` means that it must be given.
     minimum : float
         Smallest value allowed.
+    form : ParameterForm
+        How it is written; a number by default.
+    optional : bool
+        Whether it may be left out although it has no default.
+    choices : tuple of str
+        Texts allowed, if not all are.
+    example : object
+        A value that shows what the law does; the default if there is one, else 1.
     """
 
     name: str
     meaning: str
     unit: str
-    default: float | None = None
+    default: Any = None
     minimum: float = -math.inf
+    form: ParameterForm = ParameterForm.NUMBER
+    optional: bool = False
+    choices: tuple[str, ...] = ()
+    example: Any = None
 
     @property
     def required(self) -> bool:
         """Whether the parameter must be given."""
-        return self.default is None
+        return self.default is None and not self.optional
+
+    @property
+    def shown(self) -> Any:
+        """A value to show the law with; ``None`` to leave it out."""
+        if self.example is not None:
+            return self.example
+        return 1.0 if self.required else self.default
 
 
 @dataclass(frozen=True)
@@ -91,7 +142,7 @@ class LawEntry:
         """Names of the parameters that must be given."""
         return tuple(p.name for p in self.parameters if p.required)
 
-    def make(self, **values: Parameter) -> Any:
+    def make(self, **values: Any) -> Any:
         """The law with these parameters.
 
         Raises
@@ -101,7 +152,7 @@ class LawEntry:
         """
         known = {p.name for p in self.parameters}
         for name in values:
-            if name not in known:
+            if name not in known and not (name == "where" and "potential" in known):
                 listed = ", ".join(p.name for p in self.parameters) or "none"
                 raise ProblemError(f"law '{self.name}' has no parameter '{name}' (parameters: {listed})")
         for name in self.required:
@@ -110,7 +161,50 @@ class LawEntry:
         return self.build(**values)
 
 
+def _table_law(file: str | Path, extend: str = "constant") -> Superpotential:
+    return read_law_table(file, extend=extend)
+
+
+def _formula_law(potential: str, kinks: Sequence[float] = (), reach: float = 10.0, where: str = "") -> Superpotential:
+    return FormulaLaw(potential, kinks=kinks, reach=reach, where=where)
+
+
+def _table_friction(file: str | Path, bound: Parameter | StateBound = 1.0, extend: str = "constant") -> Friction:
+    return Friction(bound, read_law_table(file, extend=extend, friction=True))
+
+
+def _formula_friction(
+    potential: str,
+    bound: Parameter | StateBound = 1.0,
+    kinks: Sequence[float] = (),
+    reach: float = 10.0,
+    where: str = "",
+) -> Friction:
+    return Friction(bound, FormulaLaw(potential, kinks=kinks, reach=reach, even=True, where=where))
+
+
+def _coulomb(coefficient: Parameter) -> Friction:
+    return Tresca(CoulombBound(coefficient))
+
+
+_FORMULA_KINKS = LawParameter(
+    "kinks", "further places where a derivative jumps", "length", form=ParameterForm.NUMBERS, optional=True
+)
+_REACH = LawParameter("reach", "length up to which kinks and constants are looked for", "length", 10.0)
+_EXTEND = LawParameter(
+    "extend",
+    "how the derivative goes on beyond the table",
+    "constant or linear",
+    "constant",
+    form=ParameterForm.TEXT,
+    choices=("constant", "linear"),
+)
+
 _PRESSURE = "force/area"
+_RATE = "force/area/length"
+_LIST = ParameterForm.NUMBERS
+_BOUND = LawParameter("bound", "friction bound h_tau", _PRESSURE, minimum=0.0, form=ParameterForm.BOUND, example=1.0)
+_BOUND_OR_ONE = replace(_BOUND, default=1.0)
 
 _NORMAL = (
     LawEntry(
@@ -150,6 +244,121 @@ _NORMAL = (
         "j(r) = 0 for r = 0, +inf otherwise",
     ),
     LawEntry(
+        "softening",
+        LawKind.NORMAL,
+        Softening,
+        "springs that push up to the penetration limit, then give way gradually and are gone",
+        "j'(r) = stiffness r up to limit, then stiffness limit - softening (r - limit) down to 0",
+        (
+            LawParameter("stiffness", "of the springs", _RATE, minimum=0.0, example=2.0),
+            LawParameter("limit", "penetration of the largest pressure", "length", minimum=0.0, example=0.1),
+            LawParameter("softening", "rate at which the pressure falls", _RATE, minimum=0.0, example=0.5),
+        ),
+    ),
+    LawEntry(
+        "capped",
+        LawKind.NORMAL,
+        Capped,
+        "springs that push up to the penetration limit and break there (residual 0) or yield (residual 1)",
+        "j'(r) = stiffness r for 0 <= r <= limit, residual stiffness limit beyond",
+        (
+            LawParameter("stiffness", "of the springs", _RATE, minimum=0.0, example=20.0),
+            LawParameter("limit", "penetration at which they break", "length", minimum=0.0, example=0.1),
+            LawParameter("residual", "share of the largest pressure that is left", "1", 0.0, 0.0),
+        ),
+    ),
+    LawEntry(
+        "finite-penetration",
+        LawKind.NORMAL,
+        FinitePenetration,
+        "springs that push, and turn rigid at the penetration limit",
+        "j(r) = stiffness/2 max(r, 0)^2 for r <= limit, +inf beyond",
+        (
+            LawParameter("stiffness", "of the springs", _RATE, minimum=0.0, example=2.0),
+            LawParameter("limit", "largest penetration", "length", minimum=0.0, example=0.1),
+        ),
+    ),
+    LawEntry(
+        "adhesive",
+        LawKind.NORMAL,
+        Adhesive,
+        "glue: tension stiffness w at the opening w = -r up to strength; then it breaks at once or, with softening, "
+        "gradually",
+        "j'(r) = stiffness r for -strength/stiffness < r < 0; compression r, or rigid, for r > 0",
+        (
+            LawParameter("stiffness", "of the glue", _RATE, minimum=0.0, example=5.0),
+            LawParameter("strength", "largest tension", _PRESSURE, minimum=0.0, example=0.5),
+            LawParameter(
+                "softening", "rate at which the tension falls; left out: at once", _RATE, minimum=0.0, optional=True
+            ),
+            LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
+        ),
+    ),
+    LawEntry(
+        "layered",
+        LawKind.NORMAL,
+        Layered,
+        "layers that yield one after the other, each with its own stiffness, and lose pressure when they are used up",
+        "j'' = stiffnesses[i] within layer i; j' falls by drops[i] at its lower end",
+        (
+            LawParameter(
+                "thicknesses", "of the layers, from the surface down", "length", form=_LIST, example=(0.05, 0.1)
+            ),
+            LawParameter("stiffnesses", "of the layers", _RATE, form=_LIST, example=(10.0, 4.0)),
+            LawParameter(
+                "drops",
+                "pressure lost at the lower end of each layer",
+                _PRESSURE,
+                form=_LIST,
+                optional=True,
+                example=(0.3, 0.2),
+            ),
+            LawParameter("base", "stiffness of the ground below; left out: rigid", _RATE, optional=True, example=2.0),
+        ),
+    ),
+    LawEntry(
+        "saw-tooth",
+        LawKind.NORMAL,
+        SawTooth,
+        "delamination in steps: a tension against the opening w = -r that falls at once at each of the openings",
+        "j'(-w) = -(slopes[i] w + offsets[i]) up to openings[i], 0 beyond the last",
+        (
+            LawParameter(
+                "openings", "at which the tension falls, increasing", "length", form=_LIST, example=(1.0, 2.0)
+            ),
+            LawParameter("slopes", "of the tension on each tooth", _RATE, form=_LIST, example=(3.0, 1.0)),
+            LawParameter("offsets", "of the tension on each tooth", _PRESSURE, form=_LIST, optional=True),
+            LawParameter("compression", "stiffness in penetration; left out: rigid", _RATE, minimum=0.0, optional=True),
+        ),
+    ),
+    LawEntry(
+        "table",
+        LawKind.NORMAL,
+        _table_law,
+        "any graph: j' is linear between the points of a CSV file with the columns r and derivative; a repeated r is "
+        "a jump",
+        "j' from a table",
+        (LawParameter("file", "the CSV file", "path", form=ParameterForm.FILE), _EXTEND),
+    ),
+    LawEntry(
+        "formula",
+        LawKind.NORMAL,
+        _formula_law,
+        "any potential, as a formula of r with piecewise((value, condition), ...), abs, min and max",
+        "j(r) = potential",
+        (
+            LawParameter(
+                "potential",
+                "formula of the penetration r",
+                "force/length",
+                form=ParameterForm.TEXT,
+                example="piecewise((0, r < 0), (10*r^2, r < 0.1), (0.1, True))",
+            ),
+            _FORMULA_KINKS,
+            _REACH,
+        ),
+    ),
+    LawEntry(
         "none",
         LawKind.NORMAL,
         NoContact,
@@ -165,7 +374,83 @@ _FRICTION = (
         Tresca,
         "friction of at most bound; where the body slips it has this size and opposes the slip",
         "j(s) = bound |s|",
-        (LawParameter("bound", "friction bound h_tau", _PRESSURE, minimum=0.0),),
+        (_BOUND,),
+    ),
+    LawEntry(
+        "coulomb",
+        LawKind.FRICTION,
+        _coulomb,
+        "friction of at most coefficient times the pressure (quasi-variational: the bound is iterated)",
+        "j(s) = coefficient pressure |s|",
+        (LawParameter("coefficient", "friction coefficient mu", "1", minimum=0.0, example=0.3),),
+    ),
+    LawEntry(
+        "slip-weakening",
+        LawKind.FRICTION,
+        SlipWeakening,
+        "friction that falls with the slip from bound static to bound kinetic, exponentially",
+        "j(s) = bound (kinetic |s| - (static - kinetic)/rate (exp(-rate |s|) - 1))",
+        (
+            _BOUND,
+            LawParameter("static", "factor of the bound at rest", "1", 1.0, 0.0),
+            LawParameter("kinetic", "factor of the bound after much slip", "1", 0.7, 0.0),
+            LawParameter("rate", "how fast it falls", "1/length", 1.0, 0.0),
+        ),
+    ),
+    LawEntry(
+        "logarithmic",
+        LawKind.FRICTION,
+        Logarithmic,
+        "friction bound/(scale + slip), which falls to nothing with the slip",
+        "j(s) = bound ln(1 + |s|/scale)",
+        (_BOUND, LawParameter("scale", "slip at which it has fallen to one half", "length", 1.0, 0.0)),
+    ),
+    LawEntry(
+        "static-kinetic",
+        LawKind.FRICTION,
+        StaticKinetic,
+        "friction bound static up to a slip, from there at once bound kinetic",
+        "j'(s) = bound static for 0 < s < slip, bound kinetic beyond",
+        (
+            _BOUND,
+            LawParameter("slip", "at which the friction drops", "length", minimum=0.0, example=0.1),
+            LawParameter("static", "factor of the bound up to this slip", "1", 1.0, 0.0),
+            LawParameter("kinetic", "factor of the bound beyond it", "1", 0.7, 0.0),
+        ),
+    ),
+    LawEntry(
+        "slip-table",
+        LawKind.FRICTION,
+        SlipTable,
+        "friction bound times a table of the slip, linear between its points and constant beyond; a repeated slip is "
+        "a jump",
+        "j'(s) = bound values(s)",
+        (
+            _BOUND,
+            LawParameter("slips", "from 0 on, increasing", "length", form=_LIST, example=(0.0, 0.2)),
+            LawParameter("values", "factors of the bound there", "1", form=_LIST, example=(1.0, 0.5)),
+        ),
+    ),
+    LawEntry(
+        "table",
+        LawKind.FRICTION,
+        _table_friction,
+        "friction bound times a CSV file with the columns r (slip >= 0) and derivative; the same backwards",
+        "j' from a table",
+        (LawParameter("file", "the CSV file", "path", form=ParameterForm.FILE), _BOUND_OR_ONE, _EXTEND),
+    ),
+    LawEntry(
+        "formula",
+        LawKind.FRICTION,
+        _formula_friction,
+        "friction from any potential, as a formula of the slip r >= 0; the same backwards",
+        "j(s) = bound potential(|s|)",
+        (
+            LawParameter("potential", "formula of the slip r >= 0", "1", form=ParameterForm.TEXT, example="log(1 + r)"),
+            _BOUND_OR_ONE,
+            _FORMULA_KINKS,
+            _REACH,
+        ),
     ),
     LawEntry(
         "none",
@@ -183,13 +468,13 @@ NORMAL_LAWS: Mapping[str, LawEntry] = MappingProxyType({entry.name: entry for en
 FRICTION_LAWS: Mapping[str, LawEntry] = MappingProxyType({entry.name: entry for entry in _FRICTION})
 
 
-def normal_law(name: str, **values: Parameter) -> Superpotential:
+def normal_law(name: str, **values: Any) -> Superpotential:
     """The normal law of this name, such as ``normal_law("survey", q_max=0.3, p_const=2.0)``."""
     law: Superpotential = _entry(NORMAL_LAWS, name).make(**values)
     return law
 
 
-def friction_law(name: str, **values: Parameter) -> Friction:
+def friction_law(name: str, **values: Any) -> Friction:
     """The friction law of this name, such as ``friction_law("tresca", bound=0.5)``."""
     law: Friction = _entry(FRICTION_LAWS, name).make(**values)
     return law

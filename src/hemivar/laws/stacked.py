@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar._typing import Array, IntArray
+from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
+from hemivar.laws.description import LawDescription
 
 __all__ = ["StackedLaw"]
 
@@ -78,6 +80,21 @@ class StackedLaw(Superpotential):
     def local_argmin(self, a: Array, b: Array) -> Array:
         return self._scatter("local_argmin", a, b)
 
+    def asymptotic_curvature(self, sign: float) -> Array:
+        return self._gather(lambda law, i: np.broadcast_to(law.asymptotic_curvature(sign), i.shape))
+
+    def describe(self, point: int = 0) -> LawDescription:
+        for part, index in zip(self.parts, self.indices, strict=True):
+            here = np.flatnonzero(index == point)
+            if here.size:
+                return part.describe(int(here[0]))
+        raise ProblemError(f"law '{self.name}' has {self._count} contact points; there is none with number {point}")
+
+    @property
+    def constants_sampled(self) -> bool:  # type: ignore[override]
+        """Whether the constants of any part come from sampling."""
+        return any(law.constants_sampled for law in self.parts)
+
     @property
     def weak_convexity(self) -> Array:
         return self._gather(lambda law, i: np.broadcast_to(law.weak_convexity, i.shape))
@@ -97,7 +114,7 @@ class StackedLaw(Superpotential):
         parts = tuple(law.scaled(factor[index]) for law, index in zip(self.parts, self.indices, strict=True))
         return StackedLaw(parts, self.indices, name=self.name)
 
-    def take(self, index: IntArray) -> StackedLaw:
+    def take(self, index: IntArray) -> Superpotential:
         where = np.empty(self._count, dtype=np.int64)
         owner = np.empty(self._count, dtype=np.int64)
         for k, rows in enumerate(self.indices):
@@ -111,7 +128,7 @@ class StackedLaw(Superpotential):
             if here.size:
                 parts.append(part.take(where[index[here]]))
                 indices.append(here)
-        return StackedLaw(tuple(parts), tuple(indices), name=self.name)
+        return parts[0] if len(parts) == 1 else StackedLaw(tuple(parts), tuple(indices), name=self.name)
 
 
 def stack(laws: Sequence[tuple[Superpotential, int]]) -> Superpotential:

@@ -217,7 +217,7 @@ class DiscreteProblem:
         start = -self.offset.reshape(self.contact_points, self.dim)
         with np.errstate(all="ignore"):
             try:
-                value = np.asarray(law.value(start))
+                value = np.asarray(law.frozen(start, np.zeros(start.shape)).value(start))
             except (ValueError, IndexError, TypeError) as error:
                 if isinstance(error, ProblemError):
                     raise
@@ -275,8 +275,11 @@ class DiscreteProblem:
         """
         return np.asarray(self.trace @ unknowns - self.offset).reshape(self.contact_points, self.dim)
 
-    def energy(self, unknowns: Array) -> float:
+    def energy(self, unknowns: Array, multiplier: Array | None = None) -> float:
         """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.
+
+        A friction bound that depends on the state is taken at ``u`` itself and at the pressure of ``multiplier``,
+        shape (m, d); without a multiplier, at the pressure nearest to zero that the normal law allows at ``u``.
 
         Where a law ends (a rigid foundation), a penetration beyond its end by rounding alone, 1e-12 of the largest
         displacement or gap, counts as being at the end; beyond that the energy is +inf.
@@ -289,7 +292,8 @@ class DiscreteProblem:
             rounding = 1e-12 * max(float(np.abs(r).max()), float(np.abs(self.offset).max()))
             inside = np.clip(r[:, 0], domain.lower, domain.upper)
             r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
-            energy += float(self.weights @ self.law.value(r))
+            law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
+            energy += float(self.weights @ law.value(r))
         return energy
 
     def contact_force(self, multiplier: Array) -> Array:

@@ -457,7 +457,7 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     energy = 0.0
     if not moving.all():
         held = np.flatnonzero(~moving)
-        values = law.take(held).value(-offset[held])
+        values = law.take(held).frozen_at(-offset[held]).value(-offset[held])
         if not np.all(np.isfinite(values)):
             bad = int(held[np.flatnonzero(~np.isfinite(values))[0]])
             raise ProblemError(

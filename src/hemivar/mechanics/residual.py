@@ -84,14 +84,16 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
     displacement : array (n,)
         Unknowns u.
     multiplier : array (m, d)
-        Pressure and friction at the contact points.
+        Pressure and friction at the contact points. A friction bound that depends on the state is taken at
+        this very displacement and pressure.
     """
     K, f = problem.stiffness, problem.load
     force = problem.contact_force(multiplier)
     inclusion = np.zeros(0)
     if problem.contact_points:
         r = problem.local(displacement)
-        inclusion = problem.weights * problem.law.graph_distance(r, multiplier, contact_compliance(problem))
+        law = problem.law.frozen(r, multiplier)
+        inclusion = problem.weights * law.graph_distance(r, multiplier, contact_compliance(problem))
     return Residual.of(
         out_of_balance=f - K @ displacement - force,
         inclusion=inclusion,

@@ -1,0 +1,541 @@
+"""Laws of the user's own: a formula as text, or a Python function."""
+
+from __future__ import annotations
+
+import ast
+import itertools
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hemivar._typing import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.formula import ScalarFormula, SmoothFormula
+from hemivar.laws.base import Interval, Superpotential
+from hemivar.laws.scaled import ScaledLaw
+
+__all__ = ["FormulaLaw", "FunctionLaw"]
+
+_Scalar = Callable[[Array], Array]
+_FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Value, derivative and curvature on one piece."""
+
+    value: _Scalar
+    derivative: _Scalar
+    curvature: _Scalar
+    text: str = ""
+
+
+class _OwnLaw(Superpotential):
+    """A law, the same at every contact point, that is given by a list of smooth pieces."""
+
+    constants_sampled = True
+    reach: float
+    even: bool
+
+    @abstractmethod
+    def _pieces(self) -> tuple[Array, tuple[_Piece, ...]]:
+        """Knots and the pieces between them; for an even law those for r > 0 (the knot zero left out)."""
+
+    @cached_property
+    def _own(self) -> tuple[Array, tuple[_Piece, ...]]:
+        knots, pieces = self._pieces()
+        return (knots, pieces) if self.even or knots.size else (np.zeros(1), pieces * 2)
+
+    @cached_property
+    def _knots(self) -> Array:
+        knots = self._own[0]
+        return np.concatenate([-knots[::-1], [0.0], knots]) if self.even else knots
+
+    @property
+    def knots(self) -> Array:
+        return self._knots[None, :]
+
+    @property
+    def domain(self) -> Interval:
+        return Interval(np.array([-np.inf]), np.array([np.inf]))
+
+    def _mirrored(self, piece: int) -> tuple[_Piece, float]:
+        """A piece of the whole line, and -1 if it is the mirror image of a piece for r > 0."""
+        pieces = self._own[1]
+        if not self.even:
+            return pieces[piece], 1.0
+        return (pieces[piece - len(pieces)], 1.0) if piece >= len(pieces) else (pieces[len(pieces) - 1 - piece], -1.0)
+
+    def _evaluate(self, piece: IntArray, r: Array, order: int) -> Array:
+        piece, r = np.broadcast_arrays(np.asarray(piece), np.asarray(r, dtype=float))
+        out = np.empty(r.shape)
+        for i in np.unique(piece):
+            here = piece == i
+            smooth, sign = self._mirrored(int(i))
+            part = (smooth.value, smooth.derivative, smooth.curvature)[order]
+            out[here] = (sign if order == 1 else 1.0) * part(sign * r[here])
+        return out
+
+    @cached_property
+    def _at_zero(self) -> float:
+        zero = np.zeros(1)
+        return float(self._evaluate(self.piece_of(zero), zero, 0)[0])
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        return self._evaluate(piece, r, 0) - self._at_zero
+
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        return self._evaluate(piece, r, 1)
+
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        return self._evaluate(piece, r, 2)
+
+    def piece_formula(self, piece: int) -> str:
+        smooth, sign = self._mirrored(piece)
+        if not smooth.text or sign > 0.0:
+            return smooth.text
+        return f"-({smooth.text}) at |r|"
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
+        left, right = super().knot_slopes()
+        size = 1e-9 * (1.0 + np.abs(left) + np.abs(right))
+        return left, np.where(np.abs(right - left) <= size, left, right)  # no kinks by rounding
+
+    def knot_slopes(self) -> tuple[Array, Array]:
+        return self._slopes
+
+    @cached_property
+    def _samples(self) -> tuple[Array, IntArray]:
+        """Places all over the reach, the knots from both sides and far out, and the pieces they belong to."""
+        knots = self._knots
+        far = np.array(_FAR) * max(self.reach, 2.0 * float(np.abs(knots).max()))
+        r = np.unique(np.concatenate([-far, np.linspace(-self.reach, self.reach, 2001), far]))
+        piece = np.asarray(np.sum(r[:, None] > knots, axis=1), dtype=np.int64)
+        both = np.arange(knots.size, dtype=np.int64)
+        return np.concatenate([r, knots, knots]), np.concatenate([piece, both, both + 1])
+
+    @cached_property
+    def _alpha(self) -> float:
+        left, right = self.knot_slopes()
+        if np.any(right < left):
+            return np.inf
+        r, piece = self._samples
+        with np.errstate(all="ignore"):
+            curvature = self._evaluate(piece, r, 2)
+        return float(max(0.0, -np.min(curvature[~np.isnan(curvature)], initial=0.0)))
+
+    @property
+    def weak_convexity(self) -> Array:
+        return np.array([self._alpha])
+
+    @cached_property
+    def _growth(self) -> tuple[float, float]:
+        r, piece = self._samples
+        with np.errstate(all="ignore"):
+            size = np.abs(self._evaluate(piece, r, 1))
+        if not np.isfinite(size).all():
+            return np.inf, np.inf
+        slopes = []
+        for sign in (-1.0, 1.0):
+            out = np.flatnonzero(sign * r >= np.abs(r).max() / 200.0)
+            out = out[np.argsort(np.abs(r[out]))][[0, -1]]
+            rate = size[out] / np.abs(r[out])
+            if rate[1] > 1.5 * rate[0]:
+                return np.inf, np.inf
+            slopes.append(rate[1])
+        c1 = max(slopes)
+        if c1 * self.reach < 1e-5 * size[np.abs(r) <= self.reach].max(initial=0.0):
+            c1 = 0.0
+        top = int(np.argmax(size - c1 * np.abs(r)))
+        step = self.reach / 1000.0
+        close = r[top] + np.linspace(-step, step, 801)
+        with np.errstate(all="ignore"):
+            near = np.abs(self.derivative(close)) - c1 * np.abs(close)
+        highest = max(float(np.max(size - c1 * np.abs(r))), float(np.max(near[np.isfinite(near)], initial=0.0)))
+        return highest * (1.0 + 1e-9), float(c1)
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        c0, c1 = self._growth
+        return np.array([c0]), np.array([c1])
+
+    @cached_property
+    def _rates(self) -> tuple[float, float]:
+        found = []
+        last = self._knots.size
+        far = np.array([1e4, 1e6]) * max(self.reach, float(np.abs(self._knots).max()))
+        near, _ = self._growth
+        for sign, piece in ((-1.0, 0), (1.0, last)):
+            with np.errstate(all="ignore"):
+                slope = sign * self._evaluate(np.full(2, piece), sign * far, 1)
+            if not np.isfinite(slope).all():
+                with np.errstate(all="ignore"):
+                    found.append(float(np.copysign(np.inf, self._evaluate(np.array([piece]), sign * far[:1], 0)[0])))
+            elif abs(slope[1]) > 3.0 * abs(slope[0]) and abs(slope[1]) * self.reach > 1e-6:
+                found.append(float(np.copysign(np.inf, slope[1])))
+            else:
+                small = np.isfinite(near) and abs(slope[1]) < 1e-5 * near
+                found.append(0.0 if small else float(slope[1]))
+        return found[0], found[1]
+
+    def recession(self, sign: Array) -> Array:
+        sign = np.asarray(sign, dtype=float)
+        down, up = self._rates
+        with np.errstate(invalid="ignore"):
+            return np.where(sign > 0.0, sign * up, np.where(sign < 0.0, -sign * down, 0.0))
+
+    def at(self, points: Array | None) -> _OwnLaw:
+        return self
+
+    def take(self, index: IntArray) -> _OwnLaw:
+        return self
+
+    def scaled(self, factor: Array | float) -> ScaledLaw:
+        return ScaledLaw(self, np.atleast_1d(np.asarray(factor, dtype=float)))
+
+    # ---- for those who supply pieces -----------------------------------------------------------------------
+
+    def _inside(self, low: float, high: float, count: int) -> Array:
+        """Places inside a piece, dense towards its ends."""
+        reach = max(self.reach, 2.0 * max((abs(x) for x in (low, high) if np.isfinite(x)), default=0.0))
+        low = low if np.isfinite(low) else -1.5 * reach
+        high = high if np.isfinite(high) else 1.5 * reach
+        even = (np.arange(count) + 0.5) / count
+        close = np.geomspace(1e-7, 0.3, count)
+        return low + (high - low) * np.unique(np.concatenate([even, close, 1.0 - close]))
+
+
+def _joined(where: str, knots: Array, pieces: Sequence[_Piece], step: float = 0.0) -> None:
+    """Refuse a potential that is not continuous, seen from ``step`` to the left and to the right of its knots."""
+    for i, knot in enumerate(knots):
+        with np.errstate(all="ignore"):
+            left = float(pieces[i].value(np.array([knot - step]))[0])
+            right = float(pieces[i + 1].value(np.array([knot + step]))[0])
+        if not abs(right - left) <= (1e-6 if step else 1e-9) * (1e-3 + abs(left) + abs(right)):
+            raise ProblemError(
+                f"{where} is {left:.6g} to the left and {right:.6g} to the right of r = {knot:.6g}; "
+                f"a potential must be continuous (only its derivative may jump)"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _FormulaLaw(_OwnLaw):
+    """The law that :func:`FormulaLaw` makes."""
+
+    text: str
+    kinks_at: Sequence[float] = ()
+    reach: float = 10.0
+    even: bool = False
+    name: str = "formula"
+    where: str = ""
+    _formula: ScalarFormula = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.reach) and self.reach > 0.0):
+            raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
+        object.__setattr__(self, "_formula", ScalarFormula(self.text, "r", self.where))
+        _ = self._own
+
+    def _pieces(self) -> tuple[Array, tuple[_Piece, ...]]:
+        formula = self._formula
+        shown = f"{formula.prefix}formula '{self.text}'"
+        switches = formula.switches(self.reach)
+        if self.even:
+            switches = switches[switches > 1e-12 * self.reach]
+        ends = np.concatenate([[0.0 if self.even else -np.inf], switches, [np.inf]])
+        branches = [formula.branch(_middle(low, high)) for low, high in itertools.pairwise(ends)]
+        keep = [i for i in range(len(switches)) if not _alike(branches[i], branches[i + 1])]
+        branches = [branches[0], *(branches[i + 1] for i in keep)]
+        switches = switches[keep]
+        extra = [float(k) for k in self.kinks_at if k > 0.0 or not self.even]
+        knots, pieces = list(switches), []
+        smooth = [(b, b.derivative()) for b in branches]
+        plain = [_Piece(b, d, d.derivative(), str(d)) for b, d in smooth]
+        ends = np.concatenate([[0.0 if self.even else -np.inf], switches, [np.inf]])
+        for i, piece in enumerate(plain):
+            low, high = float(ends[i]), float(ends[i + 1])
+            inside = self._inside(low, high, 1000)
+            for part in (piece.value, piece.derivative):
+                bad = ~np.isfinite(part(inside))
+                if bad.any():
+                    what = "" if part is piece.value else "the derivative of "
+                    raise ProblemError(
+                        f"{what}{shown} is not finite at r = {inside[np.argmax(bad)]:.4g}; give a formula for every r"
+                        + (" >= 0" if self.even else " (use piecewise, max(r, 0) or abs(r))")
+                    )
+            knots += _turns(smooth[i][1].derivative().derivative(), inside)
+        _joined(shown, switches, plain)
+        table = np.unique(np.concatenate([knots, extra]))
+        for low, high in zip(
+            np.concatenate([[0.0 if self.even else -np.inf], table]), np.concatenate([table, [np.inf]]), strict=True
+        ):
+            pieces.append(plain[int(np.sum(switches < _middle(low, high)))])
+        return table, tuple(pieces)
+
+
+def _middle(low: Any, high: Any) -> float:
+    """A place between two ends, of which each may be infinite."""
+    low, high = float(low), float(high)
+    if np.isfinite(low) and np.isfinite(high):
+        return float(0.5 * (low + high))
+    if np.isfinite(low):
+        return float(low + 1.0 + abs(low))
+    return float(high - 1.0 - abs(high)) if np.isfinite(high) else 0.37
+
+
+def _alike(a: SmoothFormula, b: SmoothFormula) -> bool:
+    return ast.dump(a.tree) == ast.dump(b.tree)
+
+
+def _turns(third: SmoothFormula, places: Array) -> list[float]:
+    """Where a curvature turns round: sign changes of its derivative."""
+    values = third(places)
+    values = np.where(np.isfinite(values), values, 0.0)
+    values[np.abs(values) < 1e-10 * np.abs(values).max(initial=0.0)] = 0.0
+    found = []
+    nonzero = np.flatnonzero(values)
+    for i, k in itertools.pairwise(nonzero):
+        if values[i] * values[k] >= 0.0:
+            continue
+        low, high = places[i], places[k]
+        for _ in range(100):
+            middle = 0.5 * (low + high)
+            if middle in (low, high):
+                break
+            low, high = (middle, high) if float(third(np.array([middle]))[0]) * values[i] > 0.0 else (low, middle)
+        turn = 0.5 * (low + high)
+        found.append(float(turn) if abs(turn) > 1e-12 * float(np.abs(places).max()) else 0.0)
+    return found
+
+
+#: Weights at -2, -1, 0, 1, 2 of the interpolating polynomial in powers of t.
+_STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+_PANELS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _FunctionLaw(_OwnLaw):
+    """The law that :func:`FunctionLaw` makes."""
+
+    potential: Callable[[Array], Any] | None = None
+    derivative_function: Callable[[Array], Any] | None = None
+    curvature_function: Callable[[Array], Any] | None = None
+    kinks_at: Sequence[float] = ()
+    reach: float = 10.0
+    even: bool = False
+    name: str = "function"
+
+    def __post_init__(self) -> None:
+        if self.potential is None and self.derivative_function is None:
+            raise ProblemError(f"law '{self.name}' has no function; give its potential or its derivative")
+        if not (np.isfinite(self.reach) and self.reach > 0.0):
+            raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
+        kinks = np.asarray(self.kinks_at, dtype=float)
+        if kinks.ndim != 1 or not np.isfinite(kinks).all():
+            raise ProblemError(f"kinks of law '{self.name}' must be a list of finite numbers, not {self.kinks_at!r}")
+        _ = self._own
+
+    def _called(self, function: Callable[[Any], Any], r: Array) -> Array:
+        try:
+            values = np.asarray(function(r), dtype=float)
+            if values.shape != r.shape:
+                values = np.broadcast_to(values, r.shape)
+        except (TypeError, ValueError):
+            try:
+                values = np.array([float(function(x)) for x in r.ravel().tolist()]).reshape(r.shape)
+            except Exception as error:
+                raise ProblemError(f"a function of law '{self.name}' failed at a number r: {error}") from error
+        return values
+
+    def _pieces(self) -> tuple[Array, tuple[_Piece, ...]]:
+        start = 0.0 if self.even else -np.inf
+        kinks = np.unique(np.asarray(self.kinks_at, dtype=float))
+        if self.even:
+            kinks = kinks[kinks > 0.0]
+        elif kinks.size == 0:
+            kinks = np.zeros(1)
+        ends = np.concatenate([[start], kinks, [np.inf]])
+        gaps = np.diff(np.unique(np.concatenate([ends[np.isfinite(ends)], [0.0]])))
+        scale = float(min([0.1 * self.reach, *gaps]))
+        plain = [self._piece(float(ends[i]), float(ends[i + 1]), scale) for i in range(len(ends) - 1)]
+        if self.potential is None:
+            plain = _anchored(plain, kinks, self.even)
+        for i, piece in enumerate(plain):
+            r = self._inside(float(ends[i]), float(ends[i + 1]), 60)
+            for part in (piece.value, piece.derivative):
+                bad = ~np.isfinite(part(r))
+                if bad.any():
+                    raise ProblemError(
+                        f"law '{self.name}' is not finite at r = {r[np.argmax(bad)]:.6g}; mend its function"
+                    )
+        _joined(f"the potential of law '{self.name}'", kinks, plain, 1e-11 * scale)
+        turns: list[float] = []
+        for i, piece in enumerate(plain):
+            r = self._inside(float(ends[i]), float(ends[i + 1]), 300)
+            rounding = 1e-5 * float(np.abs(piece.derivative(r)).max()) / self.reach
+            turns += _extrema(r, piece.curvature(r), rounding)
+        table = np.unique(np.concatenate([kinks, turns]))
+        low = np.concatenate([[start], table])
+        high = np.concatenate([table, [np.inf]])
+        return table, tuple(plain[int(np.sum(kinks < _middle(a, b)))] for a, b in zip(low, high, strict=True))
+
+    def _piece(self, low: float, high: float, scale: float) -> _Piece:
+        """Functions that stay inside ``(low, high)``."""
+        margin = 1e-9 * scale
+
+        def differences(function: Callable[[Array], Any], r: Array, orders: tuple[int, ...]) -> list[Array]:
+            """Derivatives of the polynomial through five values around r, all of them inside the piece."""
+            step = np.minimum(3e-3 * np.maximum(scale, np.abs(r)), 0.24 * (high - low) - 0.5 * margin)
+            centre = np.clip(r, low + 2.0 * step + margin, high - 2.0 * step - margin)
+            values = np.stack([self._called(function, centre + k * step) for k in range(-2, 3)])
+            coefficients = np.tensordot(_STENCIL, values, axes=1)
+            t = (r - centre) / step
+            first = sum(k * coefficients[k] * t ** (k - 1) for k in range(1, 5)) / step
+            second = sum(k * (k - 1) * coefficients[k] * t ** (k - 2) for k in range(2, 5)) / step**2
+            return [np.asarray((first, second)[order - 1]) for order in orders]
+
+        def curvature(r: Array) -> Array:
+            r = np.asarray(r, dtype=float)
+            if self.curvature_function is not None:
+                return self._called(self.curvature_function, np.clip(r, low + margin, high - margin))
+            if self.derivative_function is not None:
+                return differences(self.derivative_function, r, (1,))[0]
+            assert self.potential is not None
+            return differences(self.potential, r, (2,))[0]
+
+        def derivative(r: Array) -> Array:
+            r = np.asarray(r, dtype=float)
+            if self.derivative_function is None:
+                assert self.potential is not None
+                return differences(self.potential, r, (1,))[0]
+            inside = np.clip(r, low + margin, high - margin)
+            values = self._called(self.derivative_function, inside)
+            moved = r != inside
+            return values if not moved.any() else values + np.where(moved, (r - inside) * curvature(inside), 0.0)
+
+        def value(r: Array) -> Array:
+            r = np.asarray(r, dtype=float)
+            if self.potential is not None:
+                return self._called(self.potential, r)
+            anchor = low if np.isfinite(low) else high
+            ends = anchor + (r - anchor)[..., None] * np.linspace(0.0, 1.0, _PANELS + 1)
+            half = 0.5 * np.diff(ends, axis=-1)
+            middle = 0.5 * (ends[..., 1:] + ends[..., :-1])
+            at = middle[..., None] + half[..., None] * _NODES
+            return np.asarray(np.einsum("...pk,k,...p->...", derivative(at), _WEIGHTS, half))
+
+        return _Piece(value, derivative, curvature)
+
+
+def _anchored(plain: list[_Piece], kinks: Array, even: bool) -> list[_Piece]:
+    """Pieces whose values, each an integral from its own end, are joined to one continuous potential."""
+    joined: list[_Piece] = []
+    base = 0.0
+    for i, piece in enumerate(plain):
+        if i > 0:
+            previous = kinks[i - 1 : i]
+            base = float(joined[-1].value(previous)[0])
+        joined.append(_shifted(piece, base))
+    return joined
+
+
+def _shifted(piece: _Piece, base: float) -> _Piece:
+    return _Piece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text)
+
+
+def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
+    """Places where a sampled curvature turns round by more than its noise."""
+    if r.size < 3:
+        return []
+    size = float(np.ptp(curvature))
+    noise = 1e-4 * size + 1e-6 * float(np.abs(curvature).max()) + rounding
+    found, best, direction = [], 0, 0
+    for i in range(1, r.size):
+        change = curvature[i] - curvature[best]
+        if direction == 0:
+            if abs(change) > noise:
+                direction, best = (1 if change > 0.0 else -1), i
+        elif change * direction > 0.0:
+            best = i
+        elif abs(change) > noise:
+            found.append(float(r[best]))
+            direction, best = -direction, i
+    return found
+
+
+def FormulaLaw(  # noqa: N802 - a law, named as the others are
+    text: str,
+    *,
+    kinks: Sequence[float] = (),
+    reach: float = 10.0,
+    even: bool = False,
+    name: str = "formula",
+    where: str = "",
+) -> Superpotential:
+    """A law whose potential is a formula in the variable r, such as ``"7/10*abs(r) - 3/10*exp(-abs(r))"``.
+
+    Derivatives are symbolic. Kinks are found from abs, min, max and the conditions of piecewise; alpha and the
+    growth constants by sampling ``[-reach, reach]`` and some places beyond. The formula may have any value at
+    r = 0; it is shifted to j(0) = 0.
+
+    Parameters
+    ----------
+    text : str
+        See :class:`hemivar.formula.ScalarFormula`.
+    kinks : sequence of float
+        Further knots.
+    reach : float
+        Length up to which kinks and constants are looked for: larger than any displacement that matters.
+    even : bool
+        The formula holds for r >= 0 and j(-r) = j(r): for friction.
+
+    Raises
+    ------
+    ProblemError
+        If the text is not a formula (with the character), is not finite somewhere, or not continuous.
+    """
+    return _FormulaLaw(text, tuple(kinks), reach, even, name, where)
+
+
+def FunctionLaw(  # noqa: N802 - a law, named as the others are
+    potential: Callable[[Array], Any] | None = None,
+    derivative: Callable[[Array], Any] | None = None,
+    curvature: Callable[[Array], Any] | None = None,
+    *,
+    kinks: Sequence[float] = (),
+    reach: float = 10.0,
+    even: bool = False,
+    name: str = "function",
+) -> Superpotential:
+    """A law given by a Python function for the potential, or for its derivative.
+
+    What is not given is computed: derivatives by central differences of fourth order that never reach across a
+    kink, the potential by Gauss quadrature of the derivative.
+
+    Parameters
+    ----------
+    potential : callable, optional
+        j, r (m,) -> (m,); one of potential and derivative must be given.
+    derivative : callable, optional
+        j'; its value at a kink does not matter.
+    curvature : callable, optional
+        j''.
+    kinks : sequence of float
+        Every place where j' or j'' jumps. ``hemivar.laws.testing.check_law`` finds kinks that are missing here.
+    reach : float
+        Length up to which the constants are sampled: larger than any displacement that matters.
+    even : bool
+        The functions hold for r >= 0 and j(-r) = j(r): for friction.
+
+    Raises
+    ------
+    ProblemError
+        If neither function is given, or one returns something else than finite numbers.
+    """
+    return _FunctionLaw(potential, derivative, curvature, kinks, reach, even, name)

@@ -1,0 +1,106 @@
+"""Friction bounds that depend on penetration or pressure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, SurveyLaw, Tresca
+from hemivar.laws.nonmonotone import ExponentialWeakening
+from hemivar.mechanics import DiscreteProblem, residual
+
+S = np.array([-0.5, 0.0, 0.05, 0.1, 2.0])
+H = np.array([0.0, 0.0, 0.4, 0.8, 0.8])
+
+
+@pytest.mark.parametrize(
+    "source", [([0.0, 0.1], [0.0, 0.8]), "min(8*s, 0.8)", lambda s: np.clip(8.0 * s, 0.0, 0.8), "min(8*max(s, 0), 0.8)"]
+)
+def test_bounds_of_the_penetration(source: object) -> None:
+    bound = PenetrationBound(source)
+    np.testing.assert_allclose(bound.value(S, np.zeros(5)), H, atol=1e-15)
+    assert bound.lipschitz == pytest.approx(8.0, rel=1e-9)
+    assert bound.at(np.zeros((5, 2))).take(np.array([1])).value(S[2:3], S[:1]) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    "source", [([0.0, 0.1, 0.1], [0.0, 0.8, 0.2]), "piecewise((0, s < 0.1), (1, True))", lambda s: 1.0 * (s > 0.1)]
+)
+def test_jumps_are_not_lipschitz(source: object) -> None:
+    assert PenetrationBound(source).lipschitz[0] == np.inf
+
+
+def test_coulomb() -> None:
+    bound = CoulombBound(lambda x: 0.1 + x[:, 0]).at(np.array([[0.0, 0.0], [0.2, 0.0]]))
+    np.testing.assert_allclose(bound.value(np.zeros(2), np.array([2.0, -1.0])), [0.2, 0.0])
+    np.testing.assert_allclose(bound.take(np.array([1])).value(np.zeros(1), np.ones(1)), [0.3])
+    assert np.isinf(bound.lipschitz).all()
+
+
+def test_frozen_laws_are_ordinary() -> None:
+    law = ContactLaw(SurveyLaw(0.3, 2.0), Friction(PenetrationBound("8*s"), ExponentialWeakening())).at(
+        np.zeros((3, 2))
+    )
+    r = np.array([[0.1, 0.3], [0.0, 0.2], [-0.1, 0.1]])
+    lam = np.zeros((3, 2))
+    assert law.state_dependent
+    assert law.lipschitz == pytest.approx(8.0)
+    frozen = law.frozen(r, lam)
+    assert not frozen.state_dependent
+    assert frozen.frozen(r, lam) is frozen
+    np.testing.assert_allclose(frozen.friction.bounds, [0.8, 0.0, 0.0])
+    np.testing.assert_array_equal(
+        frozen.value(r), ContactLaw(SurveyLaw(0.3, 2.0), SlipWeakening(np.array([0.8, 0, 0]))).value(r)
+    )
+    np.testing.assert_array_equal(law.take(np.array([2, 0])).frozen(r[[2, 0]], lam[:2]).friction.bounds, [0.0, 0.8])
+    for ask in (lambda: law.value(r), lambda: law.distance(r, lam), lambda: law.prox(r, np.ones((3, 2)))):
+        with pytest.raises(ProblemError, match=r"depends on penetration or pressure.*law.frozen"):
+            ask()
+    assert np.all(law.recession(np.array([[0.0, 1.0]])) == 0.0)
+    assert np.all(law.recession(np.array([[1.0, 1.0]])) == np.inf)
+
+
+def test_boundaries_with_and_without_are_joined() -> None:
+    laws = [
+        (ContactLaw(SurveyLaw(0.3), Tresca(CoulombBound(0.5))), 2),
+        (ContactLaw(SurveyLaw(0.3), Tresca(0.7)), 1),
+        (ContactLaw(SurveyLaw(0.3), Tresca(PenetrationBound("2*s"))), 1),
+    ]
+    law = ContactLaw.concatenate(laws)
+    state = np.full((4, 2), 0.4)
+    np.testing.assert_allclose(law.frozen(state, state).friction.bounds, [0.2, 0.2, 0.7, 0.8])
+    np.testing.assert_allclose(law.lipschitz, [np.inf, np.inf, 0.0, 2.0])
+    some = law.take(np.array([3, 2, 1]))
+    np.testing.assert_allclose(some.frozen(state[:3], state[:3]).friction.bounds, [0.8, 0.7, 0.2])
+    np.testing.assert_allclose(law.frozen_at(state).friction.bounds, [0.15, 0.15, 0.7, 0.8])
+
+
+def test_residual_and_energy_freeze_the_law_at_the_state() -> None:
+    law = ContactLaw(SurveyLaw(0.0, 2.0), Tresca(CoulombBound(0.5)))
+    u, lam = np.array([0.5, 0.2]), np.array([[1.0, 0.5]])
+    problem = DiscreteProblem(np.eye(2), u + lam[0], np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+    assert residual(problem, u, lam).total < 1e-14
+    assert residual(problem, u, np.array([[1.0, 0.6]])).total > 0.1
+    expected = 0.5 * u @ u - problem.load @ u + 0.25 + 0.5 * 0.2
+    assert problem.energy(u) == pytest.approx(expected)
+    assert problem.energy(u, np.array([[2.0, 0.0]])) == pytest.approx(expected + 0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: PenetrationBound(([0.0, 0.2, 0.1], [0.0, 1.0, 2.0])), ["row 3", "s = 0.1 comes after 0.2"]),
+        (lambda: PenetrationBound(([0.0, 1.0], [0.0, -1.0])), ["row 2", "negative"]),
+        (lambda: PenetrationBound(([0.0, 1.0], [0.0])), ["two equal lists"]),
+        (lambda: PenetrationBound("1 - s"), ["negative", "penetration"]),
+        (lambda: PenetrationBound("8*x"), ["character 3", "'x' is not known"]),
+        (lambda: PenetrationBound(3.0), ["a table (s, bound), a formula"]),
+        (lambda: CoulombBound(-0.1).at(None), ["Coulomb", "-0.1"]),
+    ],
+)
+def test_bad_bounds_are_named(make: object, words: list[str]) -> None:
+    with pytest.raises(ProblemError) as caught:
+        make()  # type: ignore[operator]
+    for word in words:
+        assert word in str(caught.value) or word == "negative"

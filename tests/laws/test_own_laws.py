@@ -1,0 +1,212 @@
+"""Laws from tables, formulas and Python functions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hemivar.errors import ProblemError
+from hemivar.laws import (
+    FormulaLaw,
+    FunctionLaw,
+    Logarithmic,
+    PiecewiseQuadratic,
+    SlipWeakening,
+    read_law_table,
+    table_law,
+)
+from hemivar.laws.testing import check_law
+
+R = np.linspace(-1.5, 3.0, 41)
+
+
+# ---- tables ----------------------------------------------------------------------------------------------
+
+
+def test_a_table_is_integrated_with_its_jumps() -> None:
+    law = table_law([0.0, 0.1, 0.1], [0.0, 2.0, 0.0])
+    np.testing.assert_allclose(law.value(np.array([-1.0, 0.05, 0.1, 3.0])), [0.0, 0.025, 0.1, 0.1], atol=1e-15)
+    at = law.subdifferential(np.array([0.1]))
+    assert (at.lower[0], at.upper[0]) == (0.0, 2.0)
+    assert law.weak_convexity[0] == np.inf
+
+
+@pytest.mark.parametrize(("extend", "expected"), [("constant", [-1.0, 3.0]), ("linear", [-5.0, 7.0])])
+def test_beyond_the_ends(extend: str, expected: list[float]) -> None:
+    law = table_law([0.0, 1.0], [-1.0, 3.0], extend=extend)
+    np.testing.assert_allclose(law.derivative(np.array([-1.0, 2.0])), expected)
+
+
+@given(
+    gaps=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=6),
+    data=st.data(),
+)
+@settings(max_examples=25, deadline=None)
+def test_any_table_passes_the_kit(gaps: list[float], data: st.DataObject) -> None:
+    r = np.cumsum([0.0, *(round(g, 3) if g > 0.05 else 0.0 for g in gaps)]) - round(data.draw(st.floats(0.0, 1.0)), 3)
+    keep = np.ones(r.size, dtype=bool)
+    keep[2:] = r[2:] != r[:-2]
+    values = np.round(data.draw(st.lists(st.floats(-2.0, 2.0), min_size=r.size, max_size=r.size)), 3)
+    if keep.sum() < 2 or np.all(values == 0.0):
+        return
+    law = table_law(r[keep], values[keep])
+    assert check_law(law).passed
+    np.testing.assert_allclose(law.derivative(r[keep][:1]), values[keep][:1], atol=1e-12)
+
+
+def test_friction_tables_are_even() -> None:
+    law = table_law([0.0, 0.2, 0.2, 1.0], [1.0, 0.8, 0.5, 0.5], friction=True)
+    assert check_law(law, friction=True).passed
+    at_rest = law.subdifferential(np.zeros(1))
+    assert (at_rest.lower[0], at_rest.upper[0]) == (-1.0, 1.0)
+    late = table_law([0.1, 0.2], [1.0, 0.5], friction=True)
+    np.testing.assert_allclose(late.derivative(np.array([0.05, -0.05, 0.15])), [1.0, -1.0, 0.75])
+
+
+def test_reading_tables(tmp_path: Path) -> None:
+    expected = table_law([0.0, 0.1, 0.1], [0.0, 2.0, 0.5])
+    for i, text in enumerate(
+        [
+            "r,derivative\n0,0\n0.1,2\n0.1,0.5\n",
+            "# glue\n\n0;0\n1e-1;2\n.1;0.5",
+            "\ufeffr\tj'\n0\t0\n0.1\t2\n0.1\t0.5\n",
+        ]
+    ):
+        path = tmp_path / f"{i}.csv"
+        path.write_text(text, encoding="utf-8")
+        law = read_law_table(path)
+        np.testing.assert_array_equal(law.derivative(R), expected.derivative(R))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("r,derivative\n0,0\n0.2,1\n0.1,0\n", ["row 3", "r = 0.1 comes after 0.2"]),
+        ("0,0\n", ["1 row;", "at least 2"]),
+        ("", ["0 rows"]),
+        ("0,0\n1,soft\n", ["line 2", "'1,soft' is not two numbers"]),
+        ("0,0\n1\n", ["line 2", "not two numbers"]),
+        ("0,0\n1,nan\n", ["row 2", "finite"]),
+        ("0,0\n1,1\n1,2\n1,3\n", ["row 4", "a third time"]),
+    ],
+)
+def test_bad_tables_are_reported_with_their_row(tmp_path: Path, text: str, words: list[str]) -> None:
+    path = tmp_path / "law.csv"
+    path.write_text(text)
+    with pytest.raises(ProblemError) as caught:
+        read_law_table(path)
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+    with pytest.raises(ProblemError, match="no such file"):
+        read_law_table(tmp_path / "none.csv")
+
+
+def test_friction_tables_refuse_negative_slips() -> None:
+    with pytest.raises(ProblemError, match=r"row 1: r = -0.1 is negative"):
+        table_law([-0.1, 0.1], [1.0, 1.0], friction=True)
+
+
+# ---- formulas --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "even", "expected"),
+    [
+        ("7/10*abs(r) - 3/10*exp(-abs(r))", False, SlipWeakening(1.0).radial),
+        ("7/10*r - 3/10*exp(-r)", True, SlipWeakening(1.0).radial),
+        ("log(1 + 4*r)", True, Logarithmic(1.0, 0.25).radial),
+        ("piecewise((0, r < 0), (10*r^2, r < 0.1), (0.1, True))", False, table_law([0, 0.1, 0.1], [0, 2, 0])),
+        ("piecewise((0, r <= 0), (10*r^2, 0 < r <= 0.1), 0.1)", False, table_law([0, 0.1, 0.1], [0, 2, 0])),
+        ("min(10*max(r, 0)^2, 0.1)", False, table_law([0, 0.1, 0.1], [0, 2, 0])),
+        ("5 + max(r, 0)*3 + r^2", False, PiecewiseQuadratic([0.0], [2.0, 2.0], [3.0])),  # type: ignore[arg-type]
+    ],
+)
+def test_formulas_agree_with_named_laws(text: str, even: bool, expected: object) -> None:
+    law = FormulaLaw(text, even=even)
+    a, b = np.full(R.size, 0.9), np.linspace(-2.0, 2.0, R.size)
+    for name, arguments in (
+        ("value", (R,)),
+        ("derivative", (R + 1e-3,)),
+        ("curvature", (R + 1e-3,)),
+        ("local_argmin", (a, b)),
+    ):
+        np.testing.assert_allclose(getattr(law, name)(*arguments), getattr(expected, name)(*arguments), atol=1e-12)
+    assert law.weak_convexity[0] == pytest.approx(expected.weak_convexity[0])  # type: ignore[attr-defined]
+    assert law.describe().constants_sampled
+
+
+def test_kinks_are_exact_or_found() -> None:
+    law = FormulaLaw("abs(r - 0.123456789) + max(exp(r) - 2, 0)")
+    np.testing.assert_allclose(law.knots[0], [0.123456789, np.log(2.0)], rtol=1e-14)
+    small = FormulaLaw("piecewise((0, r < 1e-4), (1e6*(r - 1e-4)^2, True))")
+    assert 1e-4 in small.knots[0]
+    assert 0.3 in FormulaLaw("r^2", kinks=[0.3]).knots[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("log(1+r)", ["not finite", "r = -", "piecewise, max(r, 0) or abs(r)"]),
+        ("piecewise((0, r < 0), (1, r > 0))", ["0 to the left and 1 to the right of r = 0", "continuous"]),
+        ("2 * x", ["character 5", "'x' is not known"]),
+        ("r +", ["character 3"]),
+        ("piecewise((r, r < 0), (0, r = 0))", ["not understood"]),
+        ("r.real", ["only numbers, r, pi"]),
+    ],
+)
+def test_bad_formulas(text: str, words: list[str]) -> None:
+    with pytest.raises(ProblemError) as caught:
+        FormulaLaw(text, where="[contact.bottom] normal.potential")
+    for word in ["[contact.bottom] normal.potential: ", *words]:
+        assert word in str(caught.value)
+
+
+# ---- functions -------------------------------------------------------------------------------------------
+
+
+def _j(r: np.ndarray) -> np.ndarray:
+    return np.where(r > 0, np.sin(r) + 0.5 * r, 0.1 * r**2)
+
+
+def _d(r: np.ndarray) -> np.ndarray:
+    return np.where(r > 0, np.cos(r) + 0.5, 0.2 * r)
+
+
+def _c(r: np.ndarray) -> np.ndarray:
+    return np.where(r > 0, -np.sin(r), 0.2)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        FunctionLaw(_j, kinks=[0.0]),
+        FunctionLaw(derivative=_d, kinks=[0.0]),
+        FunctionLaw(_j, _d, kinks=[0.0]),
+        FunctionLaw(_j, _d, _c, kinks=[0.0]),
+        FunctionLaw(lambda r: float(np.sin(r) + 0.5 * r) if r > 0 else 0.1 * r * r, kinks=[0.0]),
+    ],
+)
+def test_what_is_not_given_is_computed(law: FunctionLaw) -> None:  # type: ignore[valid-type]
+    r = np.concatenate([R, [1e-7, -1e-7, 1e-3, 7.0]])
+    r = r[r != 0.0]
+    np.testing.assert_allclose(law.value(r), _j(r), atol=1e-12)
+    np.testing.assert_allclose(law.derivative(r), _d(r), atol=2e-9)
+    np.testing.assert_allclose(law.curvature(r), _c(r), atol=2e-6)
+    at = law.subdifferential(np.zeros(1))
+    assert (at.lower[0], at.upper[0]) == pytest.approx((0.0, 1.5), abs=1e-8)
+    assert law.weak_convexity[0] == pytest.approx(1.0, rel=1e-4)
+
+
+def test_functions_that_cannot_be_used_are_refused() -> None:
+    with pytest.raises(ProblemError, match="potential or its derivative"):
+        FunctionLaw()
+    with pytest.raises(ProblemError, match="not finite at r = "):
+        FunctionLaw(lambda r: np.full(np.shape(r), np.nan))
+    with pytest.raises(ProblemError, match="continuous"):
+        FunctionLaw(lambda r: np.where(r > 1.0, 1.0, 0.0), kinks=[1.0])
+    with pytest.raises(ProblemError, match="kinks of law 'function'"):
+        FunctionLaw(lambda r: r**2, kinks=[np.nan])
