@@ -10,11 +10,14 @@ from hemivar.solvers.bundle import ProximalBundle
 from hemivar.solvers.condensed import CondensedProblem, condense
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.direct import DirectOptimization, Optimizer, Powell
+from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.lbfgs import LBFGS
+from hemivar.solvers.load_line import LoadLine
+from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.nested import solve_nested, transfer_solution
-from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.solution import ContactState, Solution
-from hemivar.solvers.solve import solve
+from hemivar.solvers.solve import solve, suited
 from hemivar.solvers.status import Status
 
 _ALL = (
@@ -41,7 +44,10 @@ __all__ = [
     "Controls",
     "DirectOptimization",
     "ExactInner",
+    "FixedPoint",
     "InnerSolver",
+    "LoadLine",
+    "LoadStepping",
     "NewtonKrylov",
     "NonsmoothNewton",
     "Optimizer",
@@ -50,11 +56,13 @@ __all__ = [
     "Progress",
     "ProximalBundle",
     "RootFinder",
+    "Search",
     "Solution",
     "Solver",
     "Status",
     "condense",
     "solve",
     "solve_nested",
+    "suited",
     "transfer_solution",
 ]

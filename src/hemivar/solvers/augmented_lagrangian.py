@@ -42,6 +42,14 @@ def _too_concave(problem: DiscreteProblem) -> str | None:
     return None
 
 
+def _safe_steps(system: CondensedProblem, penalty: float) -> Array:
+    """Steps tau (m, 2) of the proximal map, with tau alpha <= 1/2 so that the map is single-valued."""
+    tau = system.compliance / penalty
+    for column, alpha in enumerate(system.law.weak_convexity):
+        tau[:, column] = np.minimum(tau[:, column], 0.5 / np.maximum(alpha, 1e-300))
+    return tau
+
+
 @dataclass(frozen=True)
 class AugmentedLagrangian(Solver):
     """The survey's augmented Lagrangian method (section 4.2) on the condensed unknowns (r, lambda).
@@ -90,7 +98,7 @@ class AugmentedLagrangian(Solver):
         count = 0
         free = system.free
         m, d = system.shape
-        tau = system.compliance / penalty
+        tau = _safe_steps(system, penalty)
         rows = 1.0 / np.sqrt(system.diagonal.ravel()[free])
         columns = np.repeat(system.weights, d)[free]
         length, pressure = system.length_scale, system.pressure_scale
@@ -169,10 +177,7 @@ class AugmentedLagrangianNewton(Solver):
         problem = system.problem
         m, d = system.shape
         u = state.memory
-        tau = system.compliance / self.penalty
-        for alpha, column in zip(problem.law.weak_convexity, (0, 1), strict=True):
-            limit = 0.5 / np.maximum(alpha, 1e-300)
-            tau[:, column] = np.minimum(tau[:, column], limit)
+        tau = _safe_steps(system, self.penalty)
         spread = np.concatenate([tau[:, :1], np.repeat(tau[:, 1:], d - 1, axis=1)], axis=1)
         free = system.free
         B = problem.trace[free]

@@ -56,6 +56,8 @@ class State:
         Certified bound of the energy-norm distance to the solution.
     memory : object
         Whatever the method keeps between steps.
+    contraction : float or None
+        Measured contraction factor of a fixed-point iteration.
     """
 
     r: Array
@@ -65,6 +67,7 @@ class State:
     energy: float | None = None
     error_bound: float | None = None
     memory: Any = None
+    contraction: float | None = None
 
 
 class Solver(ABC):
@@ -79,6 +82,11 @@ class Solver(ABC):
     #: Whether its energy never rises, so that of two iterates the one with less energy is the better one.
     descends: ClassVar[bool] = False
 
+    @property
+    def handles_state(self) -> bool:
+        """Whether it treats laws whose bounds depend on the solution."""
+        return False
+
     def refuse(self, problem: DiscreteProblem) -> str | None:
         """Why this method cannot treat the problem, in words, or None.  Asked before any work is done."""
         return None
@@ -90,3 +98,7 @@ class Solver(ABC):
     @abstractmethod
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         """One step.  Long ones call ``budget.check()`` now and then."""
+
+    def settle(self, system: CondensedProblem, state: State, budget: Budget) -> State | None:
+        """A state with less energy to go on from, asked once the residual is small; None if ``state`` is final."""
+        return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +18,12 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual, contact_compliance, residual
 from hemivar.solvers.factorisation import Factorisation, factorise
 
-__all__ = ["CondensedProblem", "condense"]
+__all__ = ["CondensedProblem", "condense", "depends_on_state"]
+
+
+def depends_on_state(law: ContactLaw) -> bool:
+    """Whether a bound of the law depends on the solution (the two-argument functional J(w, v))."""
+    return law.state_dependent
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,7 @@ class CondensedProblem:
     rest_energy: float
     seconds: float
     _recovery: _Recovery
+    _body: _Body
 
     # ---- views -----------------------------------------------------------------------------------------
 
@@ -150,7 +156,7 @@ class CondensedProblem:
         domain = self.law.normal.domain
         r[:, 0] = np.where(self.active[:, 0], np.clip(r[:, 0], domain.lower, domain.upper), r[:, 0])
         if d > 1:
-            limit = np.broadcast_to(self.law.tangential.domain.upper, (m,))
+            limit = np.broadcast_to(self.law.friction.profile.domain.upper, (m,))
             size = np.linalg.norm(r[:, 1:], axis=1)
             outside = size > limit
             if outside.any():
@@ -161,7 +167,14 @@ class CondensedProblem:
     def energy(self, r: Array) -> float:
         """E of the displacement with local displacements ``r``."""
         x = r.ravel()
-        return float(0.5 * x @ (self.matrix @ x) - self.force @ x + self.weights @ self.law.value(r)) + self.constant
+        answer = self.law_at(r).value(r)
+        return float(0.5 * x @ (self.matrix @ x) - self.force @ x + self.weights @ answer) + self.constant
+
+    def law_at(self, r: Array, lam: Array | None = None) -> ContactLaw:
+        """The law, with a bound that depends on the solution evaluated at ``r`` and the multiplier ``lam``."""
+        if not depends_on_state(self.law):
+            return self.law
+        return self.law.frozen(r, self.out_of_balance(r) / self.weights[:, None] if lam is None else lam)
 
     def out_of_balance(self, r: Array) -> Array:
         """Elastic force ``g - A r`` on the contact points, (m, d); it must equal ``W lambda``."""
@@ -171,14 +184,14 @@ class CondensedProblem:
         """Pressure and friction in equilibrium with ``r``; on fixed components the smallest that the law allows."""
         lam = self.out_of_balance(r) / self.weights[:, None]
         if not self.active.all():
-            reaction = self.law.nearest_multiplier(r, np.zeros(self.shape))
+            reaction = self.law_at(r, lam).nearest_multiplier(r, np.zeros(self.shape))
             lam = np.where(self.active, lam, reaction)
         return lam
 
     def residual(self, r: Array, lam: Array) -> Residual:
         """The residual of the full problem for ``(r, lambda)``, the other unknowns being in equilibrium."""
         off_balance = np.where(self.active, self.out_of_balance(r) - self.weights[:, None] * lam, 0.0)
-        off_law = self.law.graph_distance(r, lam, self._full_compliance) if len(r) else np.zeros(0)
+        off_law = self.law_at(r, lam).graph_distance(r, lam, self._full_compliance) if len(r) else np.zeros(0)
         return Residual.of(
             out_of_balance=off_balance,
             inclusion=self.weights * off_law,
@@ -194,6 +207,25 @@ class CondensedProblem:
     @cached_property
     def _load_scale(self) -> float:
         return float(np.linalg.norm(self.problem.load))
+
+    # ---- the same body otherwise ---------------------------------------------------------------------------
+
+    def for_problem(self, problem: DiscreteProblem) -> CondensedProblem:
+        """The condensation of the same body under another load, gap or law, without a new factorisation.
+
+        Parameters
+        ----------
+        problem : DiscreteProblem
+            With the same stiffness, trace and weights.
+        """
+        old = self.problem
+        if problem.stiffness.shape != old.stiffness.shape or problem.trace.shape != old.trace.shape:
+            raise ProblemError("the other problem is of another size; condense it by itself")
+        began = time.perf_counter()
+        same_load = problem.load is old.load and problem.constant == old.constant
+        if same_load and problem.gap is old.gap and problem.slip_offset is old.slip_offset:
+            return replace(self, problem=problem, seconds=0.0)
+        return _load(self._body, problem, began)
 
     # ---- the way back --------------------------------------------------------------------------------------
 
@@ -246,56 +278,84 @@ def condense(problem: DiscreteProblem) -> CondensedProblem:
         The interior is singular (part of the body can move freely), or contact rows depend on one another.
     """
     began = time.perf_counter()
-    K, f, B = problem.stiffness, problem.load, problem.trace
+    return _load(_condense_body(problem), problem, began)
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """What the condensation makes of stiffness and trace alone, whatever the load, the gap and the law."""
+
+    factor: Factorisation
+    kept: IntArray
+    matrix: Array
+    active: BoolArray
+    spread: Any  # (k, m d) array or sparse array
+    drift: Array | None  # (k, k): displacement of what no contact point sees, for a force on the kept unknowns
+
+
+def _condense_body(problem: DiscreteProblem) -> _Body:
+    K, B = problem.stiffness, problem.trace
     m, d = problem.contact_points, problem.dim
     B = sp.csr_array(B)
     B.eliminate_zeros()
     kept = np.unique(B.indices).astype(np.int64)
     factor = factorise(K, kept)
-    interior = factor.solve_interior(f)
-    reduced_force = (f - K @ interior)[kept]
-    rest_energy = 0.5 * float(f @ interior)
-    constant = problem.constant - rest_energy
     active = (np.diff(B.indptr) > 0).reshape(m, d)
     rows = np.flatnonzero(active.ravel())
     trace = sp.csr_array(B[rows][:, kept])
-    offset = problem.offset
     select = trace.nnz == rows.size == kept.size and np.all(trace.data == 1.0)
     S = factor.schur
     matrix = np.zeros((m * d, m * d))
-    force = np.zeros(m * d)
+    drift: Array | None = None
     if select:
         columns = trace.indices
         matrix[np.ix_(rows, rows)] = S[np.ix_(columns, columns)]
-        force[rows] = reduced_force[columns]
         spread: Any = sp.csr_array((np.ones(rows.size), (columns, rows)), shape=(kept.size, m * d))
-        shift = np.zeros(kept.size)
     else:
         local, remainder = _local_coordinates(trace.toarray())
         if remainder.shape[1]:
             # Minimise over the combinations of contact unknowns that no contact point sees.
             pivot = la.cho_factor(_positive(remainder.T @ S @ remainder))
             follow = -la.cho_solve(pivot, remainder.T @ S @ local)
-            drift = la.cho_solve(pivot, remainder.T @ reduced_force)
-            constant -= 0.5 * float(drift @ (remainder.T @ reduced_force))
             local = local + remainder @ follow
-            shift = remainder @ drift
-        else:
-            shift = np.zeros(kept.size)
+            drift = remainder @ la.cho_solve(pivot, remainder.T)
         dense = np.zeros((kept.size, m * d))
         dense[:, rows] = local
         spread = dense
         block = local.T @ S @ local
         matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
-        force[rows] = local.T @ reduced_force
+    return _Body(factor, kept, matrix, active, spread, drift)
+
+
+def _load(body: _Body, problem: DiscreteProblem, began: float) -> CondensedProblem:
+    K, f = problem.stiffness, problem.load
+    interior = body.factor.solve_interior(f)
+    reduced_force = (f - K @ interior)[body.kept]
+    rest_energy = 0.5 * float(f @ interior)
+    constant = problem.constant - rest_energy
+    shift = np.zeros(body.kept.size)
+    if body.drift is not None:
+        shift = body.drift @ reduced_force
+        constant -= 0.5 * float(shift @ reduced_force)
+    force = np.asarray(body.spread.T @ reduced_force)
     # From contact unknowns y = r + offset to r.
-    free_offset = np.where(active.ravel(), offset, 0.0)
-    constant += 0.5 * float(free_offset @ (matrix @ free_offset)) - float(force @ free_offset)
-    force = force - matrix @ free_offset
-    fixed = np.where(active, 0.0, -offset.reshape(m, d))
-    recovery = _Recovery(factor, K, f, kept, free_offset, spread, shift)
+    offset = problem.offset
+    free_offset = np.where(body.active.ravel(), offset, 0.0)
+    constant += 0.5 * float(free_offset @ (body.matrix @ free_offset)) - float(force @ free_offset)
+    force = force - body.matrix @ free_offset
+    fixed = np.where(body.active, 0.0, -offset.reshape(body.active.shape))
+    recovery = _Recovery(body.factor, K, f, body.kept, free_offset, body.spread, shift)
     return CondensedProblem(
-        problem, matrix, force, active, fixed, constant, rest_energy, time.perf_counter() - began, recovery
+        problem,
+        body.matrix,
+        force,
+        body.active,
+        fixed,
+        constant,
+        rest_energy,
+        time.perf_counter() - began,
+        recovery,
+        body,
     )
 
 

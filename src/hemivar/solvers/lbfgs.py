@@ -117,8 +117,12 @@ class _Envelope:
 
     @cached_property
     def metric(self) -> Array:
-        """Stiffness of the forward-backward step, (m, d)."""
-        return self.system.diagonal / self.factor
+        """Stiffness of the forward-backward step, (m, d); twice the weak convexity at least: the step is unique."""
+        metric = self.system.diagonal / self.factor
+        for alpha, columns in zip(self.system.law.weak_convexity, (slice(0, 1), slice(1, None)), strict=True):
+            floor = 2.0 * self.system.weights * alpha
+            metric[:, columns] = np.maximum(metric[:, columns], floor[:, None])
+        return metric
 
     @cached_property
     def root(self) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import ClassVar
 
 import numpy as np
@@ -13,9 +14,29 @@ from hemivar.laws import ContactLaw
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
+from hemivar.solvers.downhill import downhill_minimiser
 from hemivar.solvers.status import Status
 
-__all__ = ["NonsmoothNewton", "diagonal_step", "lower_energy", "majorant", "newton_components", "newton_system"]
+__all__ = [
+    "NonsmoothNewton",
+    "Search",
+    "best_component",
+    "diagonal_step",
+    "escape_saddle",
+    "lower_energy",
+    "majorant",
+    "newton_components",
+    "newton_system",
+]
+
+
+class Search(Enum):
+    """How far a contact point looks for less energy."""
+
+    GLOBAL = "global"
+    """It takes the lowest point of its own energy, over any barrier."""
+    DOWNHILL = "downhill"
+    """It walks downhill and never crosses a barrier of its own energy: the branch it is on is kept while it lasts."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +49,10 @@ class NonsmoothNewton(Solver):
     kinks, and the step is cut back to the pieces it started on, or taken across them if that is lower, and halved
     until the energy does not rise.
 
-    For a convex energy the iteration converges from any start; in general it ends at a stationary point at which
-    every contact point is at a global minimum of its own diagonal problem.
+    For a convex energy the iteration converges from any start.  For any other law (softening, or a derivative that
+    jumps down) it goes on from a stationary point as long as a single component, all others being held, has a lower
+    global minimum, or a direction of negative curvature leads down; so it ends at a point that is minimal component by
+    component, with an energy that never rises.
 
     Parameters
     ----------
@@ -37,10 +60,13 @@ class NonsmoothNewton(Solver):
         Diagonal minimisations before each Newton step.
     halvings : int
         How often a step may be halved.
+    search : Search
+        Whether components cross barriers of their own energy (GLOBAL), or only walk downhill (DOWNHILL).
     """
 
     sweeps: int = 2
     halvings: int = 20
+    search: Search = Search.GLOBAL
     name: ClassVar[str] = "newton"
     descends: ClassVar[bool] = True
 
@@ -51,18 +77,122 @@ class NonsmoothNewton(Solver):
         r, energy, evaluations = state.r, float(state.energy or 0.0), state.evaluations
         factor: float = state.memory
         for _ in range(self.sweeps):
-            new, gain, tries, factor = diagonal_step(system, r, factor)
+            new, gain, tries, factor = diagonal_step(system, r, factor, self.search)
             evaluations += tries
             if new is None:
                 return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
             if gain < 0.0 or not np.isfinite(energy):
                 r = new
                 energy = energy + gain if np.isfinite(energy) else system.energy(r)
-        new, gain, tries = _newton_step(system, r, self.halvings)
+        new, gain, tries = _newton_step(system, r, self.halvings, self.search)
         evaluations += tries
         if gain <= 0.0:
             r, energy = new, energy + gain
+        if np.isfinite(energy) and state.energy is not None and energy >= state.energy - 1e-14 * abs(state.energy):
+            r = _polish(system, r)
         return State(r, system.multiplier(r), evaluations, energy=energy, memory=factor)
+
+    def settle(self, system: CondensedProblem, state: State, budget: Budget) -> State | None:
+        if all((alpha == 0.0).all() for alpha in system.law.weak_convexity):
+            return None
+        r, gain = state.r, 0.0
+        threshold = -1e-12 * _energy_scale(system, r)
+        if self.search is Search.GLOBAL:
+            for _ in range(4 * r.size):
+                budget.check()
+                better, step_gain = best_component(system, r)
+                if step_gain >= threshold:
+                    break
+                r, gain = better, gain + step_gain
+        else:
+            new, step_gain, _, _ = diagonal_step(system, r, float(state.memory), self.search)
+            if new is not None and step_gain < threshold:
+                r, gain = new, step_gain
+        if gain == 0.0:
+            r, gain = escape_saddle(system, r, self.search)
+            if gain >= threshold:
+                return None
+        energy = float(state.energy or 0.0) + gain
+        return State(r, system.multiplier(r), state.evaluations, energy=energy, memory=state.memory)
+
+
+def _energy_scale(system: CondensedProblem, r: Array) -> float:
+    flat = np.abs(r).ravel()
+    return float(np.abs(system.force) @ flat + flat @ (np.abs(system.matrix) @ flat)) + float(
+        system.weights @ np.abs(system.law.value(r))
+    )
+
+
+def best_component(system: CondensedProblem, r: Array) -> tuple[Array, float]:
+    """The best move of one component (the tangential ones of a point together), all others being held: point, gain."""
+    m, d = system.shape
+    law, w = system.law, system.weights
+    force = system.out_of_balance(r)
+    a = system.diagonal.copy()
+    if d > 2:  # the tangential block is replaced by its largest eigenvalue
+        blocks = system.matrix.reshape(m, d, m, d)[np.arange(m), 1:, np.arange(m), 1:]
+        a[:, 1:] = np.maximum(np.linalg.eigvalsh(blocks)[:, -1:], 1e-12 * a[:, 1:])
+    pair = np.stack([a[:, 0], a[:, min(1, d - 1)]], axis=1) / w[:, None]
+    target = law.local_argmin(pair, (a * r + force) / w[:, None])
+    target = np.where(system.active & np.isfinite(target), target, r)
+    step = target - r
+    quadratic = 0.5 * a * step**2 - force * step
+    gains = np.zeros((m, 2))
+    gains[:, 0] = quadratic[:, 0] + w * (law.normal.value(target[:, 0]) - law.normal.value(r[:, 0]))
+    if d > 1:
+        size, old = np.linalg.norm(target[:, 1:], axis=1), np.linalg.norm(r[:, 1:], axis=1)
+        gains[:, 1] = quadratic[:, 1:].sum(axis=1) + w * (law.tangential.value(size) - law.tangential.value(old))
+    point, part = np.unravel_index(int(np.argmin(gains)), gains.shape)
+    new = r.copy()
+    columns = slice(0, 1) if part == 0 else slice(1, d)
+    new[point, columns] = target[point, columns]
+    return new, float(gains[point, part])
+
+
+def escape_saddle(system: CondensedProblem, r: Array, search: Search = Search.GLOBAL) -> tuple[Array, float]:
+    """A step along the direction of most negative curvature of the smooth components: point, gain (0 if none)."""
+    moving = newton_components(system.law, r, system.active)
+    index = np.flatnonzero(moving.ravel())
+    if index.size == 0:
+        return r, 0.0
+    force = system.out_of_balance(r)
+    H, _ = newton_system(system, r, index, force)
+    try:
+        la.cho_factor(H, check_finite=False)
+        return r, 0.0
+    except la.LinAlgError:
+        values, vectors = la.eigh(H, subset_by_index=[0, 0], check_finite=False)
+    if values[0] >= -1e-12 * float(np.abs(H).max()):
+        return r, 0.0
+    direction = np.zeros(r.shape)
+    direction.ravel()[index] = vectors[:, 0]
+    value = system.law.value(r)
+    best, best_gain = r, 0.0
+    for sign in (1.0, -1.0):
+        length = sign * _room(system.law, r, sign * direction, moving)
+        for _ in range(12):
+            new = np.where(moving, r + length * direction, r)
+            gain = _gain(system, r, new, force, value)
+            if gain < best_gain:
+                best, best_gain = new, gain
+                break
+            length *= 0.5
+    return best, best_gain
+
+
+def _room(law: ContactLaw, r: Array, direction: Array, moving: BoolArray) -> float:
+    """How far ``r`` can go along ``direction`` until the first component meets the end of its piece."""
+    far = float(np.abs(r).max(initial=0.0)) or 1.0
+    length = 100.0 * far / float(np.abs(direction).max())
+    for _ in range(60):
+        aim = r + length * direction
+        cut = np.where(moving, law.clamp(r, aim), aim)
+        missed = np.abs(aim - cut) > 1e-14 * (np.abs(aim) + np.abs(r))
+        if not missed.any():
+            break
+        ratio = np.where(missed, np.abs(cut - r) / np.maximum(np.abs(aim - r), 1e-300), 1.0)
+        length *= min(max(float(ratio.min()), 1e-3), 1.0 - 1e-12)
+    return length
 
 
 def _gain(system: CondensedProblem, r: Array, new: Array, force: Array, value: Array) -> float:
@@ -91,7 +221,9 @@ def majorant(system: CondensedProblem) -> float:
     return max(1.05 * largest, 1.0)
 
 
-def diagonal_step(system: CondensedProblem, r: Array, factor: float) -> tuple[Array | None, float, int, float]:
+def diagonal_step(
+    system: CondensedProblem, r: Array, factor: float, search: Search = Search.GLOBAL
+) -> tuple[Array | None, float, int, float]:
     """All points minimise their diagonal problem at once; it is stiffened until the energy falls."""
     d = r.shape[1]
     force = system.out_of_balance(r)
@@ -101,7 +233,11 @@ def diagonal_step(system: CondensedProblem, r: Array, factor: float) -> tuple[Ar
         stiffness = factor * system.diagonal
         pair = np.stack([stiffness[:, 0], stiffness[:, min(1, d - 1)]], axis=1) / system.weights[:, None]
         pull = (stiffness * r + force) / system.weights[:, None]
-        new = np.where(system.active, system.law.local_argmin(pair, pull), system.fixed)
+        if search is Search.GLOBAL or not feasible:
+            target = system.law.local_argmin(pair, pull)
+        else:
+            target = downhill_minimiser(system.law, pair, pull, r)
+        new = np.where(system.active, target, system.fixed)
         if not np.isfinite(new).all():
             return None, 0.0, attempt, factor
         if not feasible:
@@ -113,7 +249,9 @@ def diagonal_step(system: CondensedProblem, r: Array, factor: float) -> tuple[Ar
     return r, 0.0, attempt, factor
 
 
-def _newton_step(system: CondensedProblem, r: Array, halvings: int) -> tuple[Array, float, int]:
+def _newton_step(
+    system: CondensedProblem, r: Array, halvings: int, search: Search = Search.GLOBAL
+) -> tuple[Array, float, int]:
     """Newton's step on the smooth components, cut back to their pieces: point, gain, evaluations."""
     law = system.law
     moving = newton_components(law, r, system.active)
@@ -124,13 +262,18 @@ def _newton_step(system: CondensedProblem, r: Array, halvings: int) -> tuple[Arr
     value = law.value(r)
     H, g = newton_system(system, r, index, force)
     direction = np.zeros(r.shape)
-    direction.ravel()[index] = _descend(H, g)
+    found, convex = _descend(H, g)
+    direction.ravel()[index] = found
     best, best_gain, tries = r, 0.0, 0
     length = 1.0
+    first = None if convex else r + _room(law, r, direction, moving) * direction
     for _ in range(halvings):
         far = np.where(system.active, r + length * direction, system.fixed)
         near = np.where(moving, law.clamp(r, far), r)
-        for candidate in (near, far):
+        candidates = (near, far) if search is Search.GLOBAL else (near,)
+        if first is not None:
+            candidates, first = (*candidates, np.where(system.active, first, system.fixed)), None
+        for candidate in candidates:
             gain = _gain(system, r, candidate, force, value)
             tries += 1
             if gain < best_gain:
@@ -139,6 +282,46 @@ def _newton_step(system: CondensedProblem, r: Array, halvings: int) -> tuple[Arr
             break
         length *= 0.5
     return best, best_gain, tries
+
+
+def _polish(system: CondensedProblem, r: Array) -> Array:
+    """Newton's step judged by the residual, where what is left to gain is below the rounding of the energy."""
+    now = system.residual(r, system.multiplier(r))
+    force, value = system.out_of_balance(r), system.law.value(r)
+    allowed = 1e-14 * _energy_scale(system, r)
+    best, lowest = r, 0.9 * now.total
+    for start in (r, _snapped(system.law, r)):
+        start = np.where(system.active, start, system.fixed)
+        moving = newton_components(system.law, start, system.active)
+        index = np.flatnonzero(moving.ravel())
+        new = start.copy()
+        if index.size:
+            H, g = newton_system(system, start, index, system.out_of_balance(start))
+            new.ravel()[index] += _descend(H, g)[0]
+            new = np.where(moving, system.law.clamp(start, new), start)
+        if _gain(system, r, new, force, value) <= allowed:
+            found = system.residual(new, system.multiplier(new)).total
+            if found < lowest:
+                best, lowest = new, found
+    return best
+
+
+def _snapped(law: ContactLaw, r: Array) -> Array:
+    """``r`` with the components that miss a kink by rounding put on it."""
+    out = r.copy()
+    near = 1e-11 * float(np.abs(r).max(initial=0.0))
+    sizes = [r[:, 0]] if r.shape[1] == 1 else [r[:, 0], np.linalg.norm(r[:, 1:], axis=1)]
+    for c, (size, scalar) in enumerate(zip(sizes, (law.normal, law.tangential), strict=False)):
+        off = np.where(scalar.kinks(), np.abs(size[:, None] - scalar.knots), np.inf)
+        at = np.argmin(off, axis=1)
+        hit = off[np.arange(len(r)), at] <= near
+        knot = np.broadcast_to(scalar.knots, off.shape)[np.arange(len(r)), at]
+        if c == 0:
+            out[:, 0] = np.where(hit, knot, r[:, 0])
+        else:
+            scale = np.where(hit & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
+            out[:, 1:] = r[:, 1:] * scale[:, None]
+    return out
 
 
 def lower_energy(system: CondensedProblem, r: Array, steps: int) -> Array:
@@ -176,11 +359,11 @@ def newton_system(system: CondensedProblem, r: Array, index: IntArray, force: Ar
     return H, g
 
 
-def _descend(H: Array, g: Array) -> Array:
-    """``H^-1 g`` where H is positive definite, and a descent direction of the same length scale otherwise."""
+def _descend(H: Array, g: Array) -> tuple[Array, bool]:
+    """``H^-1 g`` where H is positive definite, else a descent direction of the same length scale; and whether it is."""
     try:
-        return np.asarray(la.cho_solve(la.cho_factor(H, check_finite=False), g, check_finite=False))
+        return np.asarray(la.cho_solve(la.cho_factor(H, check_finite=False), g, check_finite=False)), True
     except la.LinAlgError:
         values, vectors = la.eigh(H, check_finite=False)
         floor = 1e-10 * float(np.abs(values).max(initial=1.0))
-        return np.asarray(vectors @ ((vectors.T @ g) / np.maximum(np.abs(values), floor)))
+        return np.asarray(vectors @ ((vectors.T @ g) / np.maximum(np.abs(values), floor))), False

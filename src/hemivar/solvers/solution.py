@@ -59,6 +59,10 @@ class Solution:
     error_bound : float or None
         Where the method certifies its end point: bound of the distance to the exact discrete solution in the
         energy norm ``sqrt(v'Kv)``.
+    contraction : float or None
+        Contraction factor measured by the outer fixed point, where the law depends on the solution.
+    kind : str or None
+        What kind of stationary point it is, where it was determined ("minimum", "saddle", "maximum", "jump").
     """
 
     problem: DiscreteProblem
@@ -72,6 +76,8 @@ class Solution:
     history: tuple[Progress, ...] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     error_bound: float | None = None
+    contraction: float | None = None
+    kind: str | None = None
 
     @cached_property
     def displacement(self) -> Array:

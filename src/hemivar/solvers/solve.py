@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
+import scipy.linalg as la
 
 from hemivar._typing import Array
 from hemivar.errors import MethodError, ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import residual
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.condensed import CondensedProblem, condense
-from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
+from hemivar.solvers.condensed import CondensedProblem, condense, depends_on_state
+from hemivar.solvers.controls import Budget, Controls
+from hemivar.solvers.fixed_point import FixedPoint
+from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
-from hemivar.solvers.solution import Solution, contact_state
+from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 
-__all__ = ["solve"]
+__all__ = ["solve", "suited"]
 
 
 def solve(
@@ -36,7 +38,8 @@ def solve(
     problem : DiscreteProblem
         From :func:`hemivar.discretize`, or made of the user's own arrays.
     solver : Solver, optional
-        The method and its options; :class:`NonsmoothNewton` by default.
+        The method and its options; :class:`NonsmoothNewton` by default, inside a :class:`FixedPoint` where a bound
+        of the law depends on the solution.
     controls : Controls, optional
         Tolerances, limits, callback.
     initial : Solution or array (n,), optional
@@ -56,8 +59,14 @@ def solve(
     ProblemError
         The problem cannot be solved as stated.
     """
-    solver = NonsmoothNewton() if solver is None else solver
+    if solver is None:
+        solver = suited(NonsmoothNewton(), problem)
     controls = Controls() if controls is None else controls
+    if depends_on_state(problem.law) and not solver.handles_state:
+        raise MethodError(
+            f"{solver.name} cannot solve this problem: a friction bound depends on the solution; "
+            "wrap the method, FixedPoint(inner=...)"
+        )
     why = solver.refuse(problem)
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
@@ -66,16 +75,18 @@ def solve(
     elif condensed.problem is not problem:
         raise ProblemError("the condensation given belongs to another problem; condense this one")
     _check_held(condensed)
+    _check_coercive(condensed)
     began = time.perf_counter()
     budget = Budget(controls.max_time)
     start = _start(condensed, initial)
-    state, status, history = _iterate(solver, condensed, start, controls, budget)
+    state, status, history = iterate(solver, condensed, start, controls, budget)
     iterated = time.perf_counter()
     unknowns, found = condensed.recover(state.r, state.lam)
     multiplier = state.lam
-    if problem.contact_points and np.isfinite(problem.law.value(state.r)).all():
+    law = condensed.law_at(state.r, state.lam) if np.isfinite(state.r).all() else None
+    if problem.contact_points and law is not None and np.isfinite(law.value(state.r)).all():
         # Rounding aside, a multiplier of the law itself: no pressure at all where the body has lifted.
-        exact = np.where(condensed.active, problem.law.nearest_multiplier(state.r, state.lam), state.lam)
+        exact = np.where(condensed.active, law.nearest_multiplier(state.r, state.lam), state.lam)
         with_exact = residual(problem, unknowns, exact)
         if with_exact.total <= found.total + found.rounding:
             multiplier, found = exact, with_exact
@@ -99,7 +110,13 @@ def solve(
             "recover": time.perf_counter() - iterated,
         },
         error_bound=state.error_bound,
+        contraction=state.contraction,
     )
+
+
+def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
+    """The method, inside a :class:`FixedPoint` where the law of the problem depends on the solution."""
+    return FixedPoint(solver) if depends_on_state(problem.law) and not solver.handles_state else solver
 
 
 def _start(system: CondensedProblem, initial: Solution | Array | None) -> State:
@@ -126,7 +143,7 @@ def _check_held(system: CondensedProblem) -> None:
     With one rigid motion the check is complete; with several, it looks along each of them.
     """
     law = system.law
-    if not len(system.rigid_modes) or any((alpha > 0.0).any() for alpha in law.weak_convexity):
+    if depends_on_state(law) or not len(system.rigid_modes) or any((alpha > 0.0).any() for alpha in law.weak_convexity):
         return
     for mode in system.rigid_modes:
         for sign in (1.0, -1.0):
@@ -141,56 +158,36 @@ def _check_held(system: CondensedProblem) -> None:
                 )
 
 
-def _iterate(
-    solver: Solver, system: CondensedProblem, state: State, controls: Controls, budget: Budget
-) -> tuple[State, Status, list[Progress]]:
-    """Step until the residual is small, the method ends, or a limit is reached; keeps the best iterate."""
-    steps = solver.default_steps if controls.max_steps is None else controls.max_steps
-    history: list[Progress] = []
-    best, best_rank, smallest = state, np.inf, np.inf
-    lowest: list[float] = []
-    status: Status | None = None
-    try:
-        state = solver.begin(system, state, budget)
-        for step in range(steps + 1):
-            if step:
-                before = contact_state(state.r, state.lam)
-                state = solver.step(system, state, budget)
-                changed = int(np.count_nonzero(contact_state(state.r, state.lam) != before))
-            else:
-                changed = 0
-            now = system.residual(state.r, state.lam)
-            finite = bool(np.isfinite(state.r).all() and np.isfinite(now.total))
-            energy = system.energy(state.r) if state.energy is None else state.energy
-            history.append(Progress(step, energy, now.relative, changed, budget.spent))
-            rank = energy if solver.descends else now.total
-            certified = state.ended is Status.CONVERGED and state.error_bound is not None
-            if finite and (rank <= best_rank or certified):
-                best, best_rank = state, rank
-            smallest = min(smallest, now.total if finite else np.inf)
-            stop = controls.callback is not None and controls.callback(history[-1])
-            if not finite and step:
-                status = state.ended or Status.NONFINITE
-            elif now.below(controls.atol, controls.rtol):
-                status = Status.CONVERGED
-            elif state.ended is not None:
-                status = state.ended
-            elif stop:
-                status = Status.INTERRUPTED
-            elif budget.spent > budget.limit:
-                status = Status.MAX_TIME
-            lowest.append(smallest)
-            stuck = step > solver.patience and lowest[-1] > 0.999 * lowest[-1 - solver.patience]
-            if status is None and stuck:
-                status = Status.STALLED
-            if status is not None:
-                break
-    except OutOfTime:
-        status = Status.MAX_TIME
-    except KeyboardInterrupt:
-        status = Status.INTERRUPTED
-    if not history:
-        first = system.residual(best.r, best.lam).relative
-        history.append(Progress(0, system.energy(best.r), first, 0, budget.spent))
-    best = replace(best, evaluations=max(best.evaluations, state.evaluations))
-    return best, Status.MAX_STEPS if status is None else status, history
+def _check_coercive(system: CondensedProblem) -> None:
+    """Refuse laws that soften without end faster than the body is stiff: the energy has no lower bound then."""
+    if depends_on_state(system.law) or system.free.size == 0:
+        return
+    m, d = system.shape
+    laws = [system.law.normal] + [system.law.tangential] * (d - 1)
+    ends = [
+        np.stack([np.broadcast_to(law.asymptotic_curvature(sign), (m,)) for law in laws], axis=1)
+        for sign in (1.0, -1.0)
+    ]
+    least = np.minimum(*ends)
+    if not (least < 0.0).any():
+        return
+    weights = system.weights[:, None]
+    stiffest = float(np.abs(system.matrix).max())
+    softened = system.matrix + np.diag((weights * np.where(np.isfinite(least), least, 0.0)).ravel())
+    values, vectors = la.eigh(softened[np.ix_(system.free, system.free)], subset_by_index=[0, 0])
+    if values[0] >= -1e-12 * stiffest:
+        return
+    for sign in (1.0, -1.0):
+        v = np.zeros(m * d)
+        v[system.free] = sign * vectors[:, 0]
+        far = np.where(v.reshape(m, d) >= 0.0, *ends)
+        growth = float(v @ (system.matrix @ v)) + float(
+            (weights * far * v.reshape(m, d) ** 2)[v.reshape(m, d) != 0].sum()
+        )
+        if growth < 0.0:
+            worst = int(np.argmin(least.min(axis=1)))
+            name = laws[int(np.argmin(least[worst]))].name
+            raise ProblemError(
+                f"the energy has no lower bound: law '{name}' softens without end by {-least.min():.3g} per unit of "
+                "displacement, faster than the body is stiff; end the softening, or take a stiffer body"
+            )

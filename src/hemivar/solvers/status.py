@@ -17,6 +17,7 @@ class Status(Enum):
     STALLED = "stalled"
     CYCLING = "cycling"
     NONFINITE = "nonfinite"
+    NOT_CONTRACTING = "not_contracting"
     UNBOUNDED = "unbounded"
     INTERRUPTED = "interrupted"
 
@@ -36,6 +37,8 @@ _REMEDIES = {
     "or the tolerance is below what the arithmetic allows",
     Status.CYCLING: "the active sets repeat without settling; use NonsmoothNewton, whose energy never rises",
     Status.NONFINITE: "the iterate is no longer finite; start from another point or use NonsmoothNewton",
+    Status.NOT_CONTRACTING: "the outer fixed point does not contract: the bound reacts too strongly to the solution; "
+    "take FixedPoint(relaxation=0.5) or smaller, or a finer load step",
     Status.UNBOUNDED: "the energy has no lower bound; the law does not hold the body against its load",
     Status.INTERRUPTED: "the solve was interrupted; the best iterate so far is returned",
 }

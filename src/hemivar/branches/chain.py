@@ -1,0 +1,380 @@
+"""The graph of a contact law as a continuous curve, one for each scalar component of the contact points.
+
+The Clarke subdifferential of a scalar law is a connected curve in the plane of displacement r and multiplier lambda:
+along its smooth pieces r moves, at its kinks lambda moves, upwards where the derivative jumps up and downwards where it
+jumps down.  With a parameter theta along the curve, ``r = r(theta)`` and ``lambda = lambda(theta)``, the inclusion
+``lambda in dj(r)`` disappears and stationarity is a square system of continuous equations,
+
+    F(theta, t) = A r(theta) + W lambda(theta) - g(t) = 0,
+
+piecewise affine for piecewise quadratic laws.  Enumeration, deflation and path following all work on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.errors import MethodError
+from hemivar.laws import ContactLaw, Superpotential
+from hemivar.solvers.condensed import CondensedProblem
+
+__all__ = ["Chain", "chain_of"]
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The curves of all free components, cut into segments: pieces of the law, and its kinks.
+
+    Arrays have one row for each free component (n) and one column for each segment (S), padded.
+
+    Attributes
+    ----------
+    system : CondensedProblem
+    point, column : int arrays (n,)
+        Contact point and local component.
+    count : int array (n,)
+        Number of segments.
+    kink : bool array (n, S)
+        Whether lambda moves along the segment (else r).
+    piece : int array (n, S)
+        Piece of the law.
+    knot : array (n, S)
+        Displacement at a kink.
+    direction : array (n, S)
+        +1, or -1 at a kink where the derivative jumps down.
+    start, end : arrays (n, S)
+        theta at the two ends (lengths), infinite at the outer ones.
+    origin, value : arrays (n, S)
+        theta at a finite point of the segment, and r (piece) or lambda (kink) there.
+    affine : bool array (n, S)
+        Whether lambda is affine in r on the segment.
+    """
+
+    system: CondensedProblem
+    point: IntArray
+    column: IntArray
+    count: IntArray
+    kink: BoolArray
+    piece: IntArray
+    knot: Array
+    direction: Array
+    start: Array
+    end: Array
+    origin: Array
+    value: Array
+    affine: BoolArray
+
+    @property
+    def size(self) -> int:
+        """Number n of free components."""
+        return self.point.size
+
+    @cached_property
+    def matrix(self) -> Array:
+        """A on the free components."""
+        free = self.system.free
+        return np.ascontiguousarray(self.system.matrix[np.ix_(free, free)])
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weight of each component."""
+        return np.asarray(self.system.weights[self.point])
+
+    @cached_property
+    def tau(self) -> Array:
+        """Compliance that turns a multiplier into a length, (n,)."""
+        return np.asarray(self.system.compliance[self.point, np.minimum(self.column, 1)])
+
+    @cached_property
+    def force(self) -> Array:
+        """g on the free components."""
+        return np.asarray(self.system.force[self.system.free])
+
+    @cached_property
+    def length(self) -> float:
+        """A typical displacement: of the load, of the laws' finite ends."""
+        finite = np.concatenate([self.start[np.isfinite(self.start)], self.end[np.isfinite(self.end)]])
+        return max(self.system.length_scale, float(np.abs(finite).max(initial=0.0)) * 1e-3)
+
+    @cached_property
+    def combinations(self) -> float:
+        """Number of combinations of segments."""
+        return float(np.prod(self.count.astype(float)))
+
+    @cached_property
+    def _rows(self) -> IntArray:
+        return np.arange(self.size)
+
+    def pick(self, table: NDArray[_Scalar], segment: IntArray) -> NDArray[_Scalar]:
+        """The entry of each row that belongs to its segment."""
+        return np.asarray(table[self._rows, segment])
+
+    def segment_of(self, theta: Array) -> IntArray:
+        """The segment that holds each theta."""
+        return np.asarray(np.minimum(np.sum(theta[:, None] > self.end, axis=1), self.count - 1), dtype=np.int64)
+
+    def evaluate(self, theta: Array, segment: IntArray) -> tuple[Array, Array, Array, Array]:
+        """r, lambda, dr/dtheta and dlambda/dtheta of the given segments, continued beyond their ends."""
+        kink = self.pick(self.kink, segment)
+        step = theta - self.pick(self.origin, segment)
+        value = self.pick(self.value, segment)
+        r = np.where(kink, self.pick(self.knot, segment), value + step)
+        affine = self.pick(self.affine, segment)
+        base, slopes = self._affine_pieces
+        slope, curvature = self.pick(base, segment) + self.pick(slopes, segment) * step, self.pick(slopes, segment)
+        if not (affine | kink).all():
+            curved = ~(affine | kink)
+            exact, exact_curvature = self._law(self.pick(self.piece, segment), r)
+            slope, curvature = np.where(curved, exact, slope), np.where(curved, exact_curvature, curvature)
+        rate = self.pick(self.direction, segment) / self.tau
+        lam = np.where(kink, value + rate * step, slope)
+        return r, lam, np.where(kink, 0.0, 1.0), np.where(kink, rate, curvature)
+
+    @cached_property
+    def _affine_pieces(self) -> tuple[Array, Array]:
+        """lambda at the origin of each affine piece, and its slope, (n, S)."""
+        base, slope = np.zeros(self.kink.shape), np.zeros(self.kink.shape)
+        for s in range(self.kink.shape[1]):
+            segment = np.minimum(np.full(self.size, s), self.count - 1)
+            base[:, s], slope[:, s] = self._law(self.pick(self.piece, segment), self.pick(self.value, segment))
+        return np.where(self.affine & ~self.kink, base, 0.0), np.where(self.affine & ~self.kink, slope, 0.0)
+
+    def _law(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
+        m, d = self.system.shape
+        pieces = np.zeros((m, d), dtype=np.int64)
+        values = np.zeros((m, d))
+        pieces[self.point, self.column] = piece
+        values[self.point, self.column] = r
+        slope, curvature = np.zeros((m, d)), np.zeros((m, d))
+        for c, law in enumerate(_laws(self.system.law, d)):
+            with np.errstate(all="ignore"):
+                slope[:, c] = law.piece_derivative(pieces[:, c], values[:, c])
+                curvature[:, c] = law.piece_curvature(pieces[:, c], values[:, c])
+        return slope[self.point, self.column], curvature[self.point, self.column]
+
+    def balance(self, theta: Array, segment: IntArray, force: Array) -> tuple[Array, Array]:
+        """F and dF/dtheta on the given segments."""
+        r, lam, dr, dlam = self.evaluate(theta, segment)
+        jacobian = self.matrix * dr
+        jacobian[np.diag_indices(self.size)] += self.weights * dlam
+        return self.matrix @ r + self.weights * lam - force, jacobian
+
+    def local(self, theta: Array, segment: IntArray) -> tuple[Array, Array]:
+        """Local displacement and multiplier (m, d) of all components; held ones as in the condensed problem."""
+        r = self.system.fixed.copy()
+        values, lam_values, _, _ = self.evaluate(theta, segment)
+        r[self.point, self.column] = values
+        lam = self.system.multiplier(r)
+        lam[self.point, self.column] = lam_values
+        return r, lam
+
+    def nearest(self, r: Array, lam: Array) -> tuple[Array, IntArray]:
+        """theta and segment of the point of each curve nearest to ``(r, lam)``, both (m, d)."""
+        r, lam = r[self.point, self.column], lam[self.point, self.column]
+        best = np.full(self.size, np.inf)
+        theta, segment = np.zeros(self.size), np.zeros(self.size, dtype=np.int64)
+        for s in range(self.kink.shape[1]):
+            choice = np.minimum(np.full(self.size, s), self.count - 1)
+            kink = self.pick(self.kink, choice)
+            value, origin = self.pick(self.value, choice), self.pick(self.origin, choice)
+            rate = self.pick(self.direction, choice) / self.tau
+            at = origin + np.where(kink, (lam - value) / rate, r - value)
+            at = np.clip(at, self.pick(self.start, choice), self.pick(self.end, choice))
+            found, found_lam, _, _ = self.evaluate(at, choice)
+            distance = np.abs(found - r) + self.tau * np.abs(found_lam - lam)
+            closer = distance < best
+            best = np.where(closer, distance, best)
+            theta, segment = np.where(closer, at, theta), np.where(closer, choice, segment)
+        return theta, segment
+
+    def inside(self, theta: Array, segment: IntArray, tolerance: float) -> BoolArray:
+        """Whether each theta lies on its segment."""
+        low, high = self.pick(self.start, segment), self.pick(self.end, segment)
+        return np.asarray((theta >= low - tolerance) & (theta <= high + tolerance))
+
+    def reduced_hessian(self, theta: Array, segment: IntArray) -> Array:
+        """Second derivative of the energy in the components that are on a piece."""
+        moving = ~self.pick(self.kink, segment)
+        _, _, _, curvature = self.evaluate(theta, segment)
+        H = self.matrix[np.ix_(moving, moving)].copy()
+        H[np.diag_indices(len(H))] += (self.weights * curvature)[moving]
+        return H
+
+    def falls(self, segment: IntArray) -> bool:
+        """Whether some component is at a downward jump."""
+        return bool((self.pick(self.kink, segment) & (self.pick(self.direction, segment) < 0.0)).any())
+
+    def stable(self, theta: Array, segment: IntArray) -> bool:
+        """Whether the point is a local minimiser of the energy (to second order)."""
+        if self.falls(segment):
+            return False
+        try:
+            np.linalg.cholesky(self.reduced_hessian(theta, segment))
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    def kind(self, theta: Array, segment: IntArray) -> str:
+        """ "minimum", "saddle" or "maximum" of the energy of the contact unknowns; "jump" at a downward jump.
+
+        A component at an upward kink is held there, so that a point with such components is no maximum.
+        """
+        if self.falls(segment):
+            return "jump"
+        values = np.linalg.eigvalsh(self.reduced_hessian(theta, segment))
+        if values.size == 0 or values[0] > 0.0:
+            return "minimum"
+        return "maximum" if values[-1] < 0.0 and values.size == self.size else "saddle"
+
+    def correct(self, theta: Array, segment: IntArray, force: Array) -> Array | None:
+        """Newton's method for F = 0 with the segments given; None where it fails."""
+        for _ in range(30):
+            F, J = self.balance(theta, segment, force)
+            try:
+                step = np.linalg.solve(J, -F)
+            except np.linalg.LinAlgError:
+                return None
+            theta = theta + step
+            if not np.isfinite(theta).all():
+                return None
+            if np.abs(step).max(initial=0.0) <= 1e-14 * max(float(np.abs(theta).max(initial=0.0)), self.length):
+                break
+        else:
+            return None
+        return theta
+
+
+def _laws(law: ContactLaw, d: int) -> tuple[Superpotential, ...]:
+    return (law.normal,) if d == 1 else (law.normal, law.tangential)
+
+
+def chain_of(system: CondensedProblem) -> Chain:
+    """The curves of all free components of a condensed problem.
+
+    Raises
+    ------
+    MethodError
+        Three-dimensional contact with friction: the slip of a point is then a vector.
+    """
+    m, d = system.shape
+    if d > 2:
+        raise MethodError("the graph of the law is a curve only in one and two dimensions; this problem has three")
+    tables = [_SegmentTable(law, m) for law in _laws(system.law, d)]
+    point, column = np.divmod(system.free, d)
+    tau = system.compliance[point, np.minimum(column, 1)]
+    rows = [tables[c].row(int(j), float(t)) for j, c, t in zip(point, column, tau, strict=True)]
+    width = max((len(row) for row in rows), default=1)
+
+    def table(name: str, fill: float | bool | int) -> Array:
+        out = np.full((len(rows), width), fill)
+        for i, row in enumerate(rows):
+            out[i, : len(row)] = [getattr(segment, name) for segment in row]
+        return out
+
+    return Chain(
+        system=system,
+        point=point,
+        column=column,
+        count=np.array([len(row) for row in rows], dtype=np.int64),
+        kink=table("kink", False).astype(bool),
+        piece=table("piece", 0).astype(np.int64),
+        knot=table("knot", 0.0),
+        direction=table("direction", 1.0),
+        start=table("start", np.inf),
+        end=table("end", np.inf),
+        origin=table("origin", 0.0),
+        value=table("value", 0.0),
+        affine=table("affine", True).astype(bool),
+    )
+
+
+@dataclass
+class _Segment:
+    kink: bool
+    piece: int
+    low: float
+    high: float
+    knot: float = 0.0
+    affine: bool = True
+    curvature: float = 0.0
+    direction: float = 1.0
+    start: float = -np.inf
+    end: float = np.inf
+    origin: float = 0.0
+    value: float = 0.0
+
+
+class _SegmentTable:
+    """Knots, jumps and curvatures of one scalar law at all contact points, and the segments made of them."""
+
+    def __init__(self, law: Superpotential, m: int) -> None:
+        knots = law.knots
+        self.knots = np.broadcast_to(knots, (m, knots.shape[-1]))
+        left, right = law.knot_slopes()
+        self.left, self.right = (np.broadcast_to(slope, self.knots.shape) for slope in (left, right))
+        self.lower = np.broadcast_to(law.domain.lower, (m,))
+        self.upper = np.broadcast_to(law.domain.upper, (m,))
+        count = knots.shape[-1] + 1
+        self.curvature = np.zeros((m, count))
+        self.affine = np.zeros((m, count), dtype=bool)
+        for k in range(count):
+            low, high = law.piece_bounds(np.full(m, k, dtype=np.int64))
+            low, high = np.broadcast_to(low, (m,)), np.broadcast_to(high, (m,))
+            reach = np.where(np.isfinite(high - low), high - low, 1.0 + np.abs(np.where(np.isfinite(low), low, 0.0)))
+            base = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - reach, -0.5 * reach))
+            piece = np.full(m, k, dtype=np.int64)
+            at = [base + part * np.where(reach > 0.0, reach, 1.0) for part in (0.13, 0.41, 0.77)]
+            with np.errstate(all="ignore"):
+                curvature = np.array([np.broadcast_to(law.piece_curvature(piece, x), (m,)) for x in at])
+            self.curvature[:, k] = curvature[1]
+            self.affine[:, k] = np.ptp(curvature, axis=0) <= 1e-13 * np.abs(curvature).max(axis=0)
+
+    def row(self, j: int, tau: float) -> list[_Segment]:
+        segments: list[_Segment] = []
+        knots = self.knots[j][np.isfinite(self.knots[j])]
+        lower, upper = self.lower[j], self.upper[j]
+        for k in range(knots.size + 1):
+            low = -np.inf if k == 0 else knots[k - 1]
+            high = np.inf if k == knots.size else knots[k]
+            if high > lower and low < upper:
+                last = segments[-1] if segments else None
+                affine, curvature = bool(self.affine[j, k]), float(self.curvature[j, k])
+                if last and not last.kink and last.affine and affine and last.curvature == curvature:
+                    last.high = high
+                else:
+                    segments.append(_Segment(False, k, low, high, affine=affine, curvature=curvature))
+            if k < knots.size and lower <= knots[k] <= upper:
+                left, right = self.left[j, k], self.right[j, k]
+                size = max(abs(left), abs(right))
+                if right != left and not (np.isfinite(size) and abs(right - left) <= 1e-14 * size):
+                    sign = 1.0 if right > left else -1.0
+                    segments.append(_Segment(True, k, left, right, knot=float(knots[k]), direction=sign))
+        _lay_out(segments, tau)
+        return segments
+
+
+def _lay_out(segments: Iterable[_Segment], tau: float) -> None:
+    """Put the segments one after the other on the axis of theta."""
+    theta = 0.0
+    for i, segment in enumerate(segments):
+        low, high = segment.low, segment.high
+        length = abs(high - low) * (tau if segment.kink else 1.0)
+        if np.isfinite(low):
+            segment.start, segment.end = theta, theta + length
+            segment.origin, segment.value = theta, low
+            theta = segment.end
+        elif np.isfinite(high):
+            assert i == 0
+            segment.start, segment.end = -np.inf, theta
+            segment.origin, segment.value = theta, high
+        else:
+            segment.start, segment.end, segment.origin, segment.value = -np.inf, np.inf, 0.0, 0.0

@@ -1,0 +1,134 @@
+"""Laws whose friction bound depends on the solution: freeze the bound, solve, move on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hemivar._typing import Array
+from hemivar.errors import ProblemError
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.solvers.base import Solver, State
+from hemivar.solvers.condensed import CondensedProblem, depends_on_state
+from hemivar.solvers.controls import Budget, Controls
+from hemivar.solvers.loop import iterate
+from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.status import Status
+
+__all__ = ["FixedPoint"]
+
+_FATAL = (Status.NONFINITE, Status.UNBOUNDED)
+
+
+@dataclass(frozen=True)
+class FixedPoint(Solver):
+    """Outer fixed point ``w -> argmin_v E(v; J(w, .))`` for two-argument functionals J(w, v) (survey, section 2).
+
+    Each step evaluates the bounds of the law at w (penetration, pressure), solves the ordinary problem that is left,
+    and moves w to its solution.  The ratio of successive changes in the energy norm is the measured contraction factor;
+    the iteration is given up as NOT_CONTRACTING where it stays at 1 or above.
+
+    Parameters
+    ----------
+    inner : Solver
+        Method for the ordinary problems.
+    relaxation : float
+        Part of the way from w to the solution that w moves, in (0, 1]; smaller values help where the bound reacts
+        strongly.
+    max_outer : int
+        Limit of steps.
+    inner_rtol : float
+        Relative tolerance of the ordinary problems.
+    """
+
+    inner: Solver = field(default_factory=NonsmoothNewton)
+    relaxation: float = 1.0
+    max_outer: int = 50
+    inner_rtol: float = 1e-11
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.relaxation <= 1.0:
+            raise ProblemError(f"FixedPoint.relaxation is {self.relaxation}; it must be in (0, 1]")
+        if self.max_outer < 1:
+            raise ProblemError(f"FixedPoint.max_outer is {self.max_outer}; it must be at least 1")
+        if isinstance(self.inner, FixedPoint):
+            raise ProblemError("FixedPoint inside FixedPoint does nothing more; give the method itself as inner")
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Name in tables."""
+        return f"fixed-point({self.inner.name})"
+
+    @property
+    def default_steps(self) -> int:  # type: ignore[override]
+        """Limit of steps."""
+        return self.max_outer
+
+    @property
+    def patience(self) -> int:  # type: ignore[override]
+        """Left to the measured contraction."""
+        return self.max_outer
+
+    @property
+    def handles_state(self) -> bool:
+        return True
+
+    def refuse(self, problem: DiscreteProblem) -> str | None:
+        if not depends_on_state(problem.law):
+            return self.inner.refuse(problem)
+        start = problem.local(np.zeros(problem.unknowns))
+        return self.inner.refuse(problem.with_law(problem.law.frozen(start, np.zeros(start.shape))))
+
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        return replace(start, memory=_Memory(start.r, start.lam))
+
+    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+        memory: _Memory = state.memory
+        law = system.law.frozen(memory.r, memory.lam) if depends_on_state(system.law) else system.law
+        ordinary = system.for_problem(system.problem.with_law(law))
+        r = ordinary.start(state.r)
+        rounding = 64.0 * np.finfo(float).eps
+        # The tolerance refers to the load of this problem, so that it keeps its meaning for a load of zero.
+        controls = Controls(rtol=self.inner_rtol, max_time=max(budget.limit - budget.spent, 0.0))
+        found, status, _ = iterate(self.inner, ordinary, State(r, ordinary.multiplier(r)), controls, budget)
+        evaluations = state.evaluations + found.evaluations
+        if status in (*_FATAL, Status.MAX_TIME, Status.INTERRUPTED):
+            return State(found.r, found.lam, evaluations, status, memory=memory, contraction=state.contraction)
+        multiplier = np.where(system.active, law.nearest_multiplier(found.r, found.lam), found.lam)
+        change = _size(system, found.r - memory.r, multiplier - memory.lam)
+        size = _size(system, found.r, multiplier)
+        settled = change <= rounding * size
+        ratios = memory.ratios
+        if np.isfinite(memory.change) and memory.change > 1e3 * rounding * size:
+            ratios = (*ratios, change / memory.change)[-6:]
+        contraction = float(np.exp(np.mean(np.log(np.maximum(ratios[-4:], 1e-300))))) if ratios else state.contraction
+        ended = None
+        if settled and status is not Status.CONVERGED:
+            ended = status
+        elif len(ratios) >= 6 and contraction is not None and contraction >= 0.999 and not settled:
+            ended = Status.NOT_CONTRACTING
+        theta = self.relaxation
+        new = _Memory(
+            memory.r + theta * (found.r - memory.r), memory.lam + theta * (multiplier - memory.lam), change, ratios
+        )
+        return State(found.r, multiplier, evaluations, ended, memory=new, contraction=contraction)
+
+
+@dataclass(frozen=True, eq=False)
+class _Memory:
+    """Where the bounds are evaluated, the last change, and the last ratios of changes."""
+
+    r: Array
+    lam: Array
+    change: float = np.inf
+    ratios: tuple[float, ...] = ()
+
+
+def _size(system: CondensedProblem, r: Array, lam: Array) -> float:
+    """Energy norm of a change of displacement, with that of the multiplier in the norm that goes with it."""
+    flat = r.ravel()
+    elastic = max(float(flat @ (system.matrix @ flat)), 0.0)
+    spread = np.repeat(system.compliance, [1, r.shape[1] - 1], axis=1)
+    dual = float((system.weights[:, None] * spread * np.where(system.active, lam, 0.0) ** 2).sum())
+    return float(np.sqrt(elastic + dual))

@@ -1,0 +1,144 @@
+"""Equilibrium paths through folds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.branches import find_solutions, follow_path
+from hemivar.errors import ProblemError
+from hemivar.laws import Compliance, PiecewiseQuadratic
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, discretize, rectangle
+from hemivar.solvers import LoadLine, LoadStepping, solve
+
+from ..problems import bar, discrete_square
+from .random_problems import random_problem
+from .test_solutions import columns, shear_column, softening
+
+
+def test_bar_folds_at_the_loads_of_the_closed_form() -> None:
+    path = follow_path(bar(0.5, softening()), (0.0, 2.0))  # r0 = t/4, R1 = 0.3, R2 = 0.2
+    assert path.reached_end
+    np.testing.assert_allclose([fold.load_factor for fold in path.folds], [0.3 / 0.25, 0.2 / 0.25], rtol=1e-13)
+    np.testing.assert_allclose(path.local[[f.index for f in path.folds], 0, 0], [0.1, 0.2], rtol=1e-13)
+    # the three branches at t = 1, the middle one unstable
+    crossings = path.at(1.0)
+    np.testing.assert_allclose([r[0, 0] for r, _ in crossings], [1.0 / 12.0, 0.15, 0.25], atol=1e-12)
+    assert [stable for _, stable in crossings] == [True, False, True]
+    # jumps under load control
+    up, down = path.jumps
+    assert up.loading
+    assert not down.loading
+    assert up.load_factor == pytest.approx(1.2)
+    assert down.load_factor == pytest.approx(0.8)
+    assert up.local is not None
+    assert down.local is not None
+    assert up.local[0, 0] == pytest.approx(0.3)
+    assert down.local[0, 0] == pytest.approx(0.2 / 3.0)
+
+
+def test_energy_and_balance_hold_along_the_path() -> None:
+    problem = bar(0.5, softening())
+    path = follow_path(problem, (0.0, 2.0))
+    for i in range(len(path)):
+        t = path.load_factor[i]
+        at_load = LoadLine(problem).at(t)
+        u = np.linalg.solve(problem.stiffness.toarray(), at_load.load - problem.contact_force(path.multiplier[i]))
+        np.testing.assert_allclose(at_load.local(u), path.local[i], atol=1e-12)
+        assert path.energy[i] == pytest.approx(at_load.energy(u), abs=1e-13)
+
+
+def test_a_brittle_law_falls_straight_down() -> None:
+    law = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0])
+    path = follow_path(bar(2.0, law), (0.0, 3.0))  # kappa = 1, r0 = t
+    np.testing.assert_allclose([f.load_factor for f in path.folds], [2.1, 0.1], rtol=1e-12)
+    np.testing.assert_array_equal(path.stable[-3:], [True, False, True])
+
+
+def test_a_curved_law_folds_at_the_load_of_the_closed_form() -> None:
+    kappa, h = 0.1, 0.5
+    path = follow_path(shear_column(1.0, kappa, h), (0.0, 8.0))  # w0 = t
+    # sticks up to kappa w0 = h; slips back to where the Lambert argument is -1/e
+    np.testing.assert_allclose(
+        [fold.load_factor for fold in path.folds],
+        [h / kappa, 0.7 * h / kappa + 1.0 + np.log(0.3 * h / kappa)],
+        rtol=1e-12,
+    )
+    slip, t = path.local[:, 0, 1], path.load_factor
+    moving = slip > 1e-12
+    np.testing.assert_allclose(kappa * (t - slip)[moving], h * (0.7 + 0.3 * np.exp(-slip[moving])), rtol=1e-11)
+
+
+def test_columns_break_one_after_the_other() -> None:
+    path = follow_path(columns(4, coupling=0.1), (0.0, 2.0))
+    assert path.reached_end
+    assert path.perturbed  # the ends of the row are alike
+    assert path.stable[0]
+    assert path.stable[-1]
+    for t in (0.7, 0.95, 1.1):
+        known = np.array([s.local for s in find_solutions(LoadLine(columns(4, coupling=0.1)).at(t))])
+        for r, _ in path.at(t):
+            assert np.abs(known - r).max(axis=(1, 2)).min() < 1e-6
+
+
+def test_a_convex_problem_has_a_stable_path_without_folds() -> None:
+    problem = discrete_square("data (5.1)", 4)
+    path = follow_path(problem, (0.0, 1.0))
+    assert path.reached_end
+    assert not path.folds
+    assert not path.jumps
+    assert path.stable.all()
+    np.testing.assert_allclose(path.local[-1], solve(problem).local, atol=1e-10)
+
+
+def test_prescribed_displacements_grow_with_the_load() -> None:
+    problem = ContactProblem(
+        mesh=rectangle((1.0, 1.0), (3, 3), "cross"),
+        material=Material.lame(4.0, 4.0),
+        supports={"left": Clamped(), "top": Prescribed((0.0, -0.05))},
+        contact={"bottom": Contact(Compliance(3.0))},
+    )
+    problem = ContactProblem(
+        mesh=problem.mesh,
+        material=problem.material,
+        supports={"top": Prescribed((0.0, -0.05))},
+        contact=problem.contact,
+        body_force=(0.1, 0.0),
+    )
+    line = LoadLine.of(problem)
+    path = follow_path(line.loaded, (0.0, 1.0), unloaded=line.unloaded)
+    assert path.load_factor[0] == 0.0
+    assert np.abs(path.local[0]).max() < 1e-15
+    end = solve(discretize(problem))
+    np.testing.assert_allclose(path.local[-1], end.local, atol=1e-10)
+    assert path.energy[-1] == pytest.approx(end.energy)
+    half = solve(line.at(0.5))
+    np.testing.assert_allclose(path.at(0.5)[0][0], half.local, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_crossing_of_a_random_path_is_a_solution(seed: int) -> None:
+    problem = random_problem(500 + seed)
+    path = follow_path(problem, (0.0, 1.3))
+    known = find_solutions(problem, max_solutions=1000, starts=5)
+    places = np.array([s.local for s in known])
+    kinds = [s.kind for s in known]
+    for r, stable in path.at(1.0):
+        distance = np.abs(places - r).max(axis=(1, 2))
+        assert distance.min() < 1e-6
+        if known.exhaustive:
+            assert (kinds[int(np.argmin(distance))] == "minimum") == stable
+
+
+def test_the_path_starts_where_load_stepping_arrives() -> None:
+    problem = bar(0.5, softening())
+    path = follow_path(problem, (1.0, 2.0))
+    assert path.local[0, 0, 0] == pytest.approx(solve(problem, LoadStepping()).penetration[0])
+    other = follow_path(problem, (1.0, 2.0), start=find_solutions(problem)[0])
+    assert other.local[0, 0, 0] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("bounds", [(1.0, 1.0), (2.0, 1.0), (0.0, np.inf)])
+def test_an_empty_range_is_refused(bounds: tuple[float, float]) -> None:
+    with pytest.raises(ProblemError, match="load factors"):
+        follow_path(columns(1), bounds)

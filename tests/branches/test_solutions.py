@@ -1,0 +1,190 @@
+"""All solutions of small problems, against closed forms and against brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from hemivar._typing import Array
+from hemivar.branches import find_solutions
+from hemivar.errors import ProblemError
+from hemivar.laws import Bilateral, ContactLaw, PiecewiseQuadratic, SlipWeakening
+from hemivar.mechanics import DiscreteProblem, Quadrature
+from hemivar.solvers import Status, solve
+
+from ..problems import bar, discrete_square
+from .random_problems import random_problem
+
+
+def softening(k: float = 2.0, delta: float = 0.1, alpha: float = 2.0) -> PiecewiseQuadratic:
+    """Law G of the bar on a softening foundation (E1)."""
+    return PiecewiseQuadratic([0.0, delta, delta * (1.0 + k / alpha)], [0.0, k, -alpha, 0.0], [0.0] * 3, name="G")
+
+
+def columns(count: int, force: float = 0.25, coupling: float = 0.0, **law: float) -> DiscreteProblem:
+    """Columns of stiffness 1, side by side, each on its own softening foundation; neighbours may be coupled."""
+    difference = np.diff(np.eye(count), axis=0)
+    K = np.eye(count) + coupling * difference.T @ difference
+    load = np.full(count, force)
+    return DiscreteProblem(
+        K,
+        load,
+        np.eye(count),
+        np.ones(count),
+        np.zeros(count),
+        ContactLaw(softening(**law)),
+        0.5 * force * force * count,
+    )  # type: ignore[arg-type]
+
+
+def shear_column(w0: float, kappa: float, h: float, n: int = 4) -> DiscreteProblem:
+    """Column of unit height sheared by its own weight over a bilateral foundation with slip weakening (E3)."""
+    K = np.zeros((2 * n, 2 * n))
+    load = np.zeros(2 * n)
+    for c, stiffness in ((0, 3.0 * kappa), (1, kappa)):
+        for i in range(n):
+            a = 2 * i + c
+            K[a, a] = stiffness * n * (2 if i else 1)
+            if i:
+                K[a, a - 2] = K[a - 2, a] = -stiffness * n
+    load[1::2] = 2.0 * kappa * w0 / n
+    load[1] *= 0.5
+    B = np.zeros((2, 2 * n))
+    B[0, 0] = B[1, 1] = 1.0
+    law = ContactLaw(Bilateral(), SlipWeakening(h))
+    return DiscreteProblem(K, load, B, np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("enumerate_up_to", [20_000, 0])
+def test_bar_on_a_softening_foundation_has_its_three_solutions(enumerate_up_to: int) -> None:
+    found = find_solutions(columns(1), enumerate_up_to=enumerate_up_to, starts=5)
+    assert found.exhaustive == (enumerate_up_to > 0)
+    np.testing.assert_allclose([s.penetration[0] for s in found], [0.25, 1.0 / 12.0, 0.15], atol=1e-10)
+    np.testing.assert_allclose(found.energies, [0.02, 1.0 / 48.0, 0.0225], atol=1e-10)
+    assert [s.kind for s in found] == ["minimum", "minimum", "maximum"]
+    assert len(found.minima) == 2
+    assert all(s.status is Status.CONVERGED and s.residual.relative < 1e-12 for s in found)
+
+
+def test_bar_with_interior_unknowns_has_the_same_roots() -> None:
+    found = find_solutions(bar(0.5, softening()))
+    np.testing.assert_allclose([s.penetration[0] for s in found], [0.25, 1.0 / 12.0, 0.15], atol=1e-10)
+    np.testing.assert_allclose(np.diff(found.energies), [1.0 / 48.0 - 0.02, 0.0225 - 1.0 / 48.0], atol=1e-12)
+
+
+def test_bar_with_weak_softening_has_one_solution() -> None:
+    found = find_solutions(bar(0.8, softening(alpha=0.5)))
+    assert len(found) == 1
+    assert found.exhaustive
+    assert found[0].penetration[0] == pytest.approx(0.3, abs=1e-12)
+
+
+def test_global_minimum_switches_where_the_areas_are_equal() -> None:
+    switch = np.sqrt(0.3 * 0.2)
+    assert find_solutions(columns(1, switch - 1e-6))[0].penetration[0] < 0.1
+    assert find_solutions(columns(1, switch + 1e-6))[0].penetration[0] > 0.2
+
+
+def test_a_capped_law_has_its_jump_as_a_clarke_point() -> None:
+    law = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0])
+    found = find_solutions(bar(2.0, law))  # kappa = 1, r0 = 1
+    kinds = {s.kind: s for s in found}
+    assert sorted(s.kind for s in found) == ["jump", "minimum", "minimum"]
+    assert kinds["jump"].penetration[0] == pytest.approx(0.1)
+    assert kinds["jump"].pressure[0] == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("w0", [4.85, 4.92, 4.97, 5.3])
+def test_shear_block_with_slip_weakening_has_the_roots_of_its_closed_form(w0: float) -> None:
+    kappa, h = 0.1, 0.5
+    found = find_solutions(shear_column(w0, kappa, h), starts=10)
+
+    def force(w: float) -> float:
+        return kappa * (w0 - w) - h * (0.7 + 0.3 * np.exp(-w))
+
+    turn = np.log(0.3 * h / kappa)  # where the out-of-balance force is largest
+    roots = [0.0] if kappa * w0 <= h else []
+    if force(turn) > 0.0:
+        roots += [brentq(force, 0.0, turn, xtol=1e-15)] if force(0.0) < 0.0 else []
+        roots += [brentq(force, turn, w0, xtol=1e-15)]
+    np.testing.assert_allclose(sorted(s.slip[0, 0] for s in found), roots, atol=1e-10)
+    assert len(roots) == {4.85: 1, 4.92: 3, 4.97: 3, 5.3: 1}[w0]
+
+
+def test_shear_block_of_the_benchmark() -> None:
+    found = find_solutions(shear_column(0.3, 4.0, 0.5), starts=10)
+    assert len(found) == 1
+    assert found[0].slip[0, 0] == pytest.approx(0.181215413909818, abs=1e-12)
+
+
+def test_two_columns_have_nine_solutions() -> None:
+    found = find_solutions(columns(2))
+    assert found.exhaustive
+    assert len(found) == 9
+    pairs = {tuple(np.round(s.penetration, 8)) for s in found}
+    values = [round(v, 8) for v in (1.0 / 12.0, 0.15, 0.25)]
+    assert pairs == {(a, b) for a in values for b in values}
+    assert sorted(s.kind or "" for s in found) == ["maximum"] + 4 * ["minimum"] + 4 * ["saddle"]
+
+
+def test_many_columns_say_how_far_the_search_went() -> None:
+    assert len(find_solutions(columns(4))) == 81
+    found = find_solutions(columns(8), max_solutions=30, starts=5)
+    assert not found.exhaustive
+    assert len(found) == 30
+    assert found.combinations == 4**8
+    assert "6.55e+04" in found.searched
+    assert "stopped at 30" in found.searched
+    assert found.starts > 0
+
+
+def test_a_continuum_of_solutions_is_said_to_be_one() -> None:
+    # Softening as fast as the bar is stiff: all r between 0.1 and 0.3 balance r0 = 0.3.
+    found = find_solutions(columns(1, 0.3, alpha=1.0))
+    assert not found.exhaustive
+    assert "continuum" in found.searched
+
+
+@pytest.mark.parametrize("quadrature", list(Quadrature))
+def test_a_convex_problem_has_one_solution(quadrature: Quadrature) -> None:
+    problem = discrete_square("data (5.1)", 2, quadrature=quadrature)
+    found = find_solutions(problem)
+    assert len(found) == 1
+    np.testing.assert_allclose(found[0].unknowns, solve(problem).unknowns, atol=1e-10)
+    assert found[0].kind == "minimum"
+
+
+def test_bad_options_are_named() -> None:
+    with pytest.raises(ProblemError, match="max_solutions = 0"):
+        find_solutions(columns(1), max_solutions=0)
+
+
+def brute_force(problem: DiscreteProblem, points: int) -> float:
+    """Lowest energy of the condensed problem on a grid that is refined three times around its best point."""
+    from hemivar.solvers import condense
+
+    system = condense(problem)
+    size = system.shape[0] * system.shape[1]
+    centre, reach = np.zeros(size), 4.0 * system.length_scale + 2.0
+    for _ in range(6):
+        axes = [np.linspace(c - reach, c + reach, points) for c in centre]
+        grid: Array = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, size)
+        energy = 0.5 * np.einsum("bi,ij,bj->b", grid, system.matrix, grid) - grid @ system.force + system.constant
+        rows = grid.reshape(-1, *system.shape)
+        for j in range(system.shape[0]):
+            law = problem.law.take(np.array([j]))
+            energy += problem.weights[j] * law.value(rows[:, j])
+        centre, reach = grid[np.argmin(energy)], 3.0 * reach / points
+    return float(energy.min())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_point_of_a_grid_is_below_the_lowest_solution(seed: int) -> None:
+    problem = random_problem(1000 + seed)
+    size = problem.contact_points * problem.dim
+    if size > 4:
+        pytest.skip("too many unknowns for a grid")
+    found = find_solutions(problem, max_solutions=10_000, starts=10)
+    lowest = brute_force(problem, {1: 2001, 2: 201, 3: 51, 4: 21}[size])
+    assert found[0].energy <= lowest + 1e-12 * abs(lowest)

@@ -1,0 +1,259 @@
+"""Methods beyond convexity: descent, load stepping, outer fixed points, and honest refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.errors import MethodError, ProblemError
+from hemivar.laws import (
+    Compliance,
+    ContactLaw,
+    CoulombBound,
+    Friction,
+    Logarithmic,
+    PenetrationBound,
+    PiecewiseQuadratic,
+    SlipWeakening,
+    Superpotential,
+    Tresca,
+)
+from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, discretize, rectangle
+from hemivar.solvers import (
+    METHODS,
+    Controls,
+    FixedPoint,
+    LoadStepping,
+    NonsmoothNewton,
+    Search,
+    Solution,
+    Status,
+    condense,
+    solve,
+    suited,
+)
+
+from ..problems import bar, discrete_square, relative_difference
+
+SOFTENING = PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0.0, 0.0, 0.0], name="G")
+LAYERED = PiecewiseQuadratic([0.0, 0.03, 0.06], [0.0, 40.0, -60.0, 0.0], [0.0, 0.0, 0.6], name="layered")
+CAPPED = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0], name="capped")
+
+
+def strip(normal: Superpotential, friction: Friction, n: int = 8, factor: float = 1.0) -> DiscreteProblem:
+    """The strip of Jureczka and Ochal (2019)."""
+    return discretize(
+        ContactProblem(
+            mesh=rectangle((2.0, 1.0), (2 * n, n), "cross"),
+            material=Material.lame(4.0, 4.0),
+            supports={"left": Clamped()},
+            contact={"bottom": Contact(normal, friction)},
+            body_force=(-1.2 * factor, -0.9 * factor),
+        )
+    )
+
+
+# ---- descent -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("load", "global_root"), [(0.48, 0.08), (0.5, 0.25), (0.52, 0.26)])
+def test_newton_takes_the_global_minimum_of_a_single_point(load: float, global_root: float) -> None:
+    # the switch is at r0 = sqrt(R1 R2) = 0.2449, load = 2 r0 = 0.4899
+    assert solve(bar(load, SOFTENING)).penetration[0] == pytest.approx(global_root)
+
+
+def test_a_start_at_a_local_maximum_is_left() -> None:
+    problem = bar(0.5, SOFTENING)
+    reaction = np.zeros((1, 1))
+    reaction[0, 0] = 0.25 - 0.15
+    at_top = np.linalg.solve(problem.stiffness.toarray(), problem.load - problem.contact_force(reaction))
+    for search in Search:
+        found = solve(problem, NonsmoothNewton(search=search), initial=at_top)
+        assert found.status is Status.CONVERGED
+        assert found.penetration[0] != pytest.approx(0.15)
+        assert found.energy < problem.energy(at_top)
+
+
+def test_downhill_search_stays_on_its_branch() -> None:
+    problem = bar(0.5, SOFTENING)
+    downhill = NonsmoothNewton(search=Search.DOWNHILL)
+    assert solve(problem, downhill).penetration[0] == pytest.approx(1.0 / 12.0)
+    broken = solve(problem)
+    assert solve(problem, downhill, initial=broken).penetration[0] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("load", "root"), [(0.5, 1.0 / 12.0), (0.59, 0.59 / 6.0), (0.61, 0.305)])
+def test_load_stepping_follows_the_supported_branch_to_its_end(load: float, root: float) -> None:
+    found = solve(bar(load, SOFTENING), LoadStepping())  # the fold is at r0 = 0.3, load = 0.6
+    assert found.status is Status.CONVERGED
+    assert found.penetration[0] == pytest.approx(root)
+
+
+def test_supported_and_broken_through_solutions_of_a_capped_foundation() -> None:
+    problem = strip(CAPPED, Tresca(0.1), factor=1.5)
+    supported = solve(problem, LoadStepping())
+    open_body = strip(PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Tresca(0.0), factor=1.5)
+    through = solve(problem, NonsmoothNewton(search=Search.DOWNHILL), initial=solve(open_body).unknowns)
+    assert supported.status is Status.CONVERGED
+    assert through.status is Status.CONVERGED
+    assert supported.penetration.max() < 0.1
+    assert through.penetration.max() > 0.5
+    assert through.normal_force < 0.5 * supported.normal_force
+
+
+@pytest.mark.parametrize("n", [4, 16])
+@pytest.mark.parametrize("factor", [0.5, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("law", [CAPPED, LAYERED], ids=["capped", "layered"])
+def test_newton_converges_with_falling_energy_on_bodies(law: Superpotential, factor: float, n: int) -> None:
+    found = solve(strip(law, SlipWeakening(0.5), n, factor))
+    assert found.status is Status.CONVERGED, found.residual
+    energies = np.array([line.energy for line in found.history])
+    assert (np.diff(energies) <= 1e-12 * abs(energies).max()).all()
+
+
+# ---- all methods ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_on_a_weakly_convex_law_agree_or_refuse(method: str) -> None:
+    problem = strip(PiecewiseQuadratic([0.0, 0.02, 0.06], [0.0, 8.0, -1.0, 0.0], [0.0] * 3), SlipWeakening(0.05), 4)
+    reference = solve(problem)
+    assert reference.status is Status.CONVERGED
+    why = METHODS[method].refuse(problem)
+    if why is not None:
+        assert "not convex" in why
+        assert "bundle" in method
+        return
+    found = solve(problem, METHODS[method], Controls(max_time=30.0))
+    if found.status is Status.CONVERGED:
+        assert relative_difference(found, reference) < 1e-7
+    else:
+        assert found.residual.relative > 1e-9
+        assert method in ("direct-powell", "augmented-lagrangian", "active-set-krylov")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_on_a_law_that_jumps_down_solve_or_refuse(method: str) -> None:
+    problem = strip(CAPPED, Tresca(0.1), 4)
+    reference = solve(problem)
+    why = METHODS[method].refuse(problem)
+    if why is not None:
+        assert "jumps down" in why or "not convex" in why
+        with pytest.raises(MethodError, match="cannot solve"):
+            solve(problem, METHODS[method])
+        return
+    found = solve(problem, METHODS[method], Controls(max_time=30.0))
+    assert method in ("newton", "direct-powell")
+    if found.status is Status.CONVERGED:
+        assert relative_difference(found, reference) < 1e-7
+
+
+# ---- bounds that depend on the solution ------------------------------------------------------------------------
+
+
+def ramp(s: np.ndarray) -> np.ndarray:
+    return np.where(s < 0.1, 8.0 * np.maximum(s, 0.0), 0.8)
+
+
+def frozen(solution: Solution) -> DiscreteProblem:
+    problem = solution.problem
+    return problem.with_law(problem.law.frozen(solution.local, solution.multiplier))
+
+
+def test_a_bound_that_depends_on_the_penetration_is_solved_by_a_fixed_point() -> None:
+    problem = strip(CAPPED, Logarithmic(PenetrationBound(ramp)))
+    found = solve(problem)
+    assert found.method == "fixed-point(newton)"
+    assert found.status is Status.CONVERGED
+    assert found.contraction is not None
+    assert found.contraction < 0.5
+    again = solve(frozen(found), initial=found)
+    assert relative_difference(again, found) < 1e-8
+    by_steps = solve(problem, LoadStepping(FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))))
+    assert by_steps.status is Status.CONVERGED
+    assert relative_difference(by_steps, found) < 1e-7
+
+
+def test_coulomb_friction_is_mu_times_the_pressure_where_the_body_slips() -> None:
+    problem = strip(Compliance(20.0), Friction(CoulombBound(0.2)))
+    found = solve(problem)
+    assert found.status is Status.CONVERGED
+    bound = 0.2 * np.maximum(found.pressure, 0.0)
+    assert (np.abs(found.friction[:, 0]) <= bound + 1e-9).all()
+    moved = np.abs(found.slip[:, 0]) > 1e-9
+    assert moved.any()
+    np.testing.assert_allclose(np.abs(found.friction[moved, 0]), bound[moved], atol=1e-8)
+    relaxed = solve(problem, FixedPoint(relaxation=0.7, max_outer=200))
+    assert relative_difference(relaxed, found) < 1e-7
+
+
+def two_springs(slope: float) -> DiscreteProblem:
+    """One point whose penetration and slip are coupled: the bound slope * penetration reacts on the penetration."""
+    K = np.array([[1.0, 0.9], [0.9, 1.0]])
+    law = ContactLaw(
+        PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Friction(PenetrationBound(lambda s: slope * np.maximum(s, 0.0)))
+    )
+    return DiscreteProblem(K, np.array([1.0, 2.5]), np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+
+
+def test_a_fixed_point_that_does_not_contract_says_so() -> None:
+    strong = DiscreteProblem(
+        np.array([[1.0, -0.9], [-0.9, 1.0]]),  # type: ignore[arg-type]
+        np.array([0.1, 20.0]),
+        np.eye(2),  # type: ignore[arg-type]
+        np.ones(1),
+        np.zeros(1),
+        ContactLaw(
+            PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Friction(PenetrationBound(lambda s: 0.4 * np.maximum(s, 0.0)))
+        ),
+    )
+    found = solve(strong)  # dr_n/dh = -0.9/0.19, so the factor is 0.4 * 0.9/0.19 = 1.9
+    assert found.status is Status.NOT_CONTRACTING
+    assert "relaxation" in found.status.remedy
+    assert found.contraction is not None
+    assert found.contraction > 0.99
+    relaxed = solve(strong, FixedPoint(relaxation=0.3, max_outer=200))
+    assert relaxed.status is Status.CONVERGED
+
+
+def test_the_measured_contraction_is_that_of_a_linear_fixed_point() -> None:
+    found = solve(two_springs(0.05), FixedPoint(max_outer=100))
+    assert found.status is Status.CONVERGED
+    if found.contraction is not None and found.steps > 4:
+        assert found.contraction == pytest.approx(0.05 * 0.9 / 0.19, rel=0.05)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_other_methods_want_to_be_wrapped(method: str) -> None:
+    problem = strip(Compliance(20.0), Friction(CoulombBound(0.2)), 2)
+    with pytest.raises(MethodError, match="FixedPoint"):
+        solve(problem, METHODS[method])
+    wrapped = suited(METHODS[method], problem)
+    assert wrapped.name == f"fixed-point({method})"
+    assert suited(wrapped, problem) is wrapped
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(ProblemError, match="relaxation"):
+        FixedPoint(relaxation=0.0)
+    with pytest.raises(ProblemError, match="max_outer"):
+        FixedPoint(max_outer=0)
+    with pytest.raises(ProblemError, match="steps"):
+        LoadStepping(steps=0)
+    with pytest.raises(ProblemError, match="does nothing more"):
+        FixedPoint(FixedPoint())
+
+
+# ---- the same body otherwise -----------------------------------------------------------------------------------
+
+
+def test_a_condensation_serves_other_loads_and_gaps() -> None:
+    from dataclasses import replace
+
+    for problem in (discrete_square("data (5.1)", 4), discrete_square("data (5.1)", 4, quadrature="midpoint")):
+        system = condense(problem)
+        other = replace(problem, load=0.3 * problem.load, gap=problem.gap + 0.01, constant=1.0)
+        shared, fresh = system.for_problem(other), condense(other)
+        np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
+        assert shared.constant == pytest.approx(fresh.constant)
+        assert solve(other, condensed=shared).energy == pytest.approx(solve(other).energy)
