@@ -1,0 +1,236 @@
+"""Guaranteed bound of the distance to the exact discrete solution; the proof is in docs/certificates.md.
+
+Any admissible pair (v, lam'), lam' in dj(Bv - g), near the given point bounds its error:
+
+    |u - u*|_K <= |u - v|_K + |f - K v - B'W lam'|_{K^-1} / margin
+
+Several such pairs are made and the smallest bound counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar._typing import Array, BoolArray
+from hemivar.certify._linear import EnergyNorm, gram_solve, lift, symmetric_inverse
+from hemivar.laws import ContactLaw, Superpotential
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.residual import contact_compliance
+
+__all__ = ["Point", "equilibrium_multiplier", "error_bound", "snap"]
+
+#: Search for a better pair if the bound is above this part of |u|_K: on a small problem, on a large one.
+_POOR = (1e-10, 1e-7)
+#: Contact components times unknowns of a small problem.
+_SMALL = 2_000_000
+#: No search with more contact components than this, for it works with dense matrices.
+_SEARCHABLE = 1500
+_SEARCH_STEPS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A pair under examination and what belongs to it."""
+
+    problem: DiscreteProblem
+    energy: EnergyNorm
+    u: Array
+    lam: Array
+
+    @property
+    def active(self) -> BoolArray:
+        """Which local components can move, (m, d)."""
+        problem = self.problem
+        return np.asarray(np.diff(problem.trace.indptr).reshape(problem.contact_points, problem.dim) > 0)
+
+    def law(self, r: Array, lam: Array) -> ContactLaw:
+        """The ordinary law at a state."""
+        return self.problem.law.frozen(r, lam)
+
+
+def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
+    """The multiplier (m, d) that balances ``f - K u`` on the contact unknowns, in the sense of least squares."""
+    m, d = problem.contact_points, problem.dim
+    active = np.diff(problem.trace.indptr) > 0
+    force = np.where(active, problem.trace @ (problem.load - problem.stiffness @ u), 0.0)
+    inner = gram_solve(problem.trace, force, active)
+    return np.zeros((m, d)) if inner is None else inner.reshape(m, d) / problem.weights[:, None]
+
+
+def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
+    """The point at which the law fits ``(r, lam)`` best: r itself or, part by part, a knot of the law, (m, d)."""
+    out = r.copy()
+    out[:, 0] = _snap(law.normal, r[:, 0], lam[:, 0], tau[:, 0])
+    if r.shape[1] > 1:
+        size = np.linalg.norm(r[:, 1:], axis=1)
+        direction = r[:, 1:] / np.where(size > 0.0, size, 1.0)[:, None]
+        along = np.where(size > 0.0, np.einsum("mi,mi->m", direction, lam[:, 1:]), np.linalg.norm(lam[:, 1:], axis=1))
+        length = np.maximum(_snap(law.tangential, size, along, tau[:, 1], at_least=0.0), 0.0)
+        # at rest the friction may point anywhere
+        stays = law.tangential.distance(np.zeros_like(size), np.linalg.norm(lam[:, 1:], axis=1))
+        moves = np.hypot((size - length) / tau[:, 1], law.tangential.distance(length, along))
+        length = np.where(np.hypot(size / tau[:, 1], stays) <= moves, 0.0, length)
+        out[:, 1:] = length[:, None] * direction
+    return out
+
+
+def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
+    best, place = law.distance(r, lam), r
+    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
+    for i in range(knots.shape[-1]):
+        at = knots[:, i]
+        usable = np.isfinite(at) & (at >= at_least)
+        at = np.where(usable, at, 0.0)
+        off = np.hypot((r - at) / tau, law.distance(at, lam))
+        better = usable & (off < best)
+        best, place = np.where(better, off, best), np.where(better, at, place)
+    return place
+
+
+def error_bound(point: Point, margin: float) -> float:
+    """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive."""
+    if not (margin > 0.0 and point.energy.definite):
+        return np.inf
+    problem = point.problem
+    if problem.contact_points == 0:
+        return _evaluate(point, point.u, np.zeros((0, problem.dim)), point.lam, margin)
+    best = np.inf
+    r = problem.local(point.u)
+    tau = contact_compliance(problem)
+    for lam in (point.lam, equilibrium_multiplier(problem, point.u)):
+        law = point.law(r, lam)
+        snapped = np.where(point.active, snap(law, r, lam, tau), r)
+        best = min(best, _admissible(point, point.u, snapped, lam, margin))
+    scale = point.energy.norm(point.u)
+    rows = int(point.active.sum())
+    poor = _POOR[0] if rows * problem.unknowns <= _SMALL else _POOR[1]
+    if best > poor * scale and 0 < rows <= _SEARCHABLE:
+        best = min(best, _search(point, margin, best))
+    return best
+
+
+def _admissible(point: Point, base: Array, r: Array, lam: Array, margin: float) -> float:
+    """The bound from the pair ``(base moved to r, element of dj(r) nearest to lam)``; inf if there is no such pair."""
+    law = point.law(r, lam)
+    with np.errstate(invalid="ignore"):
+        if not np.isfinite(law.value(r)).all():
+            return np.inf
+        nearest = law.nearest_multiplier(r, lam)
+    return _evaluate(point, base, r, nearest, margin)
+
+
+def _evaluate(point: Point, base: Array, r: Array, lam: Array, margin: float) -> float:
+    """``|u - v|_K + |f - K v - B'W lam|_{K^-1} / margin`` with v = ``base``, moved so that its trace is exactly r."""
+    problem, energy = point.problem, point.energy
+    v = base
+    if problem.contact_points:
+        change = (r - problem.local(base)).ravel()
+        moved = lift(problem.trace, np.where(point.active.ravel(), change, 0.0), point.active.ravel())
+        if moved is None:
+            return np.inf
+        v = base + moved
+    rest, doubt = _out_of_balance(problem, v, lam)
+    rounding = energy.rounding_norm(doubt)
+    distance = energy.norm(point.u - v) if v is not point.u else 0.0
+    return distance + (energy.dual_norm(rest) + rounding) / margin
+
+
+def _out_of_balance(problem: DiscreteProblem, v: Array, lam: Array) -> tuple[Array, Array]:
+    """``f - K v - B'W lam``, summed in extended precision, and a bound of its rounding errors, entry by entry."""
+    K, f = problem.stiffness, problem.load
+    long = np.longdouble
+    force = problem.weights[:, None].astype(long) * lam
+    transposed = sp.csr_array(problem.trace.T)
+    rest = f.astype(long) - _product(K, v.astype(long)) - _product(transposed, force.ravel())
+    size = abs(K) @ np.abs(v) + np.abs(f) + abs(transposed) @ np.abs(force.ravel()).astype(float)
+    longest = int(max(np.diff(K.indptr).max(initial=0), np.diff(transposed.indptr).max(initial=0))) + 4
+    rounded = rest.astype(float)
+    return rounded, longest * float(np.finfo(long).eps) * size + np.finfo(float).eps * np.abs(rounded)
+
+
+def _product(matrix: sp.csr_array, x: Any) -> Any:
+    """``matrix @ x`` in the precision of x."""
+    out = np.zeros(matrix.shape[0], dtype=x.dtype)
+    filled = np.flatnonzero(np.diff(matrix.indptr))
+    if filled.size:
+        out[filled] = np.add.reduceat(matrix.data.astype(x.dtype) * x[matrix.indices], matrix.indptr[filled])
+    return out
+
+
+def _search(point: Point, margin: float, best: float) -> float:
+    """Look for a better pair by Newton steps on the condensed problem; every iterate gives a pair."""
+    problem, energy = point.problem, point.energy
+    m, d = problem.contact_points, problem.dim
+    rows = np.flatnonzero(point.active.ravel())
+    part = problem.trace[rows]
+    columns = energy.solve(part.T.toarray())
+    flexibility = part @ columns
+    S = symmetric_inverse(np.asarray(flexibility))
+    if S is None:
+        return best
+    w = np.repeat(problem.weights, d)[rows]
+    free = energy.solve(problem.load)
+    target = (part @ free) - problem.offset[rows]  # local displacement without contact
+    held = problem.local(point.u)
+    r = held.copy()
+    ratio = (w / np.diagonal(S)).reshape(-1)
+    tau = np.full((m, d), np.inf)
+    tau.ravel()[rows] = ratio
+    tau = np.stack([tau[:, 0], tau[:, 1:].min(axis=1) if d > 1 else tau[:, 0]], axis=1)
+    tau = np.where(np.isfinite(tau), tau, contact_compliance(problem))
+    lam = np.zeros((m, d))
+
+    def multiplier(r: Array) -> Array:
+        out = np.zeros(m * d)
+        out[rows] = S @ (target - r.ravel()[rows]) / w
+        return out.reshape(m, d)
+
+    least = np.inf
+    start_norm = max(float(np.sqrt(abs(target @ S @ target))), np.finfo(float).tiny)
+    for _ in range(_SEARCH_STEPS):
+        lam = multiplier(r)
+        law = point.law(r, lam)
+        alpha = np.stack([np.broadcast_to(a, (m,)) for a in law.weak_convexity], axis=1)
+        step = np.minimum(tau, 0.5 / np.maximum(alpha, np.finfo(float).tiny))
+        spread = np.concatenate([step[:, :1], np.repeat(step[:, 1:], d - 1, axis=1)], axis=1)
+        x = r + spread * lam
+        image = np.where(point.active, law.prox(x, step), held)
+        if not np.isfinite(image).all():
+            break
+        for candidate in (image, np.where(point.active, r, held)):
+            balance = multiplier(candidate)
+            fits = point.law(candidate, balance)
+            if not np.isfinite(fits.value(candidate)).all():
+                continue
+            off = w * (balance - fits.nearest_multiplier(candidate, balance)).ravel()[rows]
+            moved = (candidate - held).ravel()[rows]
+            estimate = float(np.sqrt(abs(moved @ S @ moved))) + float(np.sqrt(abs(off @ flexibility @ off))) / margin
+            if estimate < least:
+                least, chosen, chosen_lam = estimate, candidate, balance
+        gap = (r - image).ravel()[rows]
+        if float(np.sqrt(abs(gap @ S @ gap))) <= 1e-13 * start_norm:
+            break
+        jacobian = law.prox_jacobian(x, step)
+        block = np.zeros((m * d, m * d))
+        index = np.arange(m * d).reshape(m, d)
+        for i in range(d):
+            for j in range(d):
+                block[index[:, i], index[:, j]] = jacobian[:, i, j]
+        D = block[np.ix_(rows, rows)]
+        system = np.eye(rows.size) - D @ (np.eye(rows.size) - (spread.ravel()[rows] / w)[:, None] * S)
+        try:
+            move = np.linalg.solve(system, -gap)
+        except np.linalg.LinAlgError:
+            move = -gap
+        r = r.copy()
+        r.ravel()[rows] += move
+        if not np.isfinite(r).all():
+            break
+    if not np.isfinite(least):
+        return best
+    load = problem.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
+    return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin))

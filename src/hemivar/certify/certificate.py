@@ -1,0 +1,254 @@
+"""Certificates: what is known about a displacement and a multiplier, whoever computed them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from hemivar._typing import Array
+from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
+from hemivar.certify._kind import LocalStudy, PointKind, study
+from hemivar.certify._linear import EnergyNorm
+from hemivar.certify.smallness import Smallness, smallness
+from hemivar.errors import ProblemError
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.residual import Residual, residual
+
+__all__ = ["Certificate", "certify"]
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is known about a pair ``(u, lambda)``.
+
+    Attributes
+    ----------
+    equilibrium : float
+        ``|f - K u - B'W lambda|_{K^-1}``, in the unit of ``|u|_K``; inf if K is singular.
+    equilibrium_relative : float
+        The same over ``|f|_{K^-1}``.
+    inclusion : float
+        ``|W e|_2`` with ``e_j`` the distance of ``(r_j, lambda_j)`` to the graph of the law, units of force.
+    inclusion_relative : float
+        The same over ``|f|_2``.
+    inclusion_distance : float
+        Largest distance of ``lambda_j`` to ``dj(r_j)`` at the very r_j (force per area); a rounding away from a kink
+        it is as large as the jump, which is why :attr:`inclusion` is the measure.
+    residual : Residual
+        The residual that the solvers use.
+    energy : float
+        E(u), units of work; a state-dependent friction bound is taken at this pair.
+    margin : float
+        ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
+    error_bound : float
+        Guaranteed bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.
+    error_bound_relative : float
+        The same over ``|u|_K``.
+    kind : PointKind
+        What kind of point it is.
+    unique : bool or None
+        Whether the discrete problem has one solution only; None if that is not known.
+    curvature : float or None
+        Smallest curvature on the critical directions, 1 being that of the body alone; None if not computed.
+    direction : array (m, d) or None
+        Local displacement along which the energy falls, where it does.
+    stationary : bool
+        Whether the pair solves the problem to the tolerance.
+    tolerance : float
+        The tolerance, relative to the load.
+    smallness : Smallness
+        The constants behind the margin.
+    """
+
+    equilibrium: float
+    equilibrium_relative: float
+    inclusion: float
+    inclusion_relative: float
+    inclusion_distance: float
+    residual: Residual
+    energy: float
+    margin: float
+    error_bound: float
+    error_bound_relative: float
+    kind: PointKind
+    unique: bool | None
+    curvature: float | None
+    direction: Array | None
+    stationary: bool
+    tolerance: float
+    smallness: Smallness
+
+    def record(self) -> dict[str, Any]:
+        """Plain numbers and strings for JSON.
+
+        Keys: the attributes (without ``residual``; ``direction`` as lists) and, beside them, those of
+        :class:`Smallness`.  Numbers that are infinite become null and their keys are listed under ``infinite``
+        (under ``minus_infinite`` if negative); other nulls mean "not known".
+        """
+        values: dict[str, Any] = {}
+        for owner in (self, self.smallness):
+            for item in fields(owner):
+                if item.name not in ("residual", "smallness"):
+                    values.setdefault(item.name, getattr(owner, item.name))
+        plain: dict[str, Any] = {}
+        infinite: list[str] = []
+        negative: list[str] = []
+        for name, value in values.items():
+            if isinstance(value, StrEnum):
+                value = value.value
+            elif isinstance(value, np.ndarray):
+                value = value.tolist()
+            elif isinstance(value, float) and not math.isfinite(value):
+                if math.isinf(value):
+                    (infinite if value > 0 else negative).append(name)
+                value = None
+            plain[name] = value
+        return {**plain, "infinite": infinite, "minus_infinite": negative}
+
+
+def certify(
+    problem: DiscreteProblem,
+    displacement: Array,
+    multiplier: Array | None = None,
+    *,
+    factor: EnergyNorm | None = None,
+    tolerance: float = 1e-8,
+    trace_constant: bool = True,
+) -> Certificate:
+    """Certify a displacement and a multiplier: recompute everything from the problem.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    displacement : array (n,)
+        The unknowns u of the problem.
+    multiplier : array (m, d), optional
+        Pressure and friction; recomputed from equilibrium (least squares) if not given.
+    factor : EnergyNorm, optional
+        The stiffness, factorised; saves a factorisation when several points are certified.
+    tolerance : float
+        Residual, relative to the load, up to which the pair counts as a solution.
+    trace_constant : bool
+        Whether to compute the survey's c_gamma and (H_s), which costs a factorisation of its own.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    ProblemError
+        Wrong shapes, or numbers that are not finite.
+
+    Notes
+    -----
+    The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
+    *discrete* problem; what the mesh leaves out is another matter.
+    """
+    u = np.asarray(displacement, dtype=float)
+    m, d = problem.contact_points, problem.dim
+    if u.shape != problem.load.shape:
+        raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
+    if not np.isfinite(u).all():
+        raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
+    energy = EnergyNorm(problem.stiffness) if factor is None else factor
+    if energy.stiffness is not problem.stiffness and energy.stiffness.shape != problem.stiffness.shape:
+        raise ProblemError("the factor given belongs to another problem; pass EnergyNorm(problem.stiffness)")
+    if multiplier is None:
+        lam = _multiplier(problem, u)
+    else:
+        lam = np.asarray(multiplier, dtype=float)
+        if lam.shape != (m, d):
+            raise ProblemError(f"the multiplier has shape {lam.shape}; this problem needs ({m}, {d})")
+        if not np.isfinite(lam).all():
+            raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
+    point = Point(problem, energy, u, lam)
+    r = problem.local(u)
+    law = problem.law.frozen(r, lam) if m else None
+    constants = smallness(problem, law, factor=energy, trace_constant=trace_constant)
+    found = residual(problem, u, lam)
+    rest = problem.load - problem.stiffness @ u - problem.contact_force(lam)
+    equilibrium = energy.dual_norm(rest) if energy.definite else np.inf
+    load_norm = energy.dual_norm(problem.load) if energy.definite else np.inf
+    bound = error_bound(point, constants.margin)
+    stationary = found.below(0.0, tolerance)
+    kind, unique, local = _classify(point, constants, stationary)
+    size = energy.norm(u)
+    with np.errstate(invalid="ignore"):
+        off = law.distance(r, lam) if law is not None else np.zeros(0)
+    return Certificate(
+        equilibrium=equilibrium,
+        equilibrium_relative=_ratio(equilibrium, load_norm),
+        inclusion=found.inclusion,
+        inclusion_relative=_ratio(found.inclusion, found.scale),
+        inclusion_distance=float(off.max(initial=0.0)),
+        residual=found,
+        energy=problem.energy(u, lam),
+        margin=constants.margin,
+        error_bound=bound,
+        error_bound_relative=_ratio(bound, size),
+        kind=kind,
+        unique=unique,
+        curvature=None if local is None else local.curvature,
+        direction=None if local is None else local.direction,
+        stationary=stationary,
+        tolerance=tolerance,
+        smallness=constants,
+    )
+
+
+def _ratio(part: float, whole: float) -> float:
+    if not math.isfinite(part):
+        return math.inf
+    return part / whole if whole > 0.0 and math.isfinite(whole) else part
+
+
+def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
+    """Equilibrium where the body can move; the multiplier of the law nearest to zero where it cannot."""
+    lam = equilibrium_multiplier(problem, u)
+    m, d = problem.contact_points, problem.dim
+    fixed = np.diff(problem.trace.indptr).reshape(m, d) == 0
+    if fixed.any():
+        r = problem.local(u)
+        law = problem.law.frozen(r, lam)
+        bound = law.normal.domain
+        r[:, 0] = np.clip(r[:, 0], bound.lower, bound.upper)
+        lam = np.where(fixed, law.nearest_multiplier(r, np.zeros_like(lam)), lam)
+    return lam
+
+
+def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[PointKind, bool | None, LocalStudy | None]:
+    problem = point.problem
+    m = problem.contact_points
+    dependent = bool(m and problem.law.state_dependent)
+    unique: bool | None = True if constants.margin > 0.0 else None
+    if dependent and constants.alpha_tangential > 0.0:
+        unique = None  # alpha belongs to the bound at this very state; elsewhere it may be larger
+    if not stationary:
+        return PointKind.NOT_STATIONARY, unique, None
+    if unique and not dependent:
+        return PointKind.UNIQUE_MINIMISER, True, None
+    if unique:
+        return PointKind.UNIQUE_SOLUTION, True, None
+    local = study(point)
+    if dependent:
+        return local.kind, None, local
+    if constants.m_alpha == 0.0:
+        if local.kind is PointKind.LOCAL_MINIMISER:
+            return PointKind.UNIQUE_MINIMISER, True, local
+        return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)
+    falls = local.kind in (PointKind.SADDLE, PointKind.MAXIMUM, PointKind.CLARKE_STATIONARY)
+    if falls and point.energy.definite and _bounded_below(problem):
+        unique = False  # the energy has a global minimiser, and this is not it
+    return local.kind, unique, local
+
+
+def _bounded_below(problem: DiscreteProblem) -> bool:
+    """Whether the law falls at most linearly, so that a positive definite stiffness makes the energy coercive."""
+    parts = (problem.law.normal, problem.law.tangential)
+    m = problem.contact_points
+    return all(bool(np.all(part.recession(np.full(m, sign)) > -np.inf)) for part in parts for sign in (1.0, -1.0))

@@ -1,0 +1,252 @@
+"""Smallness: whether the body is stiff enough for the laws of its foundation to leave one solution only.
+
+The survey asks for ``(H_s): m_A > (m_alpha + m_L) c_gamma^2``.  On a discrete problem the same can be asked directly,
+and far more sharply: whether ``K - B'W diag(alpha) B`` is positive definite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar._typing import Array
+from hemivar.certify._linear import EnergyNorm, largest_eigenvalue
+from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw
+from hemivar.mechanics.assembly import quadrature_rule, region_masks, stiffness_matrix
+from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
+from hemivar.mechanics.material import Material
+
+__all__ = ["Smallness", "TraceConstants", "ellipticity", "smallness", "trace_constants"]
+
+
+@dataclass(frozen=True)
+class TraceConstants:
+    """Norms of the trace V -> L2(contact boundary)^d, ``|v|_V = |eps(v)|_L2``.
+
+    Attributes
+    ----------
+    both, normal, tangential : float
+        c_gamma of ``v``, and with ``v_nu`` or ``v_tau`` alone; units sqrt(length).
+    """
+
+    both: float
+    normal: float
+    tangential: float
+
+
+@dataclass(frozen=True)
+class Smallness:
+    """Constants that decide whether a solution is the only one.
+
+    Attributes
+    ----------
+    alpha_normal, alpha_tangential : float
+        Largest weak convexity constant of the normal law and of the friction law over the contact boundary (force per
+        area and length); inf where a derivative jumps down.
+    alpha_sampled : bool
+        True if a law knows its alpha from samples only; what follows then holds as far as the samples do.
+    m_alpha : float
+        The survey's m_alpha, the larger of both.
+    m_L : float
+        The survey's m_L: Lipschitz constant of the friction bound in the penetration times the largest slope of the
+        friction profile; 0 for bounds that do not depend on the solution, inf for those that jump or need the pressure.
+    m_A : float or None
+        Smallest eigenvalue of the elasticity tensor over the body, ``eps : C eps >= m_A eps : eps``; None for a
+        problem made of arrays.
+    trace_constant : float or None
+        c_gamma on this mesh; :func:`trace_constants` gives its normal and tangential parts as well.
+    survey_condition : bool or None
+        The survey's (H_s), ``m_A > (m_alpha + m_L) c_gamma^2``.
+    survey_margin : float or None
+        ``1 - (m_alpha + m_L) c_gamma^2 / m_A``; (H_s) holds if it is positive.
+    constant : float
+        c, largest eigenvalue of ``(B'W diag(alpha) B, K)``: the energy (for a state-dependent bound, frozen) is
+        strictly convex if c < 1.
+    constant_normal, constant_tangential : float
+        The same with the normal or the tangential alpha alone; c is at most their sum, at least either.
+    coupling : float
+        Bound of ``sum_j w_j m_L |r_nu(w)| |r_tau(v)|`` over ``|w|_K = |v|_K = 1``; 0 unless the bound depends on the
+        penetration.
+    contraction : float
+        ``coupling / (1 - c)``: factor by which an outer fixed-point step on the state reduces the error in the energy
+        norm; inf if c >= 1.
+    margin : float
+        ``1 - c - coupling``; positive if the discrete problem has one solution.
+    """
+
+    alpha_normal: float
+    alpha_tangential: float
+    alpha_sampled: bool
+    m_alpha: float
+    m_L: float  # noqa: N815 - the survey's name
+    m_A: float | None  # noqa: N815 - the survey's name
+    trace_constant: float | None
+    survey_condition: bool | None
+    survey_margin: float | None
+    constant: float
+    constant_normal: float
+    constant_tangential: float
+    coupling: float
+    contraction: float
+    margin: float
+
+
+def smallness(
+    problem: DiscreteProblem,
+    law: ContactLaw | None = None,
+    *,
+    factor: EnergyNorm | None = None,
+    trace_constant: bool = True,
+) -> Smallness:
+    """The constants of a discrete problem.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    law : ContactLaw, optional
+        Where the friction bound depends on the solution: the law frozen at the state in question
+        (``problem.law.frozen(r, lam)``); at zero displacement and pressure by default.
+    factor : EnergyNorm, optional
+        The stiffness, factorised.
+    trace_constant : bool
+        Whether to compute c_gamma, which costs a factorisation of its own.
+
+    Returns
+    -------
+    Smallness
+    """
+    energy = EnergyNorm(problem.stiffness) if factor is None else factor
+    m, d = problem.contact_points, problem.dim
+    if law is None and m:
+        law = problem.law.frozen(-problem.offset.reshape(m, d), np.zeros((m, d)))
+    if m and law is not None:
+        normal, tangential = (np.broadcast_to(alpha, (m,)) for alpha in law.weak_convexity)
+        coupling_weight = np.broadcast_to(_coupling(problem.law), (m,))
+        sampled = bool(
+            getattr(law.normal, "constants_sampled", False) or getattr(law.friction.profile, "constants_sampled", False)
+        )
+    else:
+        normal = tangential = coupling_weight = np.zeros(m)
+        sampled = False
+    if d == 1:
+        tangential = coupling_weight = np.zeros(m)
+    visible = np.diff(problem.trace.indptr).reshape(m, d) > 0 if m else np.zeros((0, d), dtype=bool)
+    seen_normal = visible[:, 0]
+    seen_tangential = visible[:, 1:].any(axis=1)
+    normal = np.where(seen_normal, normal, 0.0)
+    tangential = np.where(seen_tangential, tangential, 0.0)
+    coupling_weight = np.where(seen_normal & seen_tangential, coupling_weight, 0.0)
+    w = problem.weights
+
+    def top(on_normal: Array, on_tangential: Array) -> float:
+        weight = np.zeros((m, d))
+        weight[:, 0] = on_normal
+        weight[:, 1:] = on_tangential[:, None]
+        if not np.any(weight):
+            return 0.0
+        if not (energy.definite and np.isfinite(weight).all()):
+            return np.inf
+        return largest_eigenvalue(problem.trace, (w[:, None] * weight).ravel(), energy)
+
+    none = np.zeros(m)
+    c_normal, c_tangential = top(normal, none), top(none, tangential)
+    both = np.any(normal) and np.any(tangential)
+    c = top(normal, tangential) if both and np.isfinite(c_normal + c_tangential) else max(c_normal, c_tangential)
+    coupling = 0.0
+    if np.any(coupling_weight):
+        coupling = float(np.sqrt(top(coupling_weight, none)) * np.sqrt(top(none, coupling_weight)))
+    alpha_normal, alpha_tangential = float(normal.max(initial=0.0)), float(tangential.max(initial=0.0))
+    m_alpha, m_l = max(alpha_normal, alpha_tangential), float(coupling_weight.max(initial=0.0))
+    m_a, trace = None, None
+    if problem.field is not None and problem.field.material is not None and m:
+        m_a = ellipticity(problem.field)
+        if trace_constant:
+            (trace,) = _trace_eigenvalues(problem, parts=False)
+    condition, survey_margin = None, None
+    if m_a is not None and trace is not None:
+        needed = 0.0 if m_alpha + m_l == 0.0 else (m_alpha + m_l) * trace**2
+        condition, survey_margin = bool(m_a > needed), 1.0 - needed / m_a
+    return Smallness(
+        alpha_normal=alpha_normal,
+        alpha_tangential=alpha_tangential,
+        alpha_sampled=sampled,
+        m_alpha=m_alpha,
+        m_L=m_l,
+        m_A=m_a,
+        trace_constant=trace,
+        survey_condition=condition,
+        survey_margin=survey_margin,
+        constant=c,
+        constant_normal=c_normal,
+        constant_tangential=c_tangential,
+        coupling=coupling,
+        contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
+        margin=(1.0 - c - coupling) if energy.definite else -np.inf,
+    )
+
+
+def _coupling(law: ContactLaw) -> Array:
+    """Lipschitz constant in the penetration of the friction force: that of the bound times the steepest profile."""
+    if not law.state_dependent:
+        return np.zeros(1)
+    rate = law.lipschitz
+    steepest, growing = law.friction.profile.growth
+    steepest = np.where(growing > 0.0, np.inf, steepest)
+    return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
+
+
+def ellipticity(field: FieldMap) -> float:
+    """m_A, the smallest eigenvalue of the elasticity tensor over the body: ``eps : C eps >= m_A eps : eps``.
+
+    Varying materials are sampled at the quadrature points of the stiffness matrix.
+
+    Raises
+    ------
+    ProblemError
+        The field map carries no material.
+    """
+    if field.material is None:
+        raise ProblemError("the field map carries no material; m_A needs one")
+    mesh, dim = field.mesh, field.dim
+    if field.material.homogeneous:
+        tensor = field.material.stiffness_tensor(mesh.points[:1])
+    else:
+        barycentric, weights = quadrature_rule(dim, 2 * field.order)
+        points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, dim)
+        masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
+        tensor = field.material.stiffness_tensor(points, masks)
+    scale = np.ones(tensor.shape[-1])
+    scale[dim:] = np.sqrt(2.0)  # Mandel's form: shear strains as sqrt(2) eps_xy
+    return float(np.linalg.eigvalsh(tensor * np.outer(scale, scale))[:, 0].min())
+
+
+def trace_constants(problem: DiscreteProblem) -> TraceConstants:
+    """c_gamma on the mesh of a problem: ``c_gamma^2`` is the largest eigenvalue of ``(B'W B, M_V)``.
+
+    ``M_V`` is the matrix of ``int eps(u) : eps(v)``; the integral over the contact boundary is that of the
+    discretisation, by nodes or by midpoints.  Grows to its limit as the mesh is refined.
+
+    Raises
+    ------
+    ProblemError
+        The problem was made of arrays and has no mesh.
+    """
+    return TraceConstants(*_trace_eigenvalues(problem, parts=True))
+
+
+def _trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
+    field = problem.field
+    if field is None:
+        raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
+    strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
+    matrix = sp.csr_array(field.basis.T @ strain @ field.basis)
+    energy = EnergyNorm(sp.csr_array(0.5 * (matrix + matrix.T)))
+    both = np.repeat(problem.weights[:, None], problem.dim, axis=1)
+    normal = both * (np.arange(problem.dim) == 0)
+    chosen = [both, normal, both - normal] if parts else [both]
+    if not energy.definite:
+        return [np.inf] * len(chosen)
+    return [float(np.sqrt(largest_eigenvalue(problem.trace, w.ravel(), energy))) for w in chosen]
