@@ -19,11 +19,14 @@ PACKAGE = ROOT / "src" / "hemivar"
 #: Modules and packages of hemivar by rank: each may import itself and what stands on a lower line.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "_typing"),
-    ("laws", "formula"),
+    ("formula",),
+    ("laws",),
     ("mechanics",),
     ("solvers", "certify", "gallery"),
-    ("problem_file", "evolution", "distributed"),
+    ("branches", "evolution", "distributed"),
+    ("problem_file",),
     ("report",),
+    ("commands",),
     ("cli",),
     ("__main__",),
 )

@@ -3,13 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.laws import Bilateral, Compliance, Friction, NoContact, NoFriction, Signorini, SurveyLaw, Tresca
+from hemivar.laws import (
+    Adhesive,
+    Bilateral,
+    Capped,
+    Compliance,
+    CoulombBound,
+    Friction,
+    Layered,
+    Logarithmic,
+    NoContact,
+    NoFriction,
+    PenetrationBound,
+    Signorini,
+    SlipTable,
+    SlipWeakening,
+    Softening,
+    Superpotential,
+    SurveyLaw,
+    Tresca,
+    table_law,
+)
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, friction_law, normal_law
 from hemivar.mechanics import (
     Clamped,
@@ -294,17 +315,108 @@ def test_several_contact_boundaries_keep_their_laws() -> None:
 
 
 def test_registry_agrees_with_the_laws() -> None:
-    for entry in NORMAL_LAWS.values():
+    for entry in (*NORMAL_LAWS.values(), *FRICTION_LAWS.values()):
+        arguments = inspect.signature(entry.build).parameters
+        assert [p.name for p in entry.parameters] == [name for name in arguments if name != "where"]
+        for parameter in entry.parameters:
+            default = arguments[parameter.name].default
+            if parameter.required:
+                assert default is inspect.Parameter.empty
+            elif not parameter.optional:
+                assert parameter.default == default
         law = entry.build
-        assert dataclasses.is_dataclass(law)
-        assert entry.name == law.name
-        assert [p.name for p in entry.parameters] == [f.name for f in dataclasses.fields(law)]
-        for parameter, field in zip(entry.parameters, dataclasses.fields(law), strict=True):
-            default = None if field.default is dataclasses.MISSING else field.default
-            assert parameter.default == default
-            assert parameter.minimum == law.minimum[parameter.name]
-    for friction in FRICTION_LAWS.values():
-        assert isinstance(friction.make(**dict.fromkeys(friction.required, 1.0)), Friction)
+        if dataclasses.is_dataclass(law):
+            assert entry.name == law.name
+            for parameter in entry.parameters:
+                assert parameter.minimum == law.minimum.get(parameter.name, 0.0)
+    for name, entry in {**NORMAL_LAWS, **FRICTION_LAWS}.items():
+        if name != "table":
+            kind = Friction if entry.kind == "friction" else Superpotential
+            assert isinstance(entry.make(**{p.name: p.shown for p in entry.parameters if p.required}), kind)
+
+
+LAW_TEXTS = {
+    'normal = { law = "softening", stiffness = 2, limit = 0.1, softening = 0.5 }': Contact(Softening(2.0, 0.1, 0.5)),
+    'normal = { law = "capped", stiffness = "20 + x", limit = 0.1 }': Contact(Capped(lambda p: 20 + p[:, 0], 0.1)),
+    'normal = { law = "adhesive", stiffness = 5, strength = 1, compression = 7 }': Contact(
+        Adhesive(5.0, 1.0, compression=7.0)
+    ),
+    'normal = { law = "layered", thicknesses = [0.1, 0.2], stiffnesses = [3, 1], drops = [0.1, 0], base = 2 }': Contact(
+        Layered([0.1, 0.2], [3.0, 1.0], [0.1, 0.0], 2.0)
+    ),
+    'normal = { law = "table", file = "law.csv" }\n'
+    'friction = { law = "table", file = "law.csv", bound = 0.2 }': Contact(
+        table_law([0, 0.1, 0.1], [1, 2, 0]), Friction(0.2, table_law([0, 0.1, 0.1], [1, 2, 0], friction=True))
+    ),
+    'normal = { law = "formula", potential = "7/10*abs(r) - 3/10*exp(-abs(r))" }\n'
+    'friction = { law = "formula", potential = "log(1+r)", bound = 0.5 }': Contact(
+        SlipWeakening(1.0).radial, Logarithmic(0.5)
+    ),
+    'normal = "none"\nfriction = { law = "slip-weakening", bound = "0.1 + x", rate = 3 }': Contact(
+        NoContact(), SlipWeakening(lambda p: 0.1 + p[:, 0], rate=3.0)
+    ),
+    'normal = "none"\nfriction = { law = "slip-table", bound = 2, slips = [0, 0.1], values = [1, 0.5] }': Contact(
+        NoContact(), SlipTable(2.0, [0.0, 0.1], [1.0, 0.5])
+    ),
+    'normal = "none"\nfriction = { law = "tresca", bound = { table = "bound.csv" } }': Contact(
+        NoContact(), Tresca(PenetrationBound(([0.0, 0.1], [0.0, 0.8])))
+    ),
+    'normal = "none"\nfriction = { law = "tresca", bound = { formula = "8*s" } }': Contact(
+        NoContact(), Tresca(PenetrationBound("8*s"))
+    ),
+    'normal = "none"\nfriction = { law = "logarithmic", bound = { coulomb = 0.3 } }': Contact(
+        NoContact(), Logarithmic(CoulombBound(0.3))
+    ),
+    'normal = "none"\nfriction = { law = "coulomb", coefficient = 0.3 }': Contact(
+        NoContact(), Tresca(CoulombBound(0.3))
+    ),
+}
+
+
+def _law_folder(folder: Path) -> Path:
+    (folder / "law.csv").write_text("r,derivative\n0,1\n0.1,2\n0.1,0\n")
+    (folder / "bound.csv").write_text("s,bound\n0,0\n0.1,0.8\n")
+    (folder / "falling.csv").write_text("r,derivative\n0,1\n0.2,2\n0.1,0\n")
+    return folder
+
+
+@pytest.mark.parametrize("text", LAW_TEXTS)
+def test_nonmonotone_laws(tmp_path: Path, text: str) -> None:
+    stated = f"{MESH}{MATERIAL}{LEFT}[contact.bottom]\n{text}\n"
+    law = discretize(parse_problem(stated, _law_folder(tmp_path))).law
+    expected = discretize(problem(contact={"bottom": LAW_TEXTS[text]})).law
+    assert law.state_dependent == expected.state_dependent
+    count = discretize(problem(contact={"bottom": LAW_TEXTS[text]})).contact_points
+    r, lam = np.random.default_rng(3).normal(0.0, 0.2, (2, count, 2))
+    np.testing.assert_allclose(law.frozen(r, lam).value(r), expected.frozen(r, lam).value(r), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('normal = { law = "table", file = "falling.csv" }', ["[contact.bottom] normal", "falling.csv, row 3"]),
+        ('normal = { law = "table", file = "none.csv" }', ["none.csv", "no such file"]),
+        ('normal = { law = "formula", potential = "7/10*q" }', ["normal.potential", "character 6", "'q'"]),
+        ('normal = { law = "formula", potential = "log(r)" }', ["normal.potential", "not finite at r = "]),
+        ('normal = { law = "layered", thicknesses = 1, stiffnesses = [1] }', ["thicknesses", "list of numbers"]),
+        ('normal = { law = "layered", thicknesses = [1], stiffnesses = [1, 2] }', ["stiffnesses", "needs 1"]),
+        ('normal = "none"\nfriction = { law = "table", file = "law.csv", extend = "x" }', ["extend", "linear"]),
+        (
+            'normal = "none"\nfriction = { law = "tresca", bound = { formula = "8*x" } }',
+            ["bound.formula", "character 3"],
+        ),
+        ('normal = "none"\nfriction = { law = "tresca", bound = { formula = "1 - s" } }', ["bound.formula", "-9 at"]),
+        ('normal = "none"\nfriction = { law = "tresca", bound = { formla = "s" } }', ["did you mean 'formula'?"]),
+        ('normal = "none"\nfriction = { law = "tresca", bound = {} }', ["bound", "give one of"]),
+        ('normal = "none"\nfriction = { law = "coulomb", coefficient = -1 }', ["coefficient", "at least 0"]),
+    ],
+)
+def test_bad_laws_are_reported_with_their_key(tmp_path: Path, text: str, words: list[str]) -> None:
+    with pytest.raises(ProblemError) as caught:
+        parse_problem(f"{MESH}{MATERIAL}{LEFT}[contact.bottom]\n{text}\n", _law_folder(tmp_path))
+    for word in words:
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_laws_by_name() -> None:

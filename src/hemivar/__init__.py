@@ -16,17 +16,33 @@ __version__ = "0.1.0"
 _EXPORTS = {
     "hemivar.errors": ("HemivarError", "MethodError", "ProblemError"),
     "hemivar.laws": (
+        "Adhesive",
         "Bilateral",
+        "Capped",
         "Compliance",
         "ContactLaw",
+        "CoulombBound",
+        "FinitePenetration",
+        "FormulaLaw",
         "Friction",
+        "FunctionLaw",
+        "Layered",
+        "Logarithmic",
         "NoContact",
         "NoFriction",
+        "PenetrationBound",
         "PiecewiseQuadratic",
+        "SawTooth",
         "Signorini",
+        "SlipTable",
+        "SlipWeakening",
+        "Softening",
+        "StaticKinetic",
         "Superpotential",
         "SurveyLaw",
         "Tresca",
+        "read_law_table",
+        "table_law",
     ),
     "hemivar.mechanics": (
         "Clamped",
@@ -54,6 +70,8 @@ _EXPORTS = {
         "Controls",
         "DirectOptimization",
         "ExactInner",
+        "FixedPoint",
+        "LoadStepping",
         "NewtonKrylov",
         "NonsmoothNewton",
         "Powell",
@@ -65,6 +83,8 @@ _EXPORTS = {
         "solve",
         "solve_nested",
     ),
+    "hemivar.branches": ("Path", "SolutionSet", "find_solutions", "follow_path"),
+    "hemivar.certify": ("Certificate", "Smallness", "certify", "smallness"),
     "hemivar.problem_file": ("read_problem",),
 }
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
@@ -85,19 +105,37 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
+    from hemivar.branches import Path, SolutionSet, find_solutions, follow_path
+    from hemivar.certify import Certificate, Smallness, certify, smallness
     from hemivar.errors import HemivarError, MethodError, ProblemError
     from hemivar.laws import (
+        Adhesive,
         Bilateral,
+        Capped,
         Compliance,
         ContactLaw,
+        CoulombBound,
+        FinitePenetration,
+        FormulaLaw,
         Friction,
+        FunctionLaw,
+        Layered,
+        Logarithmic,
         NoContact,
         NoFriction,
+        PenetrationBound,
         PiecewiseQuadratic,
+        SawTooth,
         Signorini,
+        SlipTable,
+        SlipWeakening,
+        Softening,
+        StaticKinetic,
         Superpotential,
         SurveyLaw,
         Tresca,
+        read_law_table,
+        table_law,
     )
     from hemivar.mechanics import (
         Clamped,
@@ -126,6 +164,8 @@ if TYPE_CHECKING:
         Controls,
         DirectOptimization,
         ExactInner,
+        FixedPoint,
+        LoadStepping,
         NewtonKrylov,
         NonsmoothNewton,
         Powell,

@@ -22,6 +22,7 @@ from hemivar.errors import HemivarError, ProblemError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from hemivar.certify import Certificate
     from hemivar.mechanics.discrete import DiscreteProblem
     from hemivar.mechanics.mesh import Mesh
     from hemivar.problem_file import ProblemFile
@@ -159,11 +160,112 @@ def _solve(
     discrete = [_discretize(stated, mesh) for mesh in (*meshes, None)]
     _print_head(stated, discrete[-1], solver)
     solution = _solve_levels(discrete, solver, controls, trace)
-    _print_summary(console, solution)
-    written = _write(solution, stated, json, vtu, plot)
+    certificate = _print_summary(console, solution)
+    written = _write(solution, stated, json, vtu, plot, certificate)
     if written:
         print(f"written           {', '.join(written)}")
     return _exit_code(solution)
+
+
+@app.command("certify")
+def _certify(
+    problem: _ProblemPath,
+    solution: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Solution to certify, .json or .vtu [solve first].")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the certificate.")] = None,
+    rtol: Annotated[
+        float, typer.Option(metavar="X", help="Residual, relative to the load, up to which it is a solution.")
+    ] = 1e-8,
+) -> int:
+    """Certify a solution: residuals, uniqueness, a guaranteed error bound, what kind of point it is.
+
+    Exit code 0 if the residual is below the tolerance, 1 if not.
+    """
+    from hemivar.commands.certify import check_solution_file, run_certify
+
+    _check_outputs({"--json": json}, problem)
+    check_solution_file(solution)
+    _check_limits(rtol, None, None)
+    stated = _read(problem)
+    method = _method(stated.solver.method or _DEFAULT_METHOD)
+    discrete = _discretize(stated, None)
+    _print_head(stated, discrete, None)
+    controls = _controls(stated, None, None, None, None)
+
+    def solve() -> Solution:
+        return _solve_levels([discrete], method, controls, None)
+
+    fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve)
+    return _CONVERGED if fulfilled else _NOT_CONVERGED
+
+
+@app.command("solutions")
+def _solutions(
+    problem: _ProblemPath,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the solutions.")] = None,
+    starts: Annotated[int, typer.Option(metavar="N", min=0, help="Random starts of each kind.")] = 40,
+    max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many.")] = 100,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
+    rtol: _Rtol = None,
+) -> int:
+    """Find all solutions of a problem, with their energies and kinds; says how far it searched.
+
+    Exit code 0 if at least one was found.
+    """
+    from hemivar.commands.solutions import run_solutions, solutions_table
+
+    _check_outputs({"--json": json}, problem)
+    _check_limits(rtol, None, None)
+    stated = _read(problem)
+    discrete = _discretize(stated, None)
+    _print_head(stated, discrete, None)
+    controls = _controls(stated, rtol, None, None, None)
+    found = run_solutions(
+        stated.name, discrete, controls, json, starts=starts, max_solutions=max_solutions, seed=seed
+    )  # fmt: skip
+    print(f"solutions         {len(found)}; {'no others exist' if found.exhaustive else 'there may be others'}")
+    print(f"searched          {found.searched}")
+    if len(found):
+        _print_table(_console(), solutions_table(found))
+    if json is not None:
+        print(f"written           {json}")
+    return _CONVERGED if len(found) else _NOT_CONVERGED
+
+
+@app.command("path")
+def _path(
+    problem: _ProblemPath,
+    load_factor: Annotated[
+        tuple[float, float], typer.Option(metavar="LOW HIGH", help="Range of the factor of all loads.")
+    ] = (0.0, 1.0),
+    quantity: Annotated[
+        str, typer.Option(metavar="NAME", help="What is drawn over the load: max-penetration, normal-force, ...")
+    ] = "max-penetration",
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the path.")] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
+    max_points: Annotated[int, typer.Option(metavar="N", min=2, help="Limit of points.")] = 2000,
+) -> int:
+    """Follow the equilibria while the load grows, through folds: stable and unstable branches, folds, jumps.
+
+    Exit code 0 if the path reaches an end of the range.
+    """
+    from hemivar.commands.path import run_path
+    from hemivar.report.path import QUANTITIES
+    from hemivar.solvers import LoadLine
+
+    _check_outputs({"--json": json, "--plot": plot}, problem)
+    if quantity not in QUANTITIES:
+        raise ProblemError(f"quantity '{quantity}' is not known{_suggest(quantity, list(QUANTITIES))}")
+    stated = _read(problem)
+    discrete = _discretize(stated, None)
+    _print_head(stated, discrete, None)
+    line = LoadLine.of(stated.problem)
+    path = run_path(stated.problem, line, load_factor, json, plot, quantity=quantity, max_points=max_points)
+    written = [str(file) for file in (json, plot) if file is not None]
+    if written:
+        print(f"written           {', '.join(written)}")
+    return _CONVERGED if path.reached_end else _NOT_CONVERGED
 
 
 @app.command("compare")
@@ -284,33 +386,29 @@ def _new(
 @app.command("laws")
 def _laws(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this law only.")] = None,
+    given: Annotated[
+        list[str] | None, typer.Option("--set", metavar="P=V", help="Parameter of the law; repeat it for others.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option(metavar="LAW.csv", help="Show a tabulated law.")] = None,
+    formula: Annotated[str | None, typer.Option(metavar="TEXT", help="Show the law of this potential of r.")] = None,
+    friction: Annotated[
+        bool, typer.Option("--friction", help="A friction law: table or formula for r >= 0, or the one of two by NAME.")
+    ] = False,
+    reach: Annotated[float | None, typer.Option(metavar="X", help="Draw from -X to X [chosen].")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw graph and potential (.png, .svg or .pdf).")
+    ] = None,
 ) -> int:
-    """List the laws of foundations and their parameters."""
-    from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+    """List the laws of foundations, or show one with its constants and graph."""
+    from hemivar.commands.laws import list_laws, show_law
 
-    entries = [*NORMAL_LAWS.values(), *FRICTION_LAWS.values()]
-    if name is not None:
-        known = list(dict.fromkeys(entry.name for entry in entries))
-        if name not in known:
-            raise ProblemError(f"law '{name}' is not known{_suggest(name, known)}")
-        entries = [entry for entry in entries if entry.name == name]
-    kind = None
-    for entry in entries:
-        if entry.kind != kind:
-            kind = entry.kind
-            print(f"{kind} laws" if name is None else f"{kind} law")
-        required = "".join(f", {p.name} = ..." for p in entry.parameters if p.required)
-        print(f"\n  {entry.name}: {entry.summary}")
-        print(f"      {entry.formula}")
-        print(f'      {kind} = {{ law = "{entry.name}"{required} }}')
-        for p in entry.parameters:
-            default = "" if p.default is None else f", default {p.default:g}"
-            lowest = "" if p.minimum == -math.inf else f", at least {p.minimum:g}"
-            print(f"      {p.name:<12}{p.meaning} [{p.unit}]{lowest}{default}")
-        if entry is entries[-1] or entries[entries.index(entry) + 1].kind != kind:
-            print()
-    if name is None:
-        print("Every parameter is a number or, in quotes, a formula of x and y (and z).")
+    _check_outputs({"--plot": plot}, file)
+    if name is None and file is None and formula is None:
+        if given or friction or reach is not None or plot is not None:
+            raise ProblemError("name a law, or give --file or --formula; 'hemivar laws' alone lists the laws")
+        list_laws()
+    else:
+        show_law(name, given or [], file, formula, friction, reach, plot)
     return _CONVERGED
 
 
@@ -448,14 +546,14 @@ def _solve_levels(
     discrete: list[DiscreteProblem], solver: Solver, controls: Controls, trace: _StepPrinter | None
 ) -> Solution:
     """Solve on every mesh in turn, each solution being the first guess on the next mesh."""
-    from hemivar.solvers import solve, transfer_solution
+    from hemivar.solvers import solve, suited, transfer_solution
 
     solution: Solution | None = None
     for problem in discrete:
         if trace is not None:
             trace.head(problem if len(discrete) > 1 else None)
         guess = None if solution is None else transfer_solution(solution, problem)
-        solution = solve(problem, solver, controls, initial=guess)
+        solution = solve(problem, suited(solver, problem), controls, initial=guess)
         if solution.status.value == "interrupted":
             break
     assert solution is not None
@@ -497,10 +595,10 @@ def _run(
     """Try a method; a refusal or a failure becomes a row of the table."""
     from hemivar.errors import MethodError
     from hemivar.report.tables import energy_norm_difference
-    from hemivar.solvers import solve
+    from hemivar.solvers import solve, suited
 
     try:
-        solution = solve(discrete, solver, controls, condensed=condensed)
+        solution = solve(discrete, suited(solver, discrete), controls, condensed=condensed)
     except MethodError as error:
         return _Run(name, "refused", str(error))
     except Exception as error:
@@ -519,14 +617,19 @@ def _run(
 
 
 def _write(
-    solution: Solution, stated: ProblemFile, json: Path | None, vtu: Path | None, plot: Path | None
+    solution: Solution,
+    stated: ProblemFile,
+    json: Path | None,
+    vtu: Path | None,
+    plot: Path | None,
+    certificate: Certificate | None = None,
 ) -> list[str]:
     """Write what was asked for; the names of the files."""
     written: list[Path] = []
     if json is not None:
         from hemivar.report.files import write_json
 
-        written.append(write_json(solution, json))
+        written.append(write_json(solution, json, certificate))
     if vtu is not None:
         from hemivar.report.files import write_vtu
 
@@ -638,9 +741,11 @@ def _print_head(stated: ProblemFile, discrete: DiscreteProblem, solver: Solver |
         print(f"method            {solver.name}", flush=True)
 
 
-def _print_summary(console: Console, solution: Solution) -> None:
+def _print_summary(console: Console, solution: Solution) -> Certificate | None:
+    """Print what was found; returns the certificate that goes with it."""
     import numpy as np
 
+    from hemivar.commands.certify import certificate_lines, certificate_of
     from hemivar.solvers import ContactState, Status
 
     good = solution.status is Status.CONVERGED
@@ -654,8 +759,11 @@ def _print_summary(console: Console, solution: Solution) -> None:
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
     if not good:
         print(f"what to do        {solution.status.remedy}")
+    certificate = certificate_of(solution)
+    for line in [] if certificate is None else certificate_lines(certificate):
+        print(line)
     if solution.problem.contact_points == 0:
-        return
+        return certificate
     print(f"normal force      {solution.normal_force:.6g}")
     friction = solution.friction_force
     if friction.size == 1:
@@ -672,6 +780,7 @@ def _print_summary(console: Console, solution: Solution) -> None:
     print(f"contact points    {', '.join(counts)}")
     print(f"max penetration   {solution.penetration.max():.6g}")
     print(f"max pressure      {solution.pressure.max():.6g}")
+    return certificate
 
 
 def _exit_code(solution: Solution) -> int:

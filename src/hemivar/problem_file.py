@@ -20,8 +20,10 @@ from typing import Any
 import numpy as np
 
 from hemivar.errors import ProblemError
-from hemivar.formula import VARIABLES, Formula, FormulaArray
-from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind
+from hemivar.formula import VARIABLES, Formula, FormulaArray, ScalarFormula
+from hemivar.laws.bounds import CoulombBound, PenetrationBound
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
+from hemivar.laws.tables import read_columns
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
 from hemivar.mechanics.material import Material, Plane
 from hemivar.mechanics.mesh import Mesh, read_mesh, rectangle
@@ -177,7 +179,7 @@ def parse_problem_file(text: str, base_dir: str | Path = ".", name: str = "probl
     solver = _solver(top.table("solver", KEYS["solver"]))
     recipe, order, quadrature = _mesh(top.table("mesh", KEYS["mesh"]), Path(base_dir))
     mesh = recipe.build()
-    reader = _Reader(mesh)
+    reader = _Reader(mesh, Path(base_dir))
     material = reader.material(top.table("material", KEYS["material"]))
     with _context(f"{name}: [material]"):
         reader.check_material(material)
@@ -470,8 +472,9 @@ def _check_size(table: _Table, key: str, cells: float) -> None:
 class _Reader:
     """Reads what lives on a mesh."""
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, folder: Path) -> None:
         self.mesh = mesh
+        self.folder = folder
         self.dim = mesh.dim
 
     def check_boundary(self, table: _Table, name: str) -> None:
@@ -631,20 +634,59 @@ class _Reader:
             raise given.error("law", f"'{name}' is not a {_KIND[key]} law{_hint(name, list(laws))}")
         entry = laws[name]
         given.only(("law", *(p.name for p in entry.parameters)))
-        parameters = {}
+        parameters: dict[str, Any] = {}
         for parameter in entry.parameters:
             if parameter.name in given:
-                parameters[parameter.name] = given.quantity(
-                    parameter.name, value[parameter.name], self.dim, parameter.minimum
-                )
+                parameters[parameter.name] = self.parameter(given, parameter)
             elif parameter.required:
                 example = ", ".join(f"{p} = ..." for p in entry.required)
                 raise given.error(
                     parameter.name,
                     f'is missing ({parameter.meaning}); write {key} = {{ law = "{name}", {example} }}',
                 )
+        if "potential" in parameters:
+            parameters["where"] = given.where("potential")
         with _context(f"{table.where(key)}:"):
             return entry.make(**parameters)
+
+    def parameter(self, given: _Table, parameter: LawParameter) -> Any:
+        """The value of a law parameter, in whatever form it is written."""
+        name, value = parameter.name, given.data[parameter.name]
+        match parameter.form:
+            case ParameterForm.NUMBER:
+                return given.quantity(name, value, self.dim, parameter.minimum)
+            case ParameterForm.BOUND:
+                return self.bound(given, parameter)
+            case ParameterForm.FILE:
+                return self.file(given, name)
+            case ParameterForm.TEXT:
+                return given.text(name, None, parameter.choices or None)
+        if not isinstance(value, list) or not value:
+            raise given.error(name, f"must be a list of numbers, not {_kind(value)}")
+        return [given._plain(name, number) for number in value]
+
+    def file(self, given: _Table, name: str) -> Path:
+        path = Path(given.text(name))
+        return path if path.is_absolute() else self.folder / path
+
+    def bound(self, given: _Table, parameter: LawParameter) -> Any:
+        """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
+        name, value = parameter.name, given.data[parameter.name]
+        if not isinstance(value, dict):
+            return given.quantity(name, value, self.dim, parameter.minimum)
+        ways = ("table", "formula", "coulomb")
+        inner = given.table(name, ways, inline=True)
+        if len(inner.data) != 1:
+            raise given.error(name, "give one of { table = FILE }, { formula = ... } of s and { coulomb = ... }")
+        if "coulomb" in inner:
+            return CoulombBound(inner.quantity("coulomb", value["coulomb"], self.dim, 0.0))
+        if "formula" in inner:
+            text = str(value["formula"]) if isinstance(value["formula"], int | float) else inner.text("formula")
+            formula = ScalarFormula(text, "s", inner.where("formula"))
+            with _context(f"{inner.where('formula')}:"):
+                return PenetrationBound(formula)
+        with _context(f"{inner.where('table')}:"):
+            return PenetrationBound(read_columns(self.file(inner, "table")))
 
 
 _KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION}

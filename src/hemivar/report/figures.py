@@ -538,7 +538,7 @@ def _contact_maps(solution: Solution, title: str | None, unit: str) -> Figure:
 
 def _rest_bound(problem: DiscreteProblem) -> Array | None:
     """Largest friction without slip at each contact point, (m,); None without friction."""
-    if problem.dim == 1:
+    if problem.dim == 1 or problem.law.state_dependent:
         return None
     rest = problem.law.tangential.subdifferential(np.zeros(problem.contact_points)).upper
     bound = np.broadcast_to(rest, (problem.contact_points,))
@@ -788,6 +788,9 @@ def _law_text(problem: DiscreteProblem) -> list[str]:
         return []
     law: ContactLaw = problem.law
     lines = [f"{_proper(part.name)} law{_constants(part)}" for part in getattr(law.normal, "parts", (law.normal,))]
+    if law.state_dependent:
+        lines.append(f"{_proper(law.friction.name)} friction, $h_\\tau$ depends on the state")
+        return lines
     bound = np.asarray(law.friction.at(None).bound)
     if problem.dim > 1 and (bound > 0.0).any():
         lines.append(f"{_proper(law.friction.name)} friction: $h_\\tau$ = {_range(bound)}")

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.certify import Certificate
 from hemivar.errors import ProblemError
 from hemivar.mechanics import nodal_average, strain, stress, von_mises
 from hemivar.mechanics.assembly import region_masks
@@ -22,7 +23,15 @@ from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.report._boundary import ContactBoundary, contact_boundaries, global_vectors
 from hemivar.solvers import ContactState, Solution
 
-__all__ = ["contact_columns", "read_json", "solution_record", "write_csv", "write_json", "write_vtu"]
+__all__ = [
+    "contact_columns",
+    "read_json",
+    "read_solution",
+    "solution_record",
+    "write_csv",
+    "write_json",
+    "write_vtu",
+]
 
 _AXES = "xyz"
 
@@ -30,13 +39,14 @@ _AXES = "xyz"
 # ---- JSON ---------------------------------------------------------------------------------------------------
 
 
-def solution_record(solution: Solution) -> dict[str, Any]:
+def solution_record(solution: Solution, certificate: Certificate | None = None) -> dict[str, Any]:
     """A solution as plain numbers, lists and strings, ready for JSON.
 
     Keys: ``hemivar`` (version), ``status``, ``remedy``, ``method``, ``unknowns`` (their number), ``contact_points``,
     ``dim``, ``energy``, ``residual`` (relative), ``residual_parts`` (equilibrium, inclusion, scale, rounding; units of
     force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``contact_length``,
-    ``resultants`` and ``contact``.
+    ``resultants``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of a problem made of arrays) and,
+    where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
 
     ``resultants`` holds ``normal_force`` (resultant of the pressure), ``friction_force`` (resultant of the friction
     in local components) and ``force``, the global vector of the force of the foundation on the body,
@@ -86,7 +96,10 @@ def solution_record(solution: Solution) -> dict[str, Any]:
             "force": None if problem.frames is None else foundation_force(solution),
         },
         "contact": _contact_record(solution),
+        "displacement": solution.displacement,
     }
+    if certificate is not None:
+        record["certificate"] = certificate.record()
     return {key: _plain(value) for key, value in record.items()}
 
 
@@ -154,10 +167,14 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def write_json(solution: Solution, path: str | Path) -> Path:
+def write_json(solution: Solution, path: str | Path, certificate: Certificate | None = None) -> Path:
     """Write :func:`solution_record` to a JSON file; returns its path."""
     path = _prepared(path, ".json")
-    path.write_text(json.dumps(solution_record(solution), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    record = solution_record(solution, certificate)
+    # the displacement comes last and on one line, for it is long
+    displacement = json.dumps(record.pop("displacement"), allow_nan=False)
+    head = json.dumps(record, indent=1, allow_nan=False)
+    path.write_text(f'{head[:-2]},\n "displacement": {displacement}\n}}\n', encoding="utf-8")
     return path
 
 
@@ -179,6 +196,134 @@ def read_json(path: str | Path) -> dict[str, Any]:
     if not isinstance(record, dict):
         raise ProblemError(f"result file '{path}' holds no record of a solution; write it with write_json")
     return record
+
+
+def read_solution(path: str | Path, problem: DiscreteProblem) -> tuple[Array, Array | None]:
+    """A displacement, and a multiplier if the file has one, as a problem on the same mesh needs them.
+
+    From JSON: the key ``displacement``, and ``pressure`` and ``friction`` under ``contact``. From VTU: the point data
+    ``displacement``.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file written by :func:`write_json` or :func:`write_vtu`, or another one with these data.
+    problem : DiscreteProblem
+        The problem it is to be a solution of.
+
+    Returns
+    -------
+    unknowns : array (n,)
+    multiplier : array (m, d) or None
+
+    Raises
+    ------
+    ProblemError
+        The file cannot be read, holds no displacement, belongs to another mesh, or moves what a support holds.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".vtu":
+        displacement = _vtu_displacement(path, problem)
+        return _unknowns(displacement, problem, path), None
+    record = read_json(path)
+    if record.get("displacement") is None:
+        raise ProblemError(
+            f"result file '{path}' has no key 'displacement' (of the nodes); write it with 'hemivar solve --json'"
+        )
+    unknowns = _unknowns(_numbers(record["displacement"], "displacement", path), problem, path)
+    contact = record.get("contact")
+    if not isinstance(contact, dict) or contact.get("pressure") is None:
+        return unknowns, None
+    return unknowns, _read_multiplier(contact, problem, path)
+
+
+def _numbers(value: Any, what: str, path: Path) -> Array:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"result file '{path}': '{what}' is not an array of numbers") from None
+    if not np.isfinite(array).all():
+        raise ProblemError(f"result file '{path}': '{what}' holds entries that are not finite numbers")
+    return array
+
+
+def _unknowns(displacement: Array, problem: DiscreteProblem, path: Path) -> Array:
+    field = problem.field
+    if field is None:
+        if displacement.shape != problem.load.shape:
+            raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {problem.load.shape}")
+        return displacement
+    expected = (field.number_of_nodes, field.dim)
+    if displacement.shape != expected:
+        raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {expected}")
+    unknowns = field.restrict(displacement)
+    moved = float(np.abs(field.displacement(unknowns) - displacement).max(initial=0.0))
+    if moved > 1e-6 * float(np.abs(displacement).max(initial=0.0)):
+        raise ProblemError(
+            f"result file '{path}': the displacement misses the supports of this problem by {moved:.3g}; "
+            f"take the problem file it was computed from"
+        )
+    return unknowns
+
+
+def _other_mesh(path: Path, why: str) -> ProblemError:
+    return ProblemError(
+        f"result file '{path}' belongs to another mesh: {why}; take the problem file it was computed from"
+    )
+
+
+def _read_multiplier(contact: Mapping[str, Any], problem: DiscreteProblem, path: Path) -> Array | None:
+    m, d = problem.contact_points, problem.dim
+    pressure = _numbers(contact["pressure"], "contact.pressure", path)
+    if pressure.shape != (m,):
+        raise _other_mesh(path, f"it has {pressure.size} contact points, not {m}")
+    if contact.get("x") is not None and problem.points is not None:
+        points = _numbers(contact["x"], "contact.x", path)
+        if points.shape != problem.points.shape or not _same_points(points, problem.points):
+            raise _other_mesh(path, "its contact points lie elsewhere")
+    multiplier = np.zeros((m, d))
+    multiplier[:, 0] = pressure
+    if d > 1:
+        if contact.get("friction") is None:
+            return None
+        friction = _numbers(contact["friction"], "contact.friction", path)
+        if friction.size != m * (d - 1):
+            raise _other_mesh(path, f"its friction has shape {friction.shape}")
+        multiplier[:, 1:] = friction.reshape(m, d - 1)
+    return multiplier
+
+
+def _same_points(first: Array, second: Array) -> bool:
+    size = float(np.ptp(second, axis=0).max(initial=0.0)) or 1.0
+    return bool(np.abs(first - second).max(initial=0.0) <= 1e-6 * size)
+
+
+def _vtu_displacement(path: Path, problem: DiscreteProblem) -> Array:
+    import meshio
+
+    field = problem.field
+    if field is None:
+        raise ProblemError(f"'{path}': a problem made of arrays has no mesh; give its solution as JSON")
+    noise = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
+            grid = meshio.read(path, file_format="vtu")
+    except OSError as error:
+        raise ProblemError(f"result file '{path}' cannot be read ({error.strerror}); check the path") from error
+    except (Exception, SystemExit) as error:  # meshio raises many kinds of errors on broken files
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ProblemError(f"result file '{path}' is not a readable VTU file ({reason})") from error
+    if "displacement" not in grid.point_data:
+        raise ProblemError(f"result file '{path}' has no point data 'displacement'; write it by 'hemivar solve --vtu'")
+    points, nodes, d = np.asarray(grid.points, dtype=float), field.nodes, field.dim
+    if len(points) != len(nodes):
+        raise _other_mesh(path, f"it has {len(points)} nodes, not {len(nodes)}")
+    if not _same_points(points[:, :d], nodes):
+        raise _other_mesh(path, "its nodes lie elsewhere")
+    values = _numbers(grid.point_data["displacement"], "displacement", path)
+    if values.ndim != 2 or values.shape[1] < d:
+        raise _other_mesh(path, f"its displacement has shape {values.shape}")
+    return np.ascontiguousarray(values[:, :d])
 
 
 # ---- CSV ----------------------------------------------------------------------------------------------------

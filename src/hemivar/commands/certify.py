@@ -1,0 +1,137 @@
+"""``hemivar certify``: what is known about a solution, whoever computed it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar._typing import Array
+    from hemivar.certify import Certificate
+    from hemivar.mechanics.discrete import DiscreteProblem
+    from hemivar.solvers import Solution
+
+__all__ = ["certificate_lines", "certificate_of", "check_solution_file", "run_certify"]
+
+#: Solves with more unknowns leave out the survey's trace constant, which needs a factorisation of its own.
+_TRACE_CONSTANT_UNKNOWNS = 300_000
+
+
+def run_certify(
+    name: str,
+    discrete: DiscreteProblem,
+    solution_file: Path | None,
+    output: Path | None,
+    tolerance: float,
+    solve: Callable[[], Solution],
+) -> bool:
+    """Certify what a file holds, or a solve; print it, write it, and say whether it fulfils the tolerance."""
+    from hemivar.certify import certify
+
+    if solution_file is None:
+        solution = solve()
+        source = f"solved here by {solution.method} ({solution.status.value})"
+        unknowns: Array = solution.unknowns
+        multiplier: Array | None = solution.multiplier
+    else:
+        from hemivar.report.files import read_solution
+
+        unknowns, multiplier = read_solution(solution_file, discrete)
+        source = str(solution_file)
+    certificate = certify(discrete, unknowns, multiplier, tolerance=tolerance)
+    print(f"solution          {source}")
+    if solution_file is not None:
+        origin = "recomputed from equilibrium" if multiplier is None else "read from the file"
+        print(f"multiplier        {origin}")
+    for line in certificate_lines(certificate, whole=True):
+        print(line)
+    if output is not None:
+        record = {
+            "problem": name,
+            "solution": None if solution_file is None else str(solution_file),
+            "fulfilled": certificate.stationary,
+            "certificate": certificate.record(),
+        }
+        output.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        print(f"written           {output}")
+    return certificate.stationary
+
+
+def certificate_of(solution: Solution) -> Certificate | None:
+    """The certificate of a solve; None if it ended with numbers that are not finite."""
+    import numpy as np
+
+    from hemivar.certify import certify
+
+    if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.multiplier).all()):
+        return None
+    problem = solution.problem
+    return certify(
+        problem, solution.unknowns, solution.multiplier, trace_constant=problem.unknowns <= _TRACE_CONSTANT_UNKNOWNS
+    )
+
+
+def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
+    """The certificate in lines of text: kind, bound and margin; if ``whole``, every constant."""
+    constants = certificate.smallness
+    lines: list[str] = []
+
+    def say(label: str, text: str) -> None:
+        lines.append(f"{label:<18}{text}")
+
+    if whole:
+        balance, off_law = certificate.equilibrium_relative, certificate.inclusion_relative
+        say("equilibrium", f"{_text(certificate.equilibrium)} in the K^-1 norm, {_text(balance)} of the load's")
+        say("inclusion", f"{_text(certificate.inclusion)} (force), {_text(off_law)} of the load's")
+        say("residual", f"{certificate.residual.relative:.1e} relative, tolerance {certificate.tolerance:.0e}")
+        say("energy", f"{certificate.energy:.10g}")
+    unique = {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}
+    say("kind", f"{certificate.kind.value}; {unique[certificate.unique]}")
+    if certificate.curvature is not None:
+        say("least curvature", f"{_text(certificate.curvature)} (the body alone: 1)")
+    if whole or not math.isfinite(certificate.error_bound):
+        parts = [f"c = {_text(constants.constant)}"]
+        if constants.constant_normal > 0.0 and constants.constant_tangential > 0.0:
+            parts.append(f"normal {_text(constants.constant_normal)}")
+            parts.append(f"tangential {_text(constants.constant_tangential)}")
+        if constants.coupling > 0.0:
+            parts.append(f"coupling {_text(constants.coupling)}")
+        say("margin", f"{_text(certificate.margin)} ({', '.join(parts)})")
+    if math.isfinite(certificate.error_bound):
+        size = f"{certificate.error_bound:.2e}, relative {certificate.error_bound_relative:.1e},"
+        say("distance", f"at most {size} to the exact discrete solution")
+    else:
+        say("distance", "no bound, for the margin is not positive")
+    if whole:
+        say("alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}")
+        if constants.m_L > 0.0:
+            say("m_L", f"{_text(constants.m_L)}, contraction of the outer fixed point {_text(constants.contraction)}")
+        if constants.m_A is not None:
+            say("m_A", _text(constants.m_A))
+        if constants.trace_constant is not None:
+            say("trace constant", f"{constants.trace_constant:.6g}")
+        if constants.survey_condition is not None and constants.survey_margin is not None:
+            holds = "holds" if constants.survey_condition else "does not hold"
+            say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
+        if constants.alpha_sampled:
+            say("note", "a law knows its alpha from samples only: margin and bound hold as far as the samples do")
+    return lines
+
+
+def _text(value: Any) -> str:
+    return "not known" if value is None else f"{value:.4g}"
+
+
+def check_solution_file(path: Path | None) -> None:
+    """Refuse a solution file that cannot be one."""
+    if path is None:
+        return
+    if path.suffix.lower() not in (".json", ".vtu"):
+        raise ProblemError(f"--solution {path}: the name must end in .json or .vtu")
+    if not path.is_file():
+        raise ProblemError(f"--solution {path}: there is no such file")

@@ -1,0 +1,104 @@
+"""The commands ``solutions`` and ``path``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hemivar import cli
+
+BLOCK = """\
+title = "block on a brittle layer"
+[mesh]
+rectangle = [2.0, 1.0]
+cells = [4, 2]
+[material]
+lame = [4.0, 4.0]
+[loads]
+body = [-1.2, -0.9]
+[supports]
+left = "clamped"
+[contact.bottom]
+normal = { law = "capped", stiffness = 20.0, limit = 0.1 }
+"""
+
+
+@pytest.fixture
+def block(tmp_path: Path) -> Path:
+    path = tmp_path / "block.toml"
+    path.write_text(BLOCK)
+    return path
+
+
+def test_solutions_are_listed_and_written(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "solutions.json"
+    assert cli.main(["solutions", str(block), "--json", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "all 256 combinations of pieces and kinks were tried" in shown
+    assert "no others exist" in shown
+    record = json.loads(out.read_text())
+    assert record["exhaustive"]
+    energies = [solution["energy"] for solution in record["solutions"]]
+    assert energies == sorted(energies)
+    kinds = {solution["kind"] for solution in record["solutions"]}
+    assert {"minimum", "jump"} <= kinds
+    assert len(record["solutions"][0]["contact"]["penetration"]) == 4
+    assert all(solution["residual"] < 1e-9 for solution in record["solutions"])
+
+
+def test_the_path_is_followed_written_and_drawn(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, figure = tmp_path / "path.json", tmp_path / "path.png"
+    arguments = ["path", str(block), "--load-factor", "0", "3", "--json", str(out), "--plot", str(figure)]
+    assert cli.main(arguments) == 0
+    shown = capsys.readouterr().out
+    assert "fold              load factor" in shown
+    assert "while loading" in shown
+    assert figure.stat().st_size > 5000
+    record = json.loads(out.read_text())
+    points = record["points"]
+    assert points[0]["load_factor"] == 0.0
+    assert points[-1]["load_factor"] == 3.0
+    assert set(points[0]) == {
+        "load_factor", "energy", "stable", "normal_force", "friction_force", "max_penetration", "value",
+    }  # fmt: skip
+    assert record["folds"]
+    assert record["jumps"]
+    assert {point["stable"] for point in points} == {True, False}
+    for fold in record["folds"]:
+        assert points[fold["point"]]["load_factor"] == fold["load_factor"]
+
+
+def test_another_quantity(block: Path, tmp_path: Path) -> None:
+    out, figure = tmp_path / "path.json", tmp_path / "path.svg"
+    arguments = ["path", str(block), "--quantity", "normal-force", "--json", str(out), "--plot", str(figure)]
+    assert cli.main(arguments) == 0
+    record = json.loads(out.read_text())
+    assert record["quantity"] == "normal-force"
+    assert all(point["value"] == point["normal_force"] for point in record["points"])
+
+
+def test_a_path_that_is_cut_short_is_told_by_the_exit_code(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["path", str(block), "--load-factor", "0", "3", "--max-points", "4"]) == 1
+    assert "limit of 4 points" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["path", "--quantity", "penetraton"], "quantity 'penetraton' is not known"),
+        (["path", "--load-factor", "2", "1"], "give a finite range"),
+        (["path", "--plot", "path.txt"], "must end in"),
+        (["solutions", "--json", "here.txt"], "must end in"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(
+    block: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main([arguments[0], str(block), *arguments[1:]]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
