@@ -7,8 +7,8 @@ import pytest
 
 from hemivar.branches import find_solutions, follow_path
 from hemivar.errors import ProblemError
-from hemivar.laws import Compliance, PiecewiseQuadratic
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, discretize, rectangle
+from hemivar.laws import Compliance, PiecewiseQuadratic, Softening
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller, discretize, rectangle
 from hemivar.solvers import LoadLine, LoadStepping, solve
 
 from ..problems import bar, discrete_square
@@ -142,3 +142,26 @@ def test_the_path_starts_where_load_stepping_arrives() -> None:
 def test_an_empty_range_is_refused(bounds: tuple[float, float]) -> None:
     with pytest.raises(ProblemError, match="load factors"):
         follow_path(columns(1), bounds)
+
+
+def test_block_of_several_points_jumps_where_its_column_does() -> None:
+    """E2 on law G, alpha > kappa: all points meet every event at once; folds and landings in closed form."""
+    kappa, k, delta, alpha = 12.0, 24.0, 0.1, 20.0
+    block = ContactProblem(
+        mesh=rectangle((0.5, 1.0), (2, 4), "cross"),
+        material=Material.lame(4.0, 4.0),
+        supports={"left": Roller(), "right": Roller(), "top": Clamped()},
+        contact={"bottom": Contact(Softening(k, delta, alpha))},
+        body_force=(0.0, -6.0),
+    )
+    path = follow_path(discretize(block), (0.0, 2.0))
+    per_load = 6.0 / (2.0 * kappa)  # r0 at load factor 1
+    up, down = path.jumps
+    assert up.loading
+    assert up.load_factor == pytest.approx(delta * (1.0 + k / kappa) / per_load, rel=1e-9)
+    assert up.local is not None
+    np.testing.assert_allclose(up.local[:, 0], up.load_factor * per_load, rtol=1e-6)
+    assert not down.loading
+    assert down.load_factor == pytest.approx(delta * (1.0 + k / alpha) / per_load, rel=1e-9)
+    assert down.local is not None
+    np.testing.assert_allclose(down.local[:, 0], kappa * down.load_factor * per_load / (kappa + k), rtol=1e-6)

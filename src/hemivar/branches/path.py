@@ -668,10 +668,12 @@ def _jumps(t: Array, local: Array, stable: list[bool]) -> tuple[Jump, ...]:
         if stable[i - 1] == stable[i]:
             continue
         onward = stable[i - 1]  # the stable stretch comes before the point: the body arrives along the path
-        before = i - 1 if onward else i + 1
-        loading = bool(t[i] > t[before])
-        if t[i] == t[before]:
+        # Points that met several events at once lie on top of each other: look back to one at another load.
+        arrival = np.arange(i - 1, -1, -1) if onward else np.arange(i + 1, t.size)
+        elsewhere = arrival[np.abs(t[arrival] - t[i]) > 1e-9 * (1.0 + abs(t[i]))]
+        if elsewhere.size == 0:
             continue
+        loading = bool(t[i] > t[elsewhere[0]])
         stretches = range(i + 1, t.size - 1) if onward else range(i - 2, -1, -1)
         landing: Array | None = None
         for k in stretches:

@@ -11,10 +11,9 @@ import numpy as np
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
-from hemivar.laws.nonmonotone import even_table
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
-__all__ = ["Extension", "check_points", "read_columns", "read_law_table", "table_law"]
+__all__ = ["Extension", "check_points", "even_table", "read_columns", "read_law_table", "table_law"]
 
 
 class Extension(StrEnum):
@@ -152,3 +151,36 @@ def _float(cell: str) -> float | None:
         return float(cell)
     except ValueError:
         return None
+
+
+def even_table(slips: Array, values: Array, *, extend: str = "constant", name: str = "table") -> PiecewiseQuadratic:
+    """The even law whose derivative for r >= 0 is linear between the points ``(slips, values)``.
+
+    Parameters
+    ----------
+    slips, values : arrays (K,)
+        Slips >= 0, not falling (a repeated one is a jump), and j' there; before the first and beyond the last one
+        j' is constant. The value at r = 0+ is half the jump at zero: the resistance against the first slip.
+    extend : {"constant", "linear"}
+        How j' goes on beyond the last slip.
+    """
+    slips, values = np.asarray(slips, dtype=float), np.asarray(values, dtype=float)
+    if slips[0] > 0.0:
+        slips, values = np.concatenate([[0.0], slips]), np.concatenate([values[:1], values])
+    if slips.size > 1 and slips[1] == 0.0:
+        slips, values = slips[1:], values[1:]
+    knots = np.unique(slips)
+    first = np.searchsorted(slips, knots, side="left")
+    last = np.searchsorted(slips, knots, side="right") - 1
+    left, right = values[first], values[last]
+    slopes = np.diff(knots)
+    inner = (left[1:] - right[:-1]) / np.where(slopes > 0.0, slopes, 1.0)
+    end = inner[-1] if extend == "linear" and inner.size else 0.0
+    jumps = (right - left)[1:]
+    return PiecewiseQuadratic(
+        np.concatenate([-knots[:0:-1], knots]),
+        np.concatenate([[end], inner[::-1], inner, [end]]),
+        np.concatenate([jumps[::-1], [2.0 * right[0]], jumps]),
+        start=-float(right[-1]),
+        name=name,
+    )
