@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import MethodError, ProblemError
-from hemivar.laws import ContactLaw, PiecewiseQuadratic, SurveyLaw, Tresca
+from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, SurveyLaw, Tresca
 from hemivar.mechanics import DiscreteProblem
 from hemivar.solvers import (
     METHODS,
@@ -145,6 +145,9 @@ def test_energy_without_lower_bound_is_refused() -> None:
     falling = PiecewiseQuadratic([0.0], [-3.0, -3.0], [0.0], name="falling")  # type: ignore[arg-type]
     with pytest.raises(ProblemError, match="law 'falling' softens without end by 3"):
         solve(bar(0.4, falling))
+    bound = Friction(PenetrationBound("8*s"))
+    with pytest.raises(ProblemError, match="law 'falling' softens without end by 120"):
+        solve(discrete_square(n=4).with_law(ContactLaw(falling.scaled(40.0), bound)))
     # The body is stiff enough for a slower fall, and held from below where only one side falls.
     slower = PiecewiseQuadratic([0.0], [-0.5, -0.5], [0.0])  # type: ignore[arg-type]
     assert solve(bar(0.4, slower)).penetration[0] == pytest.approx(0.4)
