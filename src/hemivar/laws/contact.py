@@ -15,7 +15,7 @@ from hemivar.laws.bounds import StateBound, stack_bounds
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.stacked import stack
 
-__all__ = ["ContactLaw", "Linearisation"]
+__all__ = ["ContactLaw", "Linearisation", "spread"]
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ class ContactLaw:
 
     def prox(self, x: Array, tau: Array) -> Array:
         """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""
-        return self.local_argmin(1.0 / tau, x / _spread(tau, x.shape[1]))
+        return self.local_argmin(1.0 / tau, x / spread(tau, x.shape[1]))
 
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         """Generalised derivative of :meth:`prox`, one ``(d, d)`` block for each point."""
@@ -285,6 +285,6 @@ def _first_axis(direction: Array) -> Array:
     return axis
 
 
-def _spread(tau: Array, d: int) -> Array:
+def spread(tau: Array, d: int) -> Array:
     """(m, 2) normal and tangential numbers as (m, d)."""
     return np.concatenate([tau[:, :1], np.repeat(tau[:, 1:2], d - 1, axis=1)], axis=1)

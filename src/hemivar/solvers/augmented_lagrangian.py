@@ -13,6 +13,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
+from hemivar.laws.contact import spread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import CondensedProblem
@@ -102,7 +103,7 @@ class AugmentedLagrangian(Solver):
         rows = 1.0 / np.sqrt(system.diagonal.ravel()[free])
         columns = np.repeat(system.weights, d)[free]
         length, pressure = system.length_scale, system.pressure_scale
-        spread = np.concatenate([tau[:, :1], np.repeat(tau[:, 1:], d - 1, axis=1)], axis=1)
+        steps = spread(tau, d)
         force_scale = length / float(np.median(rows))
 
         def split(x: Array) -> tuple[Array, Array]:
@@ -118,8 +119,8 @@ class AugmentedLagrangian(Solver):
             if count % 20 == 0:
                 budget.check()
             r, lam = split(x)
-            p = system.law.prox(r + spread * lam, tau)
-            along = lam + (r - p) / spread
+            p = system.law.prox(r + steps * lam, tau)
+            along = lam + (r - p) / steps
             first = -system.out_of_balance(r).ravel()[free] + columns * along.ravel()[free]
             return np.concatenate([rows * first / force_scale, (r - p).ravel()[free] / length])
 
@@ -178,19 +179,19 @@ class AugmentedLagrangianNewton(Solver):
         m, d = system.shape
         u = state.memory
         tau = _safe_steps(system, self.penalty)
-        spread = np.concatenate([tau[:, :1], np.repeat(tau[:, 1:], d - 1, axis=1)], axis=1)
+        steps = spread(tau, d)
         free = system.free
         B = problem.trace[free]
-        stiffness = (np.repeat(problem.weights, d) / spread.ravel())[free]
+        stiffness = (np.repeat(problem.weights, d) / steps.ravel())[free]
 
         def out_of_balance(v: Array, lam: Array) -> tuple[Array, Array]:
             first = problem.load - problem.stiffness @ v - problem.contact_force(np.where(system.active, lam, 0.0))
             r = problem.local(v)
-            second = r - problem.law.prox(r + spread * lam, tau)
+            second = r - problem.law.prox(r + steps * lam, tau)
             return first, stiffness * second.ravel()[free]
 
         first, second = out_of_balance(u, state.lam)
-        jacobian = problem.law.prox_jacobian(problem.local(u) + spread * state.lam, tau)
+        jacobian = problem.law.prox_jacobian(problem.local(u) + steps * state.lam, tau)
         pull = sp.csr_array(sp.block_diag(list(jacobian), format="csr"))[free][:, free]
         stay = sp.eye_array(free.size) - pull
         # The law's rows are multiplied by W/tau and the unknown is tau dlambda: every entry is a stiffness.
@@ -209,7 +210,7 @@ class AugmentedLagrangianNewton(Solver):
             return State(r, lam, state.evaluations + 20, memory=system.unknowns(r))
         du = step[: u.size]
         dlam = np.zeros((m, d))
-        dlam.ravel()[free] = step[u.size :] / spread.ravel()[free]
+        dlam.ravel()[free] = step[u.size :] / steps.ravel()[free]
 
         def merit(pair: tuple[Array, Array]) -> float:
             return float(np.hypot(np.linalg.norm(pair[0]), np.linalg.norm(pair[1])))
@@ -228,7 +229,7 @@ class AugmentedLagrangianNewton(Solver):
         length = best[1]
         u = u + length * du
         lam = np.where(system.active, state.lam + length * dlam, 0.0)
-        local = problem.law.prox(problem.local(u) + spread * lam, tau)
+        local = problem.law.prox(problem.local(u) + steps * lam, tau)
         local = np.where(system.active, local, system.fixed)
         lam = np.where(system.active, lam, problem.law.nearest_multiplier(local, system.multiplier(local)))
         return State(local, lam, evaluations, memory=u)
