@@ -194,6 +194,40 @@ def test_coarser_meshes() -> None:
     assert sizes("cells = 4\nrefine = 1") == [8, 32]
 
 
+BOX = "[mesh]\nbox = [1, 2, 3]\n"
+
+
+def test_box() -> None:
+    stated = parse_problem_file(f"{BOX}cells = [2, 4, 8]\norigin = [0, 0, -3]\n{MATERIAL}")
+    mesh = stated.problem.mesh
+    assert mesh.number_of_cells == 6 * 2 * 4 * 8
+    assert set(mesh.boundaries) == {"left", "right", "front", "back", "bottom", "top"}
+    np.testing.assert_allclose(mesh.points.min(axis=0), [0, 0, -3])
+    np.testing.assert_allclose(mesh.points.max(axis=0), [1, 2, 0])
+
+
+def test_coarser_boxes() -> None:
+    stated = parse_problem_file(f"{BOX}cells = [4, 8, 8]\nrefine = 1\n{MATERIAL}")
+    assert [mesh.number_of_cells for mesh in stated.coarser_meshes()] == [6 * 2 * 4 * 4, 6 * 4 * 8 * 8]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("box = [1, 1]\ncells = 2", "three numbers"),
+        ("box = [1, 1, 0]\ncells = 2", "must be positive"),
+        ("box = [1, 1, 1]", r"is missing.*\[32, 32, 32\]"),
+        ("box = [1, 1, 1]\ncells = [2, 2]", "list of three"),
+        ('box = [1, 1, 1]\ncells = 2\npattern = "cross"', "belongs to a rectangle"),
+        ("box = [1, 1, 1]\nrectangle = [1, 1]\ncells = 2", "rectangle and box are given"),
+        ("box = [1, 1, 1]\ncells = 2000", "take fewer"),
+    ],
+)
+def test_bad_boxes(text: str, message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        parse_problem_file(f"[mesh]\n{text}\n{MATERIAL}")
+
+
 def test_a_byte_order_mark_is_no_obstacle(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text(SAMPLE, encoding="utf-8-sig")
     assert read_problem(tmp_path / "part.toml").title.startswith("elastic block")

@@ -56,11 +56,13 @@ _EXPORTS = {
         "Pressure",
         "Quadrature",
         "Roller",
+        "box",
         "discretize",
         "read_mesh",
         "rectangle",
         "residual",
     ),
+    "hemivar.mechanics.obstacles": ("Cylinder", "Normals", "Plane", "SignedDistance", "Sphere"),
     "hemivar.solvers": (
         "LBFGS",
         "METHODS",
@@ -73,6 +75,7 @@ _EXPORTS = {
         "FixedPoint",
         "LoadStepping",
         "NewtonKrylov",
+        "NonsmoothMultigrid",
         "NonsmoothNewton",
         "Powell",
         "PrimalDualActiveSet",
@@ -149,11 +152,13 @@ if TYPE_CHECKING:
         Pressure,
         Quadrature,
         Roller,
+        box,
         discretize,
         read_mesh,
         rectangle,
         residual,
     )
+    from hemivar.mechanics.obstacles import Cylinder, Normals, Plane, SignedDistance, Sphere
     from hemivar.problem_file import read_problem
     from hemivar.solvers import (
         LBFGS,
@@ -167,6 +172,7 @@ if TYPE_CHECKING:
         FixedPoint,
         LoadStepping,
         NewtonKrylov,
+        NonsmoothMultigrid,
         NonsmoothNewton,
         Powell,
         PrimalDualActiveSet,

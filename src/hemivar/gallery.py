@@ -8,7 +8,7 @@ solutions are derived in the docstrings.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -22,6 +22,7 @@ from hemivar.laws import (
     Bilateral,
     Capped,
     ContactLaw,
+    Friction,
     Logarithmic,
     PenetrationBound,
     PiecewiseQuadratic,
@@ -40,6 +41,7 @@ from hemivar.mechanics import (
     Fixed,
     Material,
     Prescribed,
+    box,
     rectangle,
 )
 
@@ -61,6 +63,8 @@ __all__ = [
     "softening_block",
     "softening_spring",
     "survey",
+    "survey_cube",
+    "survey_cube_logarithmic",
     "survey_logarithmic",
     "weighted_block",
 ]
@@ -144,6 +148,40 @@ def survey(
         supports={"left": Clamped()},
         body_force=data.body_force,
         title=title,
+    )
+
+
+def survey_cube(
+    data: str | SurveyData = "5.1", n: int = 8, *, lateral: float = -0.4, friction: Friction | None = None
+) -> ContactProblem:
+    """The survey's body with a third dimension: a unit cube on its foundation.
+
+    Lame constants 4 and 4, clamped at x = 0, in contact with the foundation at z = 0 (gap 0), free elsewhere. The body
+    force of the data acts along x and z, and ``lateral`` along y, so that the slip has two components.
+
+    Parameters
+    ----------
+    data : str or SurveyData
+        As in :func:`survey`; forces are per volume, bounds per area.
+    n : int
+        Cells along each side.
+    lateral : float
+        Body force along y, force per volume.
+    friction : Friction, optional
+        In place of Tresca's law with the bound of the data.
+    """
+    plane = survey(data, 1)
+    title = plane.title
+    data = SURVEY_DATA[data] if isinstance(data, str) else data
+    along, down = data.body_force
+    law: Friction = Tresca(data.friction_bound) if friction is None else friction
+    return ContactProblem(
+        mesh=box((1.0, 1.0, 1.0), n),
+        material=Material.lame(4.0, 4.0),
+        contact={"bottom": Contact(SurveyLaw(data.q_max, data.p_const), law)},
+        supports={"left": Clamped()},
+        body_force=(along, lateral, down),
+        title=f"{title}, on a cube",
     )
 
 
@@ -482,6 +520,22 @@ def survey_logarithmic(
         body_force=data.body_force,
         title=f"survey's body, friction {bound:g} ln(1 + |u_tau|)",
     )
+
+
+def survey_cube_logarithmic(bound: float = 0.3, n: int = 8) -> ContactProblem:
+    """The cube of :func:`survey_cube`, data (5.1), and friction that weakens with the slip, ``bound ln(1 + |u_tau|)``.
+
+    alpha_tau = bound: unique while the margin of :func:`hemivar.certify.smallness` is positive, as it is by default.
+
+    Parameters
+    ----------
+    bound : float
+        Friction against the first slip, force per area.
+    n : int
+        Cells along each side.
+    """
+    problem = survey_cube("5.1", n, friction=Logarithmic(bound))
+    return replace(problem, title=f"survey's body on a cube, friction {bound:g} ln(1 + |u_tau|)")
 
 
 def softening_block(

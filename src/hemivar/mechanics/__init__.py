@@ -5,7 +5,8 @@ from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.discretize import discretize
 from hemivar.mechanics.fields import nodal_average, strain, stress, v_norm, von_mises
 from hemivar.mechanics.material import Material, Plane
-from hemivar.mechanics.mesh import Mesh, read_mesh, rectangle
+from hemivar.mechanics.mesh import Mesh, box, read_mesh, rectangle
+from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, SignedDistance, Sphere
 from hemivar.mechanics.problem import Contact, ContactProblem, Quadrature
 from hemivar.mechanics.residual import Residual, residual
 from hemivar.mechanics.transfer import interpolate, interpolation_matrix
@@ -14,19 +15,25 @@ __all__ = [
     "Clamped",
     "Contact",
     "ContactProblem",
+    "Cylinder",
     "DiscreteProblem",
     "FieldMap",
     "Fixed",
     "Material",
     "Mesh",
+    "Normals",
+    "Obstacle",
     "Plane",
     "Prescribed",
     "Pressure",
     "Quadrature",
     "Residual",
     "Roller",
+    "SignedDistance",
+    "Sphere",
     "Support",
     "Traction",
+    "box",
     "discretize",
     "interpolate",
     "interpolation_matrix",

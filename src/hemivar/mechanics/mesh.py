@@ -5,19 +5,21 @@ from __future__ import annotations
 import contextlib
 import io
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import permutations
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
+import scipy.sparse as sp
 
 from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
 
-__all__ = ["Mesh", "read_mesh", "rectangle"]
+__all__ = ["Mesh", "Refinement", "box", "read_mesh", "rectangle"]
 
 _EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
 _FACETS = {2: ((0, 1), (1, 2), (2, 0)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
@@ -87,14 +89,25 @@ class Mesh:
         cells: IntArray,
         boundaries: Mapping[str, IntArray],
         regions: Mapping[str, IntArray],
+        origin: Callable[[], Refinement | None] | None = None,
     ) -> Mesh:
-        """A mesh from arrays known to be valid, without checking them."""
+        """A mesh from arrays known to be valid, without checking them; ``origin`` makes its :attr:`parent`."""
         mesh = object.__new__(cls)
         object.__setattr__(mesh, "points", _frozen(points))
         object.__setattr__(mesh, "cells", _frozen(cells))
         object.__setattr__(mesh, "boundaries", MappingProxyType({k: _frozen(v) for k, v in boundaries.items()}))
         object.__setattr__(mesh, "regions", MappingProxyType({k: _frozen(v) for k, v in regions.items()}))
+        object.__setattr__(mesh, "_origin", origin)
         return mesh
+
+    @cached_property
+    def parent(self) -> Refinement | None:
+        """The mesh that this one is the uniform refinement of, if it is known to be one.
+
+        Known are refined meshes, and built-in ones with even numbers of cells.
+        """
+        origin: Callable[[], Refinement | None] | None = getattr(self, "_origin", None)
+        return None if origin is None else origin()
 
     @property
     def dim(self) -> int:
@@ -125,11 +138,9 @@ class Mesh:
 
     @cached_property
     def _edge_data(self) -> tuple[IntArray, IntArray]:
-        count = self.number_of_nodes
-        pairs = np.stack([self.cells[:, pair] for pair in _EDGES[self.dim]], axis=1)
-        keys, inverse = np.unique(_pair_keys(pairs, count).ravel(), return_inverse=True)
-        edges = np.column_stack([keys // count, keys % count])
-        return _frozen(edges), _frozen(inverse.reshape(len(self.cells), -1).astype(np.int64, copy=False))
+        first, second = np.array(_EDGES[self.dim]).T
+        edges, number = _distinct_pairs(self.cells[:, first].ravel(), self.cells[:, second].ravel())
+        return _frozen(edges), _frozen(number.reshape(len(self.cells), -1))
 
     @property
     def edges(self) -> IntArray:
@@ -170,8 +181,7 @@ class Mesh:
         return np.vstack([self.points, middle])
 
     def cell_nodes(self, order: int = 1) -> IntArray:
-        """Displacement nodes of the cells, shape (M, d + 1) or, for order 2, (M, 6) in 2D and (M, 10) in "
-        "3D."""
+        """Displacement nodes of the cells, shape (M, d + 1) or, for order 2, (M, 6) in 2D and (M, 10) in 3D."""
         if order == 1:
             return self.cells
         return np.hstack([self.cells, self.number_of_nodes + self.cell_edges])
@@ -213,7 +223,9 @@ class Mesh:
         """Uniform refinement: each triangle is cut into four, each tetrahedron into eight.
 
         The nodes of the mesh keep their numbers; the midpoint of edge e becomes node ``N + e``. Boundaries
-        and regions are carried over. The cells stemming from cell c are ``c + k M``.
+        and regions are carried over. The cells stemming from cell c are ``c + k M``. The octahedron inside a
+        tetrahedron is cut along its shortest diagonal; children are numbered as in Bey (Tetrahedral grid refinement,
+        Computing 55, 1995), so that shapes do not degrade and a :func:`box` gives boxes of the same kind.
 
         Parameters
         ----------
@@ -233,7 +245,7 @@ class Mesh:
             groups = [(v[0], e[0], e[2]), (e[0], v[1], e[1]), (e[2], e[1], v[2]), (e[0], e[1], e[2])]
             cells = np.vstack([np.column_stack(group) for group in groups])
         else:
-            cells = _refined_tetrahedra(points, v, e)
+            cells = _refined_tetrahedra(points, self.cells, count + self.cell_edges)
         boundaries = {}
         for name, facets in self.boundaries.items():
             f = self.facet_nodes(facets, 2).T
@@ -246,7 +258,9 @@ class Mesh:
             boundaries[name] = children
         offsets = self.number_of_cells * np.arange(2**self.dim)
         regions = {name: (offsets[:, None] + ids).ravel() for name, ids in self.regions.items()}
-        return Mesh._trusted(points, cells, boundaries, regions)
+        own = np.repeat(np.arange(count)[:, None], 2, axis=1)
+        refinement = Refinement(self, np.vstack([own, self.edges]))
+        return Mesh._trusted(points, cells, boundaries, regions, partial(_itself, refinement))
 
     def rotated(self, angle: float) -> Mesh:
         """The mesh turned counterclockwise by ``angle`` (radians) about the origin; 2D only."""
@@ -274,7 +288,8 @@ class Mesh:
         if linear.shape != (self.dim, self.dim) or not np.linalg.det(linear) > 0:
             raise ProblemError(f"matrix must be {self.dim} by {self.dim} with positive determinant")
         points = self.points @ linear.T + np.asarray(shift, dtype=float)
-        return Mesh._trusted(points, self.cells, self.boundaries, self.regions)
+        origin = partial(_moved_parent, self, linear, shift)
+        return Mesh._trusted(points, self.cells, self.boundaries, self.regions, origin)
 
     def with_boundaries(self, boundaries: Mapping[str, Any]) -> Mesh:
         """The mesh with these named boundaries in place of its own.
@@ -298,7 +313,7 @@ class Mesh:
             else:
                 chosen[name] = value
         matched = self._match_boundaries(chosen)
-        return Mesh._trusted(self.points, self.cells, matched, self.regions)
+        return Mesh._trusted(self.points, self.cells, matched, self.regions, partial(_parent_bounded, self, matched))
 
     def _facets(self) -> tuple[IntArray, IntArray, IntArray]:
         """All facets of all cells, their keys, and the cells they belong to."""
@@ -405,7 +420,174 @@ def rectangle(
         "bottom": np.column_stack([bottom[:-1], bottom[1:]]),
         "top": np.column_stack([top[1:], top[:-1]]),
     }
-    return Mesh._trusted(points, connectivity, boundaries, {})
+    origin_of_it = None
+    if nx % 2 == 0 and ny % 2 == 0:
+        origin_of_it = partial(_rectangle_parent, (width, height), (nx, ny), pattern, (origin[0], origin[1]))
+    return Mesh._trusted(points, connectivity, boundaries, {}, origin_of_it)
+
+
+def box(
+    size: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    cells: int | tuple[int, int, int] = 8,
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Mesh:
+    """A box cut into tetrahedra.
+
+    Boundaries: ``left`` and ``right`` (x), ``front`` and ``back`` (y), ``bottom`` and ``top`` (z). Each small box is
+    cut into six tetrahedra around its diagonal from the lowest to the highest corner (Kuhn, Freudenthal); a box
+    refined uniformly is a box of twice as many cells.
+
+    Parameters
+    ----------
+    size : three floats
+        Extent along x, y and z.
+    cells : int or three ints
+        Number of small boxes along x, y and z; one number serves for all.
+    origin : three floats
+        The corner of lowest coordinates.
+
+    Raises
+    ------
+    ProblemError
+        If a length or a number of cells is not positive.
+    """
+    try:
+        counts = np.broadcast_to(np.asarray(cells), (3,)).tolist()
+        extent, lowest = np.array(size, dtype=float), np.array(origin, dtype=float)
+    except (TypeError, ValueError) as error:
+        given = f"size = {size!r}, cells = {cells!r}, origin = {origin!r}"
+        raise ProblemError(f"{given}; give three lengths, one or three numbers of cells, three coordinates") from error
+    if extent.shape != (3,) or lowest.shape != (3,):
+        raise ProblemError(f"size = {size!r}, origin = {origin!r}; give three numbers for each")
+    if not (np.isfinite(extent).all() and np.isfinite(lowest).all() and (extent > 0).all()):
+        raise ProblemError(f"size = {tuple(size)}, origin = {tuple(origin)}; lengths must be positive, all finite")
+    if any(int(n) != n or n < 1 for n in counts):
+        raise ProblemError(f"cells = {cells}; give whole numbers of at least 1 along x, y and z")
+    nx, ny, nz = (int(n) for n in counts)
+    x, y, z = (lowest[k] + extent[k] * np.arange(n + 1) / n for k, n in enumerate((nx, ny, nz)))
+    nodes = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nz + 1, ny + 1, nx + 1)
+    points = np.empty((*nodes.shape, 3))
+    points[..., 0], points[..., 1], points[..., 2] = x, y[:, None], z[:, None, None]
+    step = (1, nx + 1, (nx + 1) * (ny + 1))
+    corner = nodes[:-1, :-1, :-1].ravel()
+    connectivity = np.empty((len(corner), 6, 4), dtype=np.int64)
+    for number, way in enumerate(permutations(range(3))):
+        path = np.cumsum([0] + [step[axis] for axis in way])
+        if way not in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            path = np.roll(path, -1)  # turns an inverted tetrahedron and keeps the diagonal that refinement takes
+        connectivity[:, number] = corner[:, None] + path
+    boundaries = {
+        "left": _split_squares(nodes[:, :, 0])[:, ::-1],
+        "right": _split_squares(nodes[:, :, -1]),
+        "front": _split_squares(nodes[:, 0, :]),
+        "back": _split_squares(nodes[:, -1, :])[:, ::-1],
+        "bottom": _split_squares(nodes[0])[:, ::-1],
+        "top": _split_squares(nodes[-1]),
+    }
+    origin_of_it = None
+    if nx % 2 == 0 and ny % 2 == 0 and nz % 2 == 0:
+        origin_of_it = partial(_box_parent, tuple(extent), (nx, ny, nz), tuple(lowest))
+    return Mesh._trusted(points.reshape(-1, 3), connectivity.reshape(-1, 4), boundaries, {}, origin_of_it)
+
+
+def _split_squares(nodes: IntArray) -> IntArray:
+    """The squares of a grid of nodes cut by their rising diagonal, counterclockwise if columns are the first axis."""
+    a, b, c, d = (part.ravel() for part in (nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]))
+    return np.stack([np.column_stack([a, b, c]), np.column_stack([a, c, d])], axis=1).reshape(-1, 3)
+
+
+def _box_parent(
+    size: tuple[float, float, float], cells: tuple[int, int, int], origin: tuple[float, float, float]
+) -> Refinement:
+    nx, ny, nz = (n // 2 for n in cells)
+    coarse = box(size, (nx, ny, nz), origin)
+    ends = []
+    for extra in (0, 1):
+        i, j, k = ((np.arange(n + 1) + extra) // 2 for n in cells)
+        ends.append((i + (nx + 1) * (j[:, None] + (ny + 1) * k[:, None, None])).ravel())
+    return Refinement(coarse, np.column_stack(ends))
+
+
+def _rectangle_parent(
+    size: tuple[float, float],
+    cells: tuple[int, int],
+    pattern: Literal["cross", "right", "left"],
+    origin: tuple[float, float],
+) -> Refinement | None:
+    nx, ny = cells
+    coarse = rectangle(size, (nx // 2, ny // 2), pattern, origin)
+    j, i = (a.ravel() for a in np.indices((ny + 1, nx + 1)))
+    width = nx // 2 + 1
+    low, high = (i // 2, (i + 1) // 2), (j // 2, (j + 1) // 2)
+    if pattern == "left":
+        ends = np.column_stack([high[0] * width + low[1], high[1] * width + low[0]])
+    else:
+        ends = np.column_stack([high[0] * width + low[0], high[1] * width + low[1]])
+    if pattern == "cross":
+        centre = (nx // 2 + 1) * (ny // 2 + 1) + (j // 2) * (nx // 2) + i // 2
+        odd = (i % 2 == 1) & (j % 2 == 1)
+        ends[odd] = centre[odd, None]
+        j, i = (a.ravel() for a in np.indices((ny, nx)))
+        middle = (nx // 2 + 1) * (ny // 2 + 1) + (j // 2) * (nx // 2) + i // 2
+        corner = (j // 2 + j % 2) * width + i // 2 + i % 2
+        ends = np.vstack([ends, np.column_stack([middle, corner])])
+    return Refinement(coarse, ends)
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """How a mesh stems from a coarser one.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The coarser mesh.
+    ends : int array, shape (N, 2)
+        Each node of the finer mesh is the midpoint of these two nodes of the coarser one (twice the same where it is
+        a node of it).
+    """
+
+    mesh: Mesh
+    ends: IntArray
+
+    @cached_property
+    def interpolation(self) -> sp.csr_array:
+        """Nodal values on the finer mesh from those on the coarser one, shape (N, N_coarse)."""
+        count = len(self.ends)
+        rows = np.repeat(np.arange(count), 2)
+        shape = (count, self.mesh.number_of_nodes)
+        return sp.csr_array((np.full(2 * count, 0.5), (rows, self.ends.ravel())), shape=shape)
+
+    @cached_property
+    def kept(self) -> IntArray:
+        """The node of the finer mesh that each node of the coarser one is, shape (N_coarse,)."""
+        kept = np.empty(self.mesh.number_of_nodes, dtype=np.int64)
+        same = np.flatnonzero(self.ends[:, 0] == self.ends[:, 1])
+        kept[self.ends[same, 0]] = same
+        return kept
+
+
+def _itself(refinement: Refinement) -> Refinement:
+    return refinement
+
+
+def _moved_parent(mesh: Mesh, matrix: Array, shift: Any) -> Refinement | None:
+    parent = mesh.parent
+    return None if parent is None else Refinement(parent.mesh.moved(matrix, shift), parent.ends)
+
+
+def _parent_bounded(mesh: Mesh, boundaries: Mapping[str, IntArray]) -> Refinement | None:
+    """The parent, with the facets that these facets are parts of as boundaries."""
+    parent = mesh.parent
+    if parent is None:
+        return None
+    coarse = {}
+    for name, facets in boundaries.items():
+        corners = np.sort(parent.ends[facets].reshape(len(facets), -1), axis=1)
+        first = np.diff(corners, axis=1, prepend=-1) > 0
+        whole = first.sum(axis=1) == mesh.dim
+        coarse[name] = np.unique(corners[whole][first[whole]].reshape(-1, mesh.dim), axis=0)
+    return Refinement(parent.mesh.with_boundaries(coarse), parent.ends)
 
 
 _CELL_DIMENSION = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
@@ -524,24 +706,26 @@ def _groups(raw: Any, dims: Iterable[int]) -> dict[tuple[int, str], list[tuple[i
     return found | tagged
 
 
-def _refined_tetrahedra(points: Array, v: IntArray, e: IntArray) -> IntArray:
-    """Eight children of each tetrahedron; the inner octahedron is cut along its shortest diagonal."""
+def _refined_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
+    """Eight children of each tetrahedron, positively oriented.
+
+    The octahedron inside is cut along the diagonal between the midpoints of 02 and 13, for which tetrahedra are turned
+    if another diagonal is shorter.
+    """
+    ends = ((2, 4), (1, 3), (0, 5))
+    lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
+    shortest = np.argmin([lengths[0] * (1.0 - 1e-9), *lengths[1:]], axis=0)
+    v, e = cells.copy(), middles.copy()
+    for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
+        turned = np.flatnonzero(shortest == way)
+        v[turned] = cells[turned][:, corners]
+        e[turned] = middles[turned][:, edges]
+    (v0, v1, v2, v3), (e01, e12, e02, e03, e13, e23) = v.T, e.T
     children = [
-        np.column_stack([v[0], e[0], e[2], e[3]]),
-        np.column_stack([v[1], e[0], e[1], e[4]]),
-        np.column_stack([v[2], e[1], e[2], e[5]]),
-        np.column_stack([v[3], e[3], e[4], e[5]]),
-    ]
-    ways = np.array([(0, 5, 1, 2, 3, 4), (1, 3, 0, 2, 5, 4), (2, 4, 0, 1, 5, 3)])
-    lengths = [np.sum((points[e[way[0]]] - points[e[way[1]]]) ** 2, axis=1) for way in ways]
-    choice = ways[np.argmin(lengths, axis=0)].T
-    corner = np.take_along_axis(e, choice, axis=0)
-    for k in range(4):
-        children.append(np.column_stack([corner[0], corner[1], corner[2 + k], corner[2 + (k + 1) % 4]]))
-    cells = np.vstack(children)
-    negative = _signed_volumes(points, cells) < 0
-    cells[negative, :2] = cells[negative, 1::-1]
-    return cells
+        (v0, e01, e02, e03), (e01, v1, e12, e13), (e02, e12, v2, e23), (e03, e13, e23, v3),
+        (e01, e02, e03, e13), (e02, e12, e13, e01), (e02, e03, e13, e23), (e12, e13, e23, e02),
+    ]  # fmt: skip
+    return np.vstack([np.column_stack(child) for child in children])
 
 
 def _frozen(array: Any) -> Any:
@@ -553,6 +737,34 @@ def _frozen(array: Any) -> Any:
 def _pair_keys(pairs: IntArray, count: int) -> IntArray:
     """One number per pair of node numbers (last axis), whatever the order in the pair."""
     return np.asarray(np.minimum(pairs[..., 0], pairs[..., 1]) * count + np.maximum(pairs[..., 0], pairs[..., 1]))
+
+
+def _distinct_pairs(first: IntArray, second: IntArray) -> tuple[IntArray, IntArray]:
+    """Distinct unordered pairs (E, 2), smaller number first, sorted; and the number of the pair of each entry.
+
+    Pair and place of each entry are sorted together as one integer where they fit into 64 bits, which is several times
+    faster than sorting an index.
+    """
+    low, span = np.minimum(first, second), np.abs(first - second)
+    bits = [int(values.max(initial=0)).bit_length() for values in (span, np.array(len(low)))]
+    if int(low.max(initial=0)).bit_length() + sum(bits) <= 64:
+        packed = low.astype(np.uint64)
+        for values, shift in ((span, bits[0]), (np.arange(len(low)), bits[1])):
+            packed <<= np.uint64(shift)
+            packed |= values.astype(np.uint64)
+        packed.sort()
+        order = (packed & np.uint64((1 << bits[1]) - 1)).astype(np.int64)
+        keys = packed >> np.uint64(bits[1])
+    else:
+        unsorted = (low << bits[0]) | span
+        order = np.argsort(unsorted)
+        keys = unsorted[order]
+    new = np.concatenate([[True], keys[1:] != keys[:-1]])
+    number = np.empty(len(low), dtype=np.int64)
+    number[order] = np.cumsum(new) - 1
+    distinct = keys[new].astype(np.int64)
+    start = distinct >> bits[0]
+    return np.column_stack([start, start + (distinct & ((1 << bits[0]) - 1))]), number
 
 
 def _facet_keys(facets: IntArray, count: int) -> IntArray:

@@ -12,6 +12,7 @@ from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.mesh import Mesh
+from hemivar.mechanics.obstacles import Normals
 
 __all__ = ["ContactBoundary", "contact_boundaries", "global_vectors", "polylines"]
 
@@ -123,6 +124,8 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
     mesh, order = problem.field.mesh, problem.field.order
     nodes = mesh.nodes(order)
     tolerance = 1e-9 * float(np.ptp(mesh.points, axis=0).max())
+    stated = {} if problem.statement is None else problem.statement.contact
+    turned = {name for name, contact in stated.items() if contact.normals is Normals.OBSTACLE}
     candidates = []
     for name, corners in mesh.boundaries.items():
         members = mesh.facet_nodes(corners, order)
@@ -135,7 +138,8 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
             places = nodes[used] if at_nodes else mesh.points[corners].mean(axis=1)
             direction = nodal if at_nodes else normals
             gap, found = KDTree(places).query(problem.points)
-            hit = (gap <= tolerance) & (np.linalg.norm(direction[found] - problem.frames[:, 0], axis=1) < 1e-6)
+            along = np.linalg.norm(direction[found] - problem.frames[:, 0], axis=1) < 1e-6
+            hit = (gap <= tolerance) & (along | (name in turned))
             if hit.any():
                 share = np.count_nonzero(hit) / len(places)
                 candidates.append((share, name, members, hit, used[found] if at_nodes else None, found))

@@ -18,7 +18,9 @@ from hemivar.mechanics import von_mises
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.mesh import Mesh
 from hemivar.report._boundary import ContactBoundary, contact_boundaries, global_vectors, polylines
-from hemivar.solvers import ContactState, Solution
+from hemivar.report._solid import contact_maps, draw_solid
+from hemivar.report._style import BLUE, GREEN, GREY, MARKERS, ORANGE, PURPLE, RED, SKY, drawing, with_unit
+from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,33 +36,8 @@ __all__ = [
     "save",
 ]
 
-# Okabe and Ito's colours, told apart by all readers.
-_BLUE, _ORANGE, _GREEN, _RED, _SKY, _PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
-_GREY = "#5f5f5f"
 _MANY_CELLS = 5000
 _MANY_POINTS = 70
-
-_STYLE: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.labelsize": 9.0,
-    "axes.titlesize": 10.0,
-    "axes.linewidth": 0.7,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "legend.fontsize": 8.0,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "mathtext.fontset": "dejavusans",
-    "hatch.linewidth": 0.5,
-    "svg.fonttype": "none",
-    "pdf.fonttype": 42,
-}
-
-_MARKERS: Mapping[ContactState, dict[str, Any]] = {
-    ContactState.OPEN: {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"},
-    ContactState.STICK: {"marker": "s", "markerfacecolor": _BLUE, "markeredgecolor": _BLUE},
-    ContactState.SLIP: {"marker": "^", "markerfacecolor": _ORANGE, "markeredgecolor": "black"},
-}
 
 
 class Arrows(StrEnum):
@@ -86,6 +63,7 @@ def plot_solution(
     title: str | None = None,
     note: str = "",
     unit: str = "",
+    stress_unit: str = "",
     legend: bool = True,
 ) -> Figure:
     """The deformed body on its foundation, with contact states and contact forces.
@@ -110,8 +88,8 @@ def plot_solution(
         Title above the figure.
     note : str
         Data of the problem in words, added to the legend; the constants of the laws are there anyway.
-    unit : str
-        Unit of length for the axis labels.
+    unit, stress_unit : str
+        Units of length and stress for the labels.
     legend : bool
         Write the legend, the data and the scale of the arrows to the right of the axes.
 
@@ -126,16 +104,16 @@ def plot_solution(
     arrows = _member(Arrows, arrows, "arrows")
     mesh = problem.field.mesh
     displacement = solution.displacement[: mesh.number_of_nodes]
-    factor = _factor(scale, mesh, displacement, solution.problem.gap)
-    with _context():
+    factor = magnification(scale, mesh, displacement, solution.problem.gap)
+    with drawing():
         if mesh.dim == 3:
-            return _draw_solid(solution, mesh, displacement, factor, title, unit)
+            return draw_solid(solution, mesh.points + factor * displacement, factor, title, unit, stress_unit)
         width, height = np.ptp(mesh.points, axis=0)
         fig, ax = _axes(ax, (6.3, 0.9 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
-        shown = _Plane(solution, mesh, displacement, factor)
+        shown = _Plane(solution, mesh, displacement, factor, stress_unit)
         shown.draw(ax, arrows, note, legend)
-        ax.set_xlabel(_with_unit("x", unit))
-        ax.set_ylabel(_with_unit("y", unit))
+        ax.set_xlabel(with_unit("x", unit))
+        ax.set_ylabel(with_unit("y", unit))
         if title:
             ax.set_title(title)
     return fig
@@ -144,11 +122,12 @@ def plot_solution(
 class _Plane:
     """Everything that is drawn of one plane solution."""
 
-    def __init__(self, solution: Solution, mesh: Mesh, displacement: Array, factor: float) -> None:
+    def __init__(self, solution: Solution, mesh: Mesh, displacement: Array, factor: float, stress_unit: str) -> None:
         self.solution = solution
         self.problem: DiscreteProblem = solution.problem
         self.mesh = mesh
         self.factor = factor
+        self.stress_unit = stress_unit
         self.moved = mesh.points + factor * displacement
         self.boundaries = contact_boundaries(self.problem)
         self.size = float(np.linalg.norm(np.ptp(mesh.points, axis=0)))
@@ -162,8 +141,8 @@ class _Plane:
         outline = polylines(self.mesh.boundary_facets)
         dashes = (0, (4, 3))
         for line in outline:
-            ax.plot(*self.mesh.points[line].T, color=_GREY, lw=0.8, ls=dashes, zorder=2.5)
-        self.handles.append(Line2D([], [], color=_GREY, lw=0.8, ls=dashes, label="body at rest"))
+            ax.plot(*self.mesh.points[line].T, color=GREY, lw=0.8, ls=dashes, zorder=2.5)
+        self.handles.append(Line2D([], [], color=GREY, lw=0.8, ls=dashes, label="body at rest"))
         ax.set_aspect("equal")
         if self.boundaries:
             longest = self._forces(ax, arrows) if arrows is not Arrows.NONE else 0.0
@@ -195,7 +174,7 @@ class _Plane:
                 vmax=float(np.quantile(stress, 0.999)), zorder=2, rasterized=True,
             )  # fmt: skip
             bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, extend="max")
-            bar.set_label("von Mises stress")
+            bar.set_label(with_unit("von Mises stress", self.stress_unit))
         for line in polylines(self.mesh.boundary_facets):
             ax.plot(*self.moved[line].T, color="black", lw=0.9, zorder=3)
 
@@ -211,6 +190,8 @@ class _Plane:
         normal = np.full(self.moved.shape, np.nan)
         normal[used] = summed / np.linalg.norm(summed, axis=1)[:, None]
         nearest = _nearest(self.mesh.points[used], self.problem, boundary)
+        if boundary.nodes is not None and self.problem.frames is not None:
+            normal[used] = self.problem.frames[nearest, 0]  # that of an obstacle may differ from the body's
         gap = np.full(len(self.moved), np.nan)
         gap[used] = self.problem.gap[nearest]
         deepest = self.factor * float(self.solution.penetration[boundary.index].max(initial=0.0))
@@ -244,7 +225,7 @@ class _Plane:
 
         places, state = self._places(), self.solution.state
         size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
-        for kind, marker in _MARKERS.items():
+        for kind, marker in MARKERS.items():
             here = state == kind
             if here.any():
                 ax.plot(*places[here].T, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **marker)
@@ -262,9 +243,9 @@ class _Plane:
         places = self._places()
         step = max(1, len(places) // _MANY_POINTS)
         sets = (
-            [("force", outward + along, _RED)]
+            [("force", outward + along, RED)]
             if arrows is Arrows.FORCE
-            else [("pressure", outward, _RED), ("friction", along, _GREEN)]
+            else [("pressure", outward, RED), ("friction", along, GREEN)]
         )
         largest = max(float(np.linalg.norm(vectors, axis=1).max()) for _, vectors, _ in sets)
         if largest == 0.0:
@@ -325,7 +306,8 @@ def _nearest(points: Array, problem: DiscreteProblem, boundary: ContactBoundary)
     return np.asarray(boundary.index[found])
 
 
-def _factor(scale: float | str, mesh: Mesh, displacement: Array, gap: Array) -> float:
+def magnification(scale: float | str, mesh: Mesh, displacement: Array, gap: Array) -> float:
+    """The factor of the displacement that ``scale`` asks for."""
     if scale == "auto":
         size = float(np.ptp(mesh.points, axis=0).max())
         if gap.size and np.ptp(gap) > 1e-6 * size:
@@ -345,82 +327,23 @@ def _round_number(value: float) -> float:
     return float(f"{digit * power:.6g}")
 
 
-def _draw_solid(
-    solution: Solution, mesh: Mesh, displacement: Array, factor: float, title: str | None, unit: str
-) -> Figure:
-    from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    problem = solution.problem
-    assert problem.field is not None
-    moved = mesh.points + factor * displacement
-    facets = mesh.boundary_facets
-    fig = Figure(figsize=(6.3, 4.8), layout="constrained")
-    ax = fig.add_subplot(projection="3d")
-    surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060")
-    if problem.field.material is not None:
-        from hemivar.mechanics import nodal_average
-
-        nodal = nodal_average(mesh, von_mises(problem.field, solution.displacement))
-        surface.set_array(nodal[facets].mean(axis=1))
-        surface.set_cmap("cividis")
-        fig.colorbar(surface, ax=ax, shrink=0.6, pad=0.08, label="von Mises stress")
-    ax.add_collection3d(surface)
-    low, high = moved.min(axis=0), moved.max(axis=0)
-    if problem.contact_points:
-        ax.view_init(*_view(problem))
-        moved_points = _moved_points(solution, factor)
-        for kind, marker in _MARKERS.items():
-            here = solution.state == kind
-            if here.any():
-                ax.plot(*moved_points[here].T, ls="", ms=3, mew=0.5, label=kind.label, zorder=10, **marker)
-        ax.legend(loc="upper left")
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set_box_aspect(np.maximum(high - low, 1e-6 * (high - low).max()))
-    ax.set_xlabel(_with_unit("x", unit))
-    ax.set_ylabel(_with_unit("y", unit))
-    ax.set_zlabel(_with_unit("z", unit))
-    magnified = "" if factor == 1.0 else f"displacement times {factor:g}"
-    ax.set_title(title or magnified)
-    return fig
-
-
-def _view(problem: DiscreteProblem) -> tuple[float, float]:
-    """Elevation and azimuth, in degrees, from which the contact boundary can be seen."""
-    assert problem.frames is not None
-    x, y, z = problem.weights @ problem.frames[:, 0] / problem.weights.sum()
-    azimuth = math.degrees(math.atan2(y, x)) + 30.0 if math.hypot(x, y) > 0.5 else -60.0
-    return (-28.0 if z < -0.5 else 28.0), azimuth
-
-
-def _moved_points(solution: Solution, factor: float) -> Array:
-    assert solution.problem.points is not None
-    moved = solution.problem.points.copy()
-    for boundary in contact_boundaries(solution.problem):
-        if boundary.nodes is not None:
-            moved[boundary.index] += factor * solution.displacement[boundary.nodes]
-        elif boundary.facets is not None:
-            corner = solution.displacement[boundary.corners[boundary.facets]]
-            moved[boundary.index] += factor * corner.mean(axis=1)
-    return moved
-
-
 # ---- along the contact boundary -------------------------------------------------------------------------------
 
 
-def plot_contact(solution: Solution, *, title: str | None = None, unit: str = "") -> Figure:
+def plot_contact(solution: Solution, *, title: str | None = None, unit: str = "", stress_unit: str = "") -> Figure:
     """Pressure, friction (with its bound), penetration and slip along the contact boundary.
 
     One column of panels for each contact boundary; the coordinate is x or y along straight boundaries parallel to an
     axis, the arc length otherwise, and the number of the contact point for problems made of arrays. Marks tell the
-    contact state. In 3D the boundary is seen along its mean normal, and colours show the four quantities.
+    contact state. In 3D each boundary is projected along its mean normal: colours show the pressure, the magnitude of
+    the friction and the penetration; the fourth panel shows the states, with arrows for the slip in the tangent plane.
 
     Parameters
     ----------
     solution : Solution
     title : str, optional
-    unit : str
-        Unit of length for the axis labels.
+    unit, stress_unit : str
+        Units of length and stress for the labels.
 
     Raises
     ------
@@ -430,13 +353,13 @@ def plot_contact(solution: Solution, *, title: str | None = None, unit: str = ""
     problem = solution.problem
     if problem.contact_points == 0:
         raise ProblemError("the problem has no contact point; draw it with plot_solution")
-    with _context():
+    with drawing():
         if problem.dim == 3 and problem.points is not None and problem.frames is not None:
-            return _contact_maps(solution, title, unit)
-        return _contact_lines(solution, title, unit)
+            return contact_maps(solution, title, unit, stress_unit)
+        return _contact_lines(solution, title, unit, stress_unit)
 
 
-def _contact_lines(solution: Solution, title: str | None, unit: str) -> Figure:
+def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -460,29 +383,29 @@ def _contact_lines(solution: Solution, title: str | None, unit: str) -> Figure:
         curves = [(upper, multiplier, "pressure", "friction"), (lower, local, "penetration", "slip")]
         for panel, values, normal_name, tangential_name in curves:
             panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
-            _curve(panel, where, values[index, 0], state[index], size, _RED, "-", normal_name)
+            _curve(panel, where, values[index, 0], state[index], size, RED, "-", normal_name)
             for k in range(1, problem.dim):
                 which = tangential_name if problem.dim == 2 else f"{tangential_name} {k}"
-                _curve(panel, where, values[index, k], state[index], size, _GREEN, (0, (5, 1.5)), which)
+                _curve(panel, where, values[index, k], state[index], size, GREEN, (0, (5, 1.5)), which)
         if bound is not None and np.isfinite(bound[index]).all():
             for sign in (1.0, -1.0):
-                upper.plot(where, sign * bound[index], color=_GREEN, lw=0.8, ls=":", zorder=1)
-        lower.set_xlabel(_with_unit(label, unit if label != "contact point" else ""))
+                upper.plot(where, sign * bound[index], color=GREEN, lw=0.8, ls=":", zorder=1)
+        lower.set_xlabel(with_unit(label, unit if label != "contact point" else ""))
         if len(parts) > 1:
             upper.set_title(name)
         for panel in (upper, lower):
             panel.spines[["top", "right"]].set_visible(False)
             panel.margins(x=0.02)
-    panels[0, 0].set_ylabel("force per area")
-    panels[1, 0].set_ylabel(_with_unit("displacement", unit))
+    panels[0, 0].set_ylabel(with_unit("force per area", stress_unit))
+    panels[1, 0].set_ylabel(with_unit("displacement", unit))
     handles = [
-        Line2D([], [], color=_RED, label="pressure; penetration"),
-        Line2D([], [], color=_GREEN, ls=(0, (5, 1.5)), label="friction; slip"),
+        Line2D([], [], color=RED, label="pressure; penetration"),
+        Line2D([], [], color=GREEN, ls=(0, (5, 1.5)), label="friction; slip"),
     ]
     if bound is not None:
-        handles.append(Line2D([], [], color=_GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
-    present = [kind for kind in _MARKERS if (state == kind).any()]
-    handles += [Line2D([], [], ls="", ms=4.4, mew=0.7, label=kind.label, **_MARKERS[kind]) for kind in present]
+        handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
+    present = [kind for kind in MARKERS if (state == kind).any()]
+    handles += [Line2D([], [], ls="", ms=4.4, mew=0.7, label=kind.label, **MARKERS[kind]) for kind in present]
     fig.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=1.4, handlelength=1.8)
     if title:
         fig.suptitle(title, fontsize=10)
@@ -493,47 +416,9 @@ def _curve(
     panel: Any, where: Array, values: Array, state: IntArray, size: float, colour: str, dash: Any, label: str
 ) -> None:
     panel.plot(where, values, color=colour, ls=dash, lw=1.1, label=label, zorder=2)
-    for kind, marker in _MARKERS.items():
+    for kind, marker in MARKERS.items():
         here = state == kind
         panel.plot(where[here], values[here], ls="", ms=size, mew=0.5, zorder=3, **marker)
-
-
-def _contact_maps(solution: Solution, title: str | None, unit: str) -> Figure:
-    from matplotlib.figure import Figure
-
-    problem = solution.problem
-    assert problem.points is not None
-    assert problem.frames is not None
-    normal = problem.weights @ problem.frames[:, 0]
-    seen = [axis for axis in range(3) if axis != int(np.argmax(np.abs(normal)))]
-    places = problem.points[:, seen]
-    quantities = [
-        ("pressure", solution.pressure),
-        ("friction, magnitude", np.linalg.norm(solution.friction, axis=1)),
-        ("penetration", solution.penetration),
-        ("slip, magnitude", np.linalg.norm(solution.slip, axis=1)),
-    ]
-    fig = Figure(figsize=(6.3, 5.4), layout="constrained")
-    panels = fig.subplots(2, 2, sharex=True, sharey=True)
-    width, height = np.maximum(np.ptp(places, axis=0), 1e-12)
-    size = 0.5 * (2.6 * 72) ** 2 * min(height / width, 1.0) / len(places)
-    for panel, (name, values) in zip(panels.ravel(), quantities, strict=True):
-        for kind, marker in _MARKERS.items():
-            here = solution.state == kind
-            dots = panel.scatter(
-                *places[here].T, c=values[here], s=min(size, 60.0), marker=marker["marker"], cmap="cividis",
-                edgecolors="black", linewidths=0.2, vmin=float(values.min()), vmax=float(values.max()),
-            )  # fmt: skip
-        fig.colorbar(dots, ax=panel, shrink=0.85)
-        panel.set_title(name, fontsize=9)
-        panel.set_aspect("equal")
-    for panel in panels[1]:
-        panel.set_xlabel(_with_unit("xyz"[seen[0]], unit))
-    for panel in panels[:, 0]:
-        panel.set_ylabel(_with_unit("xyz"[seen[1]], unit))
-    heading = f"{title}: " if title else ""
-    fig.suptitle(f"{heading}circles open, squares stick, triangles slip", fontsize=9)
-    return fig
 
 
 def _rest_bound(problem: DiscreteProblem) -> Array | None:
@@ -597,13 +482,13 @@ def plot_errors(
     sizes = np.asarray(sizes, dtype=float)
     references = list(dict.fromkeys(reference for reference, _ in errors))
     methods = list(dict.fromkeys(method for _, method in errors))
-    colours = [_BLUE, _RED, _GREEN, _PURPLE, _ORANGE, _SKY]
+    colours = [BLUE, RED, GREEN, PURPLE, ORANGE, SKY]
     dashes = ["-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2))]
     marks = ["o", "s", "^", "D", "v", "P"]
     trusted = np.ones(len(sizes), dtype=bool)
     if reference_size is not None:
         trusted = sizes > 2.0 * reference_size * (1 + 1e-9)
-    with _context():
+    with drawing():
         below = None
         if ax is None:
             fig, ax = _axes(ax, (6.3, 5.6))
@@ -689,8 +574,8 @@ def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None 
     solutions = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not solutions:
         raise ProblemError("there is no solution to draw the history of")
-    colours = [_BLUE, _RED, _GREEN, _PURPLE, _ORANGE, _SKY]
-    with _context():
+    colours = [BLUE, RED, GREEN, PURPLE, ORANGE, SKY]
+    with drawing():
         fig = Figure(figsize=(6.3, 3.2), layout="constrained")
         left, right = fig.subplots(1, 2, sharex=True)
         for number, solution in enumerate(solutions):
@@ -739,15 +624,9 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
     except OSError as error:
         raise ProblemError(f"folder '{path.parent}' cannot be made ({error.strerror}); choose another") from error
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(suffix[1:])
-    with _context():
+    with drawing():
         fig.savefig(path, dpi=dpi, metadata=metadata, bbox_inches="tight", pad_inches=0.05)
     return path
-
-
-def _context() -> Any:
-    import matplotlib
-
-    return matplotlib.rc_context(_STYLE)
 
 
 def _axes(ax: Axes | None, size: tuple[float, float]) -> tuple[Figure, Axes]:
@@ -764,10 +643,6 @@ def _figure_of(ax: Axes) -> Figure:
     if fig is None:
         raise ProblemError("the axes given belong to no figure; make them by Figure().add_subplot()")
     return fig
-
-
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name} ({unit})" if unit else name
 
 
 def _fraction(h: float) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import Superpotential
-from hemivar.report.figures import _BLUE, _GREY, _RED, _context
+from hemivar.report._style import BLUE, GREY, RED, drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None,
     if not 0.0 < reach < math.inf:
         raise ProblemError(f"reach = {reach}; it must be a positive length")
     low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
-    with _context():
+    with drawing():
         fig = Figure(figsize=(6.3, 3.1 + 0.16 * len(told.lines)), layout="constrained")
         graph, potential = fig.subplots(1, 2)
         ends = np.array([low, *[knot for knot in told.knots if low < knot < high], high])
@@ -60,8 +60,8 @@ def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None,
             r = _inside(start, end)
             slope, value = one.derivative(r), one.value(r)
             highest = max(highest, float(np.abs(slope).max()))
-            graph.plot(r, slope, color=_BLUE, lw=1.5)
-            potential.plot(r, value, color=_BLUE, lw=1.5)
+            graph.plot(r, slope, color=BLUE, lw=1.5)
+            potential.plot(r, value, color=BLUE, lw=1.5)
         highest = highest or max(
             (abs(s) for k in told.kinks for s in (k.left, k.right) if math.isfinite(s)), default=1.0
         )
@@ -73,7 +73,7 @@ def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None,
             falls = kink.jump < 0.0
             graph.plot(
                 [kink.place, kink.place], [bottom, top],
-                color=_RED if falls else _BLUE, ls=(0, (3, 1.5)) if falls else "-", lw=1.5,
+                color=RED if falls else BLUE, ls=(0, (3, 1.5)) if falls else "-", lw=1.5,
             )  # fmt: skip
         for panel in (graph, potential):
             _finish(panel, reach, told.domain)
@@ -99,6 +99,6 @@ def _finish(panel: Axes, reach: float, domain: tuple[float, float]) -> None:
     for side, end in ((-1.0, domain[0]), (1.0, domain[1])):
         if abs(end) < reach:
             a, b = sorted((end, side * reach))
-            panel.axvspan(a, b, facecolor="none", edgecolor=_GREY, hatch="////", alpha=0.4, lw=0.0)
+            panel.axvspan(a, b, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.4, lw=0.0)
     panel.set_xlabel("r (penetration or slip)")
     panel.spines[["top", "right"]].set_visible(False)

@@ -12,7 +12,8 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.branches import Path
 from hemivar.errors import ProblemError
-from hemivar.report.figures import _BLUE, _GREY, _ORANGE, _RED, _axes, _context, _with_unit
+from hemivar.report._style import BLUE, GREY, ORANGE, RED, drawing, with_unit
+from hemivar.report.figures import _axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,9 +130,9 @@ def plot_path(
     chosen = _quantity(quantity)
     x = chosen.evaluate(path.problem.weights, path.local, path.multiplier)
     t = path.load_factor
-    with _context():
+    with drawing():
         fig, ax = _axes(ax, (5.6, 3.6))
-        for stable, colour, style in ((True, _BLUE, "-"), (False, _GREY, "--")):
+        for stable, colour, style in ((True, BLUE, "-"), (False, GREY, "--")):
             at = np.flatnonzero(path.stable == stable)
             label = "stable" if stable else "unstable"
             for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
@@ -144,7 +145,7 @@ def plot_path(
             ax.plot(x[index], t[index], "o", color="black", markersize=2.5, label="fold", zorder=4)
         if chosen.of_displacement:
             _draw_jumps(ax, path, chosen, x)
-        ax.set_xlabel(_with_unit(chosen.label, unit))
+        ax.set_xlabel(with_unit(chosen.label, unit))
         ax.set_ylabel("load factor")
         ax.margins(0.04)
         ax.spines[["top", "right"]].set_visible(False)
@@ -160,7 +161,7 @@ def _draw_jumps(ax: Axes, path: Path, chosen: PathQuantity, x: Array) -> None:
         if jump.local is None:
             continue
         end = chosen.evaluate(path.problem.weights, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
-        colour = _ORANGE if jump.loading else _RED
+        colour = ORANGE if jump.loading else RED
         start = x[jump.index]
         ax.plot([], [], "-", linewidth=0.8, color=colour, label=labels.pop(jump.loading, "_nolegend_"))
         ax.annotate(

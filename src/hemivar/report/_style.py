@@ -1,0 +1,63 @@
+"""Colours, marks and sizes that all figures share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hemivar.solvers import ContactState
+
+__all__ = [
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "MARKERS",
+    "ORANGE",
+    "PURPLE",
+    "RED",
+    "SKY",
+    "STATE_COLOURS",
+    "STYLE",
+    "drawing",
+    "with_unit",
+]
+
+# Okabe and Ito's colours, told apart by all readers.
+BLUE, ORANGE, GREEN, RED, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
+GREY = "#5f5f5f"
+
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.linewidth": 0.7,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "mathtext.fontset": "dejavusans",
+    "hatch.linewidth": 0.5,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+}
+
+MARKERS: Mapping[ContactState, dict[str, Any]] = {
+    ContactState.OPEN: {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"},
+    ContactState.STICK: {"marker": "s", "markerfacecolor": BLUE, "markeredgecolor": BLUE},
+    ContactState.SLIP: {"marker": "^", "markerfacecolor": ORANGE, "markeredgecolor": "black"},
+}
+
+STATE_COLOURS = {ContactState.OPEN: "white", ContactState.STICK: BLUE, ContactState.SLIP: ORANGE}
+
+
+def drawing() -> Any:
+    """Context in which figures are drawn and saved."""
+    import matplotlib
+
+    return matplotlib.rc_context(STYLE)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """``name (unit)``, or the name alone."""
+    return f"{name} ({unit})" if unit else name
