@@ -21,6 +21,7 @@ import skfem
 from skfem.models.elasticity import linear_elasticity
 
 import hemivar as hv
+from hemivar.gallery import survey_cube, survey_cube_logarithmic
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py") if not path.stem.startswith("_"))
@@ -262,6 +263,12 @@ def test_file_of_the_half_disc_is_the_script() -> None:
     solution, script = solved("half_disc.toml"), load("curved_contact").main()
     vertical = -(solution.problem.weights * solution.pressure) @ solution.problem.frames[:, 0, 1]
     assert vertical == pytest.approx(script["load"], rel=1e-9)
+
+
+def test_files_of_the_cube_are_the_gallery() -> None:
+    for name, problem in (("cube_friction", survey_cube("5.1", 8)), ("cube_logarithmic", survey_cube_logarithmic(n=8))):
+        known = hv.solve(hv.discretize(problem)).raise_for_status()
+        assert solved(f"{name}.toml").energy == pytest.approx(known.energy, rel=1e-9)
 
 
 def test_every_problem_file_solves_with_the_command(tmp_path: Path) -> None:

@@ -26,7 +26,9 @@ from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind,
 from hemivar.laws.tables import read_columns
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
 from hemivar.mechanics.material import Material, Plane
-from hemivar.mechanics.mesh import Mesh, read_mesh, rectangle
+from hemivar.mechanics.mesh import Mesh, box, read_mesh, rectangle
+from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, SignedDistance, Sphere
+from hemivar.mechanics.obstacles import Plane as RigidPlane
 from hemivar.mechanics.problem import Contact, ContactProblem, Quadrature
 
 __all__ = [
@@ -46,6 +48,7 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "": ("title", "mesh", "material", "loads", "supports", "contact", "solver"),
         "mesh": (
             "rectangle",
+            "box",
             "cells",
             "pattern",
             "origin",
@@ -58,7 +61,7 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "material": ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "regions"),
         "material.regions.*": ("lame", "young", "poisson", "tensor", "out_of_plane", "plane"),
         "loads": ("body", "traction", "pressure"),
-        "contact.*": ("normal", "friction", "gap"),
+        "contact.*": ("normal", "friction", "gap", "obstacle", "normals"),
         "solver": ("method", "rtol", "max_steps", "max_time"),
     }
 )
@@ -411,19 +414,21 @@ class _Recipe:
 
 
 def _mesh(table: _Table, folder: Path) -> tuple[_Recipe, int, Quadrature]:
-    if ("file" in table) == ("rectangle" in table):
-        both = "both are given" if "file" in table else "neither is given"
-        raise table.error("rectangle, file", f"{both}; give one of the two")
+    sources = [key for key in ("rectangle", "box", "file") if key in table]
+    if len(sources) != 1:
+        given = f"{' and '.join(sources)} are given" if sources else "none is given"
+        raise table.error("rectangle, box, file", f"{given}; give one of the three")
+    source = sources[0]
     refine = table.whole("refine", table.data.get("refine", 0), 0)
     scale = table.positive("scale") if "scale" in table else 1.0
     order = table.whole("order", table.data.get("order", 1), 1)
     if order > 2:
         raise table.error("order", f"is {order}; elements of order 1 and 2 exist")
     quadrature = Quadrature(table.text("quadrature", "nodal", [q.value for q in Quadrature]))
-    if "file" in table:
+    if source == "file":
         for key in ("cells", "pattern", "origin"):
             if key in table:
-                raise table.error(key, "belongs to a rectangle, but the mesh comes from a file; remove it")
+                raise table.error(key, "belongs to a rectangle or a box, but the mesh comes from a file; remove it")
         path = Path(table.text("file"))
         path = path if path.is_absolute() else folder / path
         try:
@@ -434,29 +439,36 @@ def _mesh(table: _Table, folder: Path) -> tuple[_Recipe, int, Quadrature]:
         _check_size(table, "refine", read.number_of_cells * 2.0 ** (read.dim * refine))
         return _Recipe(lambda _: read, 0, scale, refine), order, quadrature
 
-    size = table.numbers("rectangle", 2, "a list of two numbers, width and height")
+    dim, number, axes, sides = 3, "three", "x, y and z", "lengths along x, y and z"
+    if source == "rectangle":
+        dim, number, axes, sides = 2, "two", "x and y", "width and height"
+    elif "pattern" in table:
+        raise table.error("pattern", "belongs to a rectangle; a box is cut in one way only: remove it")
+    size = table.numbers(source, dim, f"a list of {number} numbers, {sides}")
     if min(size) <= 0:
-        raise table.error("rectangle", f"is {list(size)}; width and height must be positive")
+        raise table.error(source, f"is {list(size)}; {sides} must be positive")
     if "cells" not in table:
-        raise table.error("cells", "is missing; give the numbers of cells along x and y, such as [32, 32]")
+        raise table.error("cells", f"is missing; give the numbers of cells along {axes}, such as {[32, 32, 32][:dim]}")
     given = table.data["cells"]
     if isinstance(given, list):
-        pair = table.items("cells", given, (2,), "one whole number or a list of two, along x and y")
+        several = table.items("cells", given, (dim,), f"one whole number or a list of {number}, along {axes}")
     else:
-        pair = [given, given]
-    nx, ny = (table.whole("cells", value, 1) for value in pair)
+        several = [given] * dim
+    counts = [table.whole("cells", value, 1) for value in several]
     pattern: Any = table.text("pattern", "right", ["cross", "right", "left"])
-    origin = table.numbers("origin", 2, "a list of two numbers, x and y") if "origin" in table else (0.0, 0.0)
-    triangles = (4.0 if pattern == "cross" else 2.0) * nx * ny
-    _check_size(table, "cells", triangles)
-    _check_size(table, "refine", triangles * 4.0**refine)
+    origin = table.numbers("origin", dim, f"a list of {number} numbers, {axes}") if "origin" in table else (0.0,) * dim
+    simplices = (6.0 if dim == 3 else 4.0 if pattern == "cross" else 2.0) * math.prod(map(float, counts))
+    _check_size(table, "cells", simplices)
+    _check_size(table, "refine", simplices * 2.0 ** (dim * refine))
     halvings = 0
-    while nx % 2 ** (halvings + 1) == 0 == ny % 2 ** (halvings + 1) and min(nx, ny) >> (halvings + 1) >= 2:
+    while all(n % 2 ** (halvings + 1) == 0 and n >> (halvings + 1) >= 2 for n in counts):
         halvings += 1
 
     def start(times: int) -> Mesh:
-        cells = (nx >> times, ny >> times)
-        return rectangle((size[0], size[1]), cells, pattern, (origin[0], origin[1]))
+        cells = [n >> times for n in counts]
+        if source == "box":
+            return box((size[0], size[1], size[2]), (cells[0], cells[1], cells[2]), (origin[0], origin[1], origin[2]))
+        return rectangle((size[0], size[1]), (cells[0], cells[1]), pattern, (origin[0], origin[1]))
 
     return _Recipe(start, halvings, scale, refine), order, quadrature
 
@@ -607,9 +619,46 @@ class _Reader:
             normal = self.law(one, "normal", NORMAL_LAWS)
             friction = self.law(one, "friction", FRICTION_LAWS)
             gap = one.quantity("gap", one.data.get("gap", 0.0), self.dim)
+            obstacle = self.obstacle(one) if "obstacle" in one else None
+            normals = None
+            if obstacle is None and "normals" in one:
+                raise one.error("normals", "says whose normals contact with an obstacle has; add obstacle or remove it")
+            if obstacle is not None:
+                if "gap" in one:
+                    raise one.error("gap", "follows from the obstacle; give one of the two")
+                normals = Normals(one.text("normals", Normals.OBSTACLE, [way.value for way in Normals]))
             with _context(f"{one.where('normal')}:"):
-                found[name] = Contact(normal, friction, gap)
+                found[name] = Contact(normal, friction, gap, obstacle, normals)
         return found
+
+    def obstacle(self, table: _Table) -> Obstacle:
+        """A rigid obstacle: a table with one of plane, sphere, cylinder and distance."""
+        given = table.table("obstacle", tuple(_OBSTACLES), inline=True)
+        if len(given.data) != 1:
+            ways = "{ plane = ... }, { sphere = ... }, { cylinder = ... } or { distance = FORMULA }"
+            raise table.error("obstacle", f"give one of {ways}")
+        shape = next(iter(given.data))
+        if shape == "distance":
+            distance = given.quantity(shape, given.data[shape], self.dim)
+            if not isinstance(distance, Formula):
+                raise given.error(shape, f"is {distance:g} everywhere; give a formula of the coordinates in quotes")
+            return SignedDistance(distance)
+        if shape == "cylinder" and self.dim == 2:
+            raise given.error(shape, "in the plane it is a circle; write sphere = { center = ..., radius = ... }")
+        one = given.table(shape, _OBSTACLES[shape], inline=True)
+        missing = [key for key in _OBSTACLES[shape] if key not in one and key != "inside"]
+        if missing:
+            raise one.error(missing[0], f"is missing; write {shape} = {{ {' = ..., '.join(missing)} = ... }}")
+        what = f"a list of {self.dim} numbers"
+        vectors = {key: one.numbers(key, self.dim, what) for key in _OBSTACLES[shape] if key in _VECTORS}
+        with _context(f"{given.where(shape)}:"):
+            if shape == "plane":
+                return RigidPlane(**vectors)
+            inside = one.data.get("inside", False)
+            if not isinstance(inside, bool):
+                raise one.error("inside", f"must be true or false, not {_kind(inside)}")
+            kind = Sphere if shape == "sphere" else Cylinder
+            return kind(**vectors, radius=one.positive("radius"), inside=inside)
 
     def law(self, table: _Table, key: str, laws: Mapping[str, LawEntry]) -> Any:
         value = table.data.get(key, "none")
@@ -689,6 +738,14 @@ class _Reader:
             return PenetrationBound(read_columns(self.file(inner, "table")))
 
 
+_OBSTACLES = {
+    "plane": ("point", "normal"),
+    "sphere": ("center", "radius", "inside"),
+    "cylinder": ("point", "axis", "radius", "inside"),
+    "distance": (),
+}
+_VECTORS = ("point", "normal", "center", "axis")
+
 _KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION}
 
 
@@ -718,7 +775,8 @@ title = "elastic block, dragged over a foundation"
 rectangle = [1.0, 1.0]       # width and height; boundaries: left, right, bottom, top
 cells = [32, 32]             # along x and y
 pattern = "cross"            # "cross": four triangles in each rectangle; "right" or "left": two
-# file = "part.msh"          # instead of a rectangle: Gmsh or anything meshio reads; its physical groups give
+# box = [1.0, 1.0, 1.0]      # instead of a rectangle, with cells = [8, 8, 8]; boundaries also: front, back (y)
+# file = "part.msh"          # or: Gmsh or anything meshio reads; its physical groups give
                              # the names of boundaries and regions
 # refine = 1                 # cut every triangle into four, so many times
 # order = 2                  # quadratic elements

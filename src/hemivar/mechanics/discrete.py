@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from hemivar.laws import ContactLaw
     from hemivar.mechanics.material import Material
     from hemivar.mechanics.mesh import Mesh
+    from hemivar.mechanics.problem import ContactProblem
 
 __all__ = ["DiscreteProblem", "FieldMap"]
 
@@ -140,6 +142,8 @@ class DiscreteProblem:
         ``frames[j, c]`` is the unit vector of local component c; ``frames[j, 0]`` is the outward normal.
     field : FieldMap or None
         How to recover the displacement field.
+    statement : ContactProblem or None
+        What was discretised; the same on a coarser mesh serves multigrid.
 
     Raises
     ------
@@ -159,19 +163,38 @@ class DiscreteProblem:
     points: Array | None = None
     frames: Array | None = None
     field: FieldMap | None = None
+    statement: ContactProblem | None = None
 
     def __post_init__(self) -> None:
         stiffness = _sparse(self.stiffness, "stiffness")
+        if stiffness.shape[0] != stiffness.shape[1]:
+            raise ProblemError(f"stiffness has shape {stiffness.shape}; it must be square")
+        _check_symmetry(stiffness)
+        object.__setattr__(self, "stiffness", stiffness)
+        self._check()
+
+    @classmethod
+    def _assembled(cls, stiffness: sp.csr_array, load: Array, **rest: Any) -> DiscreteProblem:
+        """A problem whose stiffness is known to be finite and symmetric; the other data are checked."""
+        problem = object.__new__(cls)
+        for name, value in {"stiffness": stiffness, "load": load, **rest}.items():
+            object.__setattr__(problem, name, value)
+        problem._check()
+        return problem
+
+    def _check(self) -> None:
+        """Check all but the symmetry of the stiffness, and store arrays of floats."""
         load = _dense(self.load, "load", 1)
         trace = _sparse(self.trace, "trace")
         weights = _dense(self.weights, "weights", 1)
         gap = _dense(self.gap, "gap", 1)
         n, m = load.shape[0], weights.shape[0]
-        if stiffness.shape != (n, n):
+        if self.stiffness.shape != (n, n):
             raise ProblemError(
-                f"stiffness has shape {stiffness.shape} but load has {n} entries; give a stiffness of shape ({n}, {n})"
+                f"stiffness has shape {self.stiffness.shape} but load has {n} entries; "
+                f"give a stiffness of shape ({n}, {n})"
             )
-        _check_stiffness(stiffness)
+        _check_diagonal(self.stiffness)
         if trace.shape[1] != n:
             raise ProblemError(f"trace has {trace.shape[1]} columns; it needs one per unknown, {n}")
         if m == 0 and trace.shape[0] != 0:
@@ -189,7 +212,6 @@ class DiscreteProblem:
         if not np.isfinite(self.constant):
             raise ProblemError(f"constant = {self.constant}; the constant part of the energy must be finite")
         for name, value in (
-            ("stiffness", stiffness),
             ("load", load),
             ("trace", trace),
             ("weights", weights),
@@ -251,6 +273,17 @@ class DiscreteProblem:
         if self.points is not None and np.ndim(self.points) == 2:
             return int(self.points.shape[1])
         return 2
+
+    @cached_property
+    def row_sums(self) -> Array:
+        """Sums of the absolute entries of the rows of the stiffness, shape (n,)."""
+        K = self.stiffness
+        sums = np.zeros(K.shape[0])
+        for start in range(0, K.shape[0], 1 << 16):
+            bounds = K.indptr[start : start + (1 << 16) + 1]
+            part = np.abs(K.data[bounds[0] : bounds[-1]])
+            sums[start : start + len(bounds) - 1] = np.add.reduceat(part, bounds[:-1] - bounds[0])
+        return sums
 
     @property
     def offset(self) -> Array:
@@ -324,6 +357,11 @@ class DiscreteProblem:
         object.__setattr__(other, "law", law)
         return other
 
+    def _with_data(self, load: Array, gap: Array, slip_offset: Array | None, law: ContactLaw) -> DiscreteProblem:
+        """The same body under another load, gap and law; matrices are shared, their symmetry is not checked again."""
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        return DiscreteProblem._assembled(**parts | dict(load=load, gap=gap, slip_offset=slip_offset, law=law))
+
 
 def _sparse(value: Any, name: str) -> sp.csr_array:
     """``value`` as a csr array of finite floats, duplicates summed."""
@@ -355,9 +393,7 @@ def _dense(value: Any, name: str, ndim: int) -> Array:
     return array
 
 
-def _check_stiffness(stiffness: sp.csr_array) -> None:
-    if stiffness.shape[0] == 0:
-        return
+def _check_diagonal(stiffness: sp.csr_array) -> None:
     diagonal = stiffness.diagonal()
     if not np.all(diagonal > 0):
         bad = int(np.flatnonzero(~(diagonal > 0))[0])
@@ -365,6 +401,11 @@ def _check_stiffness(stiffness: sp.csr_array) -> None:
             f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
             f"remove unknowns that no element carries"
         )
+
+
+def _check_symmetry(stiffness: sp.csr_array) -> None:
+    if stiffness.nnz == 0:
+        return
     skew = stiffness - stiffness.T
     largest = float(np.max(np.abs(skew.data), initial=0.0))
     if largest > _SYMMETRY_TOLERANCE * float(np.max(np.abs(stiffness.data))):

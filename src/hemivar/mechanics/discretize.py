@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, NoContact
-from hemivar.mechanics.assembly import load_vector, stiffness_matrix
+from hemivar.mechanics.assembly import linear_stiffness, load_vector, stiffness_matrix
 from hemivar.mechanics.conditions import (
     Clamped,
     Fixed,
@@ -26,6 +26,7 @@ from hemivar.mechanics.conditions import (
 )
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.mesh import Mesh
+from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.problem import ContactProblem, Quadrature
 
 __all__ = ["discretize"]
@@ -46,6 +47,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
 
     With nodal quadrature, contact point j is a node; its normal is the normalised sum of the adjacent facet
     normals times facet measures, its weight the integral of its shape function over the contact boundary.
+    Where the foundation is an obstacle, normal and gap are those stated in :class:`Contact`; points whose normal misses
+    it are no contact points.
     With midpoint quadrature, contact point j is a facet, its displacement the mean over the facet (for
     order 1 that of the midpoint), so that the multiplier is constant on every facet. Contact points that
     the supports hold entirely are dropped and their energy goes into ``constant``. Where a support fixes a
@@ -84,17 +87,27 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     if basis.shape[1] == 0:
         raise ProblemError("the supports leave the body no freedom; refine the mesh or remove supports")
 
-    full_stiffness = stiffness_matrix(mesh, problem.material, order)
     full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
     prescribed = supports.value.ravel()
-    stiffness = _reduce(full_stiffness, basis)
-    reaction = full_stiffness @ prescribed if prescribed.any() else np.zeros_like(prescribed)
+    reaction = np.zeros_like(prescribed)
+    if order == 1:
+        blocks = linear_stiffness(mesh, problem.material)
+        if prescribed.any():
+            reaction = blocks.times(supports.value).ravel()
+        blocks.turn(directions)
+        stiffness = blocks.matrix(free)
+        del blocks
+    else:
+        full_stiffness = stiffness_matrix(mesh, problem.material, order)
+        if prescribed.any():
+            reaction = full_stiffness @ prescribed
+        stiffness = _reduce(full_stiffness, basis)
     load = basis.T @ (full_load - reaction)
     constant = float(prescribed @ (0.5 * reaction - full_load))
 
     contact = _join(groups, basis, prescribed, dim)
     field = FieldMap(mesh, order, basis, prescribed, problem.material)
-    discrete = DiscreteProblem(
+    discrete = DiscreteProblem._assembled(
         stiffness=stiffness,
         load=load,
         trace=contact.trace,
@@ -106,6 +119,7 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         points=contact.points,
         frames=contact.frames,
         field=field,
+        statement=problem,
     )
     if check_coercivity:
         _check_coercivity(supports, discrete, full_load)
@@ -268,14 +282,34 @@ def _contact_group(problem: ContactProblem, name: str, supports: _Supports) -> _
         rows = np.repeat(np.arange(len(facets)), members.shape[1])
         average = sp.csr_array((np.tile(share, len(facets)), (rows, members.ravel())), shape=(len(facets), count))
         normal, weights, points = _unit(normals), measures, mesh.points[facets].mean(axis=1)
+    if contact.obstacle is None:
+        gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
+    else:
+        assert contact.normals is not None
+        normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
+        meets = np.isfinite(gap)
+        if not meets.all():
+            _check_never_touching(contact.law, name, points[~meets])
+            average, normal, points, weights, gap = (
+                sp.csr_array(average[meets]), normal[meets], points[meets], weights[meets], gap[meets],
+            )  # fmt: skip
+            nodes = None if nodes is None else nodes[meets]
     frames = _frames(normal)
     blocked = np.zeros((len(points), dim), dtype=bool)
     if nodes is not None:
         frames, blocked = _adapt(frames, supports, nodes)
-    return _ContactGroup(
-        average, nodes, points, frames, weights,
-        evaluate_scalar(contact.gap, points, f"gap of contact '{name}'"), contact.law.at(points), blocked,
-    )  # fmt: skip
+    return _ContactGroup(average, nodes, points, frames, weights, gap, contact.law.at(points), blocked)
+
+
+def _check_never_touching(law: ContactLaw, name: str, points: Array) -> None:
+    """Refuse laws without opening where the body's normal misses the obstacle."""
+    held = np.broadcast_to(np.isfinite(law.at(points).normal.domain.lower), len(points))
+    if held.any():
+        place = _vector(points[int(np.flatnonzero(held)[0])])
+        raise ProblemError(
+            f"contact '{name}': its law allows no opening, but the body's normal at x = {place} misses the obstacle; "
+            f"take normals = 'obstacle' or a smaller contact boundary"
+        )
 
 
 def _merge_corners(groups: list[_ContactGroup], supports: _Supports) -> list[_ContactGroup]:

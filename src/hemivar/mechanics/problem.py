@@ -18,6 +18,7 @@ from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, S
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.mesh import Mesh, _facet_keys
+from hemivar.mechanics.obstacles import Normals, Obstacle
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
 
@@ -45,16 +46,49 @@ class Contact:
     gap : float or callable
         Distance between body and foundation along the outward normal; a callable gets points, shape (k, d),
         and returns shape (k,). Negative values mean initial interpenetration.
+    obstacle : Obstacle or None
+        A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
+        :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
+        (an interference fit, or an indentation stated by the place of the obstacle).
+    normals : Normals or None
+        Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
+        default, and all there is, without one).
+
+    Raises
+    ------
+    ProblemError
+        If gap and obstacle are both given, or normals of an obstacle that is not.
     """
 
     normal: Superpotential
     friction: Friction = field(default_factory=NoFriction)
     gap: float | Callable[[Array], Any] = 0.0
+    obstacle: Obstacle | None = None
+    normals: Normals | None = None
 
     def __post_init__(self) -> None:
         _ = self.law
         if not callable(self.gap) and check_finite(self.gap, "gap").ndim != 0:
             raise ProblemError(f"gap has shape {np.shape(self.gap)}; give one number or a callable of the points")
+        self._check_obstacle()
+
+    def _check_obstacle(self) -> None:
+        if self.obstacle is None:
+            if self.normals not in (None, Normals.BODY):
+                raise ProblemError(f"normals = {self.normals!r} needs an obstacle; give one or leave normals out")
+            object.__setattr__(self, "normals", Normals.BODY)
+            return
+        if not isinstance(self.obstacle, Obstacle):
+            raise ProblemError(
+                f"obstacle is {type(self.obstacle).__name__}; pass Plane(...), Sphere(...), Cylinder(...) or "
+                f"SignedDistance(...)"
+            )
+        if callable(self.gap) or self.gap != 0.0:
+            raise ProblemError("gap and obstacle are both given; the gap follows from the obstacle: leave one out")
+        try:
+            object.__setattr__(self, "normals", Normals(self.normals or Normals.OBSTACLE))
+        except ValueError:
+            raise ProblemError(f"normals = {self.normals!r}; choose Normals.OBSTACLE or Normals.BODY") from None
 
     @property
     def law(self) -> ContactLaw:
@@ -149,6 +183,11 @@ class ContactProblem:
             if not isinstance(contact, Contact):
                 raise ProblemError(
                     f"contact['{name}'] is {type(contact).__name__}; wrap the law: Contact(law, friction)"
+                )
+            if contact.obstacle is not None and contact.obstacle.dim not in (None, dim):
+                raise ProblemError(
+                    f"the obstacle of contact['{name}'] has {contact.obstacle.dim} coordinates, the mesh has {dim}; "
+                    f"give its vectors {dim} components"
                 )
         for name, support in self.supports.items():
             if not isinstance(support, get_args(Support)):

@@ -1,0 +1,378 @@
+"""Rigid obstacles: planes, spheres, cylinders and signed distances, and the gap between them and a body.
+
+An obstacle fills the points where its signed distance ``d`` is negative. To first order in the displacement u the body
+stays outside if ``d(x) + grad d . u >= 0``: a contact point with the normal ``nu = -grad d`` and the gap ``d(x)``.
+Where the normal ``nu`` is that of the body, the gap is the distance from x to the obstacle along ``nu``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from hemivar._typing import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.mechanics.conditions import _check_finite as check_finite
+from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
+
+__all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
+
+_ON_SURFACE = 1e-12  # relative to the radius: closer points count as outside
+_NEAR = 0.1  # of the extent of the points: closer than that a user's distance is checked
+_LENGTH = 0.02  # by how much the gradient of a user's distance may differ from 1 there
+_STEP = 1e-6  # of the extent of the points: step of difference quotients
+_MARCH, _NEWTON = 200, 20  # steps along a ray
+_LANDED = 1e-10  # of the extent: a ray this close has met the obstacle
+
+
+class Normals(StrEnum):
+    """Whose normal is the contact normal where a body meets an obstacle."""
+
+    OBSTACLE = "obstacle"
+    """The obstacle's: the gap is the shortest distance, and every contact point has one."""
+    BODY = "body"
+    """The body's: the gap is measured along its outward normal; where that misses the obstacle there is no contact."""
+
+
+class Obstacle(ABC):
+    """A rigid obstacle, given by its signed distance: positive outside, zero on the surface, negative inside."""
+
+    @property
+    @abstractmethod
+    def dim(self) -> int | None:
+        """Space dimension, 2 or 3; None if it serves for both."""
+
+    @abstractmethod
+    def distance(self, points: Array) -> Array:
+        """Signed distance of points (k, d), shape (k,), in units of length."""
+
+    @abstractmethod
+    def normals(self, points: Array) -> Array:
+        """Gradient of the distance at points (k, d): unit vectors (k, d) out of the obstacle.
+
+        Raises
+        ------
+        ProblemError
+            If a point has no single nearest point of the surface (the centre of a sphere, the axis of a cylinder).
+        """
+
+    @abstractmethod
+    def along(self, points: Array, directions: Array) -> Array:
+        """Distance from points (k, d) along unit vectors (k, d) to where they enter the obstacle, shape (k,).
+
+        For points inside the obstacle it is negative: minus the way back to the surface. Where the line never enters
+        the obstacle ahead of the point it is inf.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Plane(Obstacle):
+    """The half space behind a plane (a half plane behind a line in 2D).
+
+    Parameters
+    ----------
+    point : vector, shape (d,)
+        A point of the plane.
+    normal : vector, shape (d,)
+        Out of the obstacle, towards the body; of any length.
+    """
+
+    point: Sequence[float] | Array
+    normal: Sequence[float] | Array
+
+    def __post_init__(self) -> None:
+        point = _vector(self.point, "Plane: point")
+        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "normal", _direction(self.normal, len(point), "Plane: normal"))
+
+    @property
+    def dim(self) -> int:
+        return len(self.point)
+
+    def distance(self, points: Array) -> Array:
+        return np.asarray((points - self.point) @ np.asarray(self.normal))
+
+    def normals(self, points: Array) -> Array:
+        return np.broadcast_to(np.asarray(self.normal), points.shape)
+
+    def along(self, points: Array, directions: Array) -> Array:
+        approach = -(directions @ np.asarray(self.normal))
+        meets = approach > _ON_SURFACE
+        return np.where(meets, self.distance(points) / np.where(meets, approach, 1.0), np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere(Obstacle):
+    """A sphere; a circle, that is a cylinder across the plane, in 2D.
+
+    Parameters
+    ----------
+    center : vector, shape (d,)
+    radius : float
+        Units of length.
+    inside : bool
+        The body lies inside: everything beyond the sphere is the obstacle.
+    """
+
+    center: Sequence[float] | Array
+    radius: float
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", _vector(self.center, "Sphere: center"))
+        object.__setattr__(self, "radius", _radius(self.radius, "Sphere"))
+
+    @property
+    def dim(self) -> int:
+        return len(self.center)
+
+    def distance(self, points: Array) -> Array:
+        return _round_distance(points - self.center, self.radius, self.inside)
+
+    def normals(self, points: Array) -> Array:
+        return _round_normal(points - self.center, points, self.radius, self.inside, "centre of the sphere")
+
+    def along(self, points: Array, directions: Array) -> Array:
+        return _round_along(points - self.center, directions, self.radius, self.inside)
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder(Obstacle):
+    """An infinitely long circular cylinder in space; in 2D a cylinder across the plane is a :class:`Sphere`.
+
+    Parameters
+    ----------
+    point : vector, shape (3,)
+        A point of the axis.
+    axis : vector, shape (3,)
+        Direction of the axis, of any length.
+    radius : float
+        Units of length.
+    inside : bool
+        The body lies inside: everything beyond the cylinder is the obstacle.
+    """
+
+    point: Sequence[float] | Array
+    axis: Sequence[float] | Array
+    radius: float
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        point = _vector(self.point, "Cylinder: point")
+        if len(point) != 3:
+            raise ProblemError("Cylinder: point has 2 coordinates; in the plane a cylinder is a circle: take Sphere")
+        object.__setattr__(self, "point", point)
+        object.__setattr__(self, "axis", _direction(self.axis, 3, "Cylinder: axis"))
+        object.__setattr__(self, "radius", _radius(self.radius, "Cylinder"))
+
+    @property
+    def dim(self) -> int:
+        return 3
+
+    def _across(self, vectors: Array) -> Array:
+        """Part of vectors (k, 3) across the axis."""
+        axis = np.asarray(self.axis)
+        return np.asarray(vectors - (vectors @ axis)[:, None] * axis)
+
+    def distance(self, points: Array) -> Array:
+        return _round_distance(self._across(points - self.point), self.radius, self.inside)
+
+    def normals(self, points: Array) -> Array:
+        return _round_normal(
+            self._across(points - self.point), points, self.radius, self.inside, "axis of the cylinder"
+        )
+
+    def along(self, points: Array, directions: Array) -> Array:
+        return _round_along(self._across(points - self.point), self._across(directions), self.radius, self.inside)
+
+
+@dataclass(frozen=True, eq=False)
+class SignedDistance(Obstacle):
+    """An obstacle of any shape, given by its signed distance.
+
+    Parameters
+    ----------
+    function : callable
+        Gets points, shape (k, d), and returns signed distances, shape (k,): positive outside the obstacle. Near the
+        body its gradient must have length 1 (within 2 per cent); a level set function ``f`` that has not may be
+        divided by ``|grad f|``.
+    gradient : callable, optional
+        Gets points and returns gradients, shape (k, d). Without it, central difference quotients are taken, which
+        give normals to about 1e-9.
+
+    Raises
+    ------
+    ProblemError
+        When it is evaluated: if values have the wrong shape or are not finite, or the gradient is not of length 1.
+    """
+
+    function: Callable[[Array], Any]
+    gradient: Callable[[Array], Any] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("function", "gradient"):
+            value = getattr(self, name)
+            if not callable(value) and not (name == "gradient" and value is None):
+                raise ProblemError(f"SignedDistance: {name} is {value!r}; give a function of points, shape (k, d)")
+
+    @property
+    def dim(self) -> None:
+        return None
+
+    def distance(self, points: Array) -> Array:
+        return evaluate_scalar(self.function, points, "distance of the obstacle")
+
+    def normals(self, points: Array) -> Array:
+        slope, distance = self._slope(points), self.distance(points)
+        size = np.linalg.norm(slope, axis=1)
+        near = np.abs(distance) <= _NEAR * _extent(points)
+        bad = ~(size > 0.1) | (near & (np.abs(size - 1.0) > _LENGTH))
+        if bad.any():
+            first = int(np.flatnonzero(bad)[0])
+            raise ProblemError(
+                f"the distance of the obstacle has a gradient of length {size[first]:.4g} at x = "
+                f"{points[first].tolist()}; a signed distance has length 1: divide the function by the length of its "
+                f"gradient, or name as contact boundary only what can come near the obstacle"
+            )
+        return np.asarray(slope / size[:, None])
+
+    def along(self, points: Array, directions: Array) -> Array:
+        self.normals(points)  # checks
+        distance = self.distance(points)
+        extent = _extent(points) + float(np.abs(distance).max(initial=0.0))
+        way, result = np.zeros(len(points)), np.full(len(points), np.inf)
+        active = np.arange(len(points))
+        # No point of the obstacle's surface is nearer than the distance: steps of that size never cross it.
+        for _ in range(_MARCH):
+            step = self.distance(points[active] + way[active, None] * directions[active])
+            way[active] += step
+            active = active[(np.abs(step) > 1e-3 * extent) & (np.abs(way[active]) < 4.0 * extent)]
+            if active.size == 0:
+                break
+        active = np.flatnonzero(np.abs(way) < 4.0 * extent)
+        for _ in range(_NEWTON):
+            place = points[active] + way[active, None] * directions[active]
+            approach = -np.einsum("kd,kd->k", self._slope(place), directions[active])
+            left = self.distance(place)
+            landed = (np.abs(left) <= _LANDED * extent) & (approach > 0.0)
+            result[active[landed]] = way[active[landed]] + left[landed] / approach[landed]
+            going = ~landed & (approach > 0.0)
+            way[active[going]] += left[going] / approach[going]
+            active = active[going]
+            if active.size == 0:
+                break
+        # Ahead of a point outside, or behind a point inside.
+        return np.where(result * np.sign(distance) >= -_LANDED * extent, result, np.inf)
+
+    def _slope(self, points: Array) -> Array:
+        if self.gradient is not None:
+            return evaluate_vector(self.gradient, points, "gradient of the obstacle's distance")
+        step = _STEP * _extent(points)
+        columns = [
+            (self.distance(points + shift) - self.distance(points - shift)) / (2.0 * step)
+            for shift in step * np.eye(points.shape[1])
+        ]
+        return np.column_stack(columns)
+
+
+def obstacle_contact(
+    obstacle: Obstacle, normals: Normals, points: Array, body_normals: Array, what: str
+) -> tuple[Array, Array]:
+    """Contact normals (k, d) and gaps (k,) of points (k, d) of a body with outward normals (k, d).
+
+    The gap is inf where the body's normal misses the obstacle.
+
+    Raises
+    ------
+    ProblemError
+        If no point can meet the obstacle, or the body lies on the wrong side of its surface.
+    """
+    if normals is Normals.BODY:
+        gap = obstacle.along(points, body_normals)
+        if not np.isfinite(gap).any():
+            raise ProblemError(
+                f"{what}: no outward normal of the body meets the obstacle; turn the obstacle round (its free side is "
+                f"where its distance is positive), move it, or take normals = 'obstacle'"
+            )
+        return body_normals, gap
+    gap, contact_normals = obstacle.distance(points), -obstacle.normals(points)
+    facing = np.einsum("kd,kd->k", contact_normals, body_normals)
+    wrong = (gap <= 1e-9 * _extent(points)) & (facing <= 0.0)
+    if wrong.any():
+        first = int(np.flatnonzero(wrong)[0])
+        raise ProblemError(
+            f"{what}: the body lies on the wrong side of the obstacle's surface at x = {points[first].tolist()}; "
+            f"turn the obstacle round (its free side is where its distance is positive: along the normal of a plane, "
+            f"outside a sphere or cylinder, or inside with inside = true) or move it"
+        )
+    return contact_normals, gap
+
+
+def _extent(points: Array) -> float:
+    """Largest extent of points along an axis; their distance from the origin if it is a single place."""
+    extent = float(np.ptp(points, axis=0).max(initial=0.0))
+    return extent if extent > 0.0 else max(float(np.abs(points).max(initial=0.0)), 1e-300)
+
+
+def _round_distance(arm: Array, radius: float, inside: bool) -> Array:
+    distance = np.linalg.norm(arm, axis=1) - radius
+    return np.asarray(-distance if inside else distance)
+
+
+def _round_normal(arm: Array, points: Array, radius: float, inside: bool, middle: str) -> Array:
+    size = np.linalg.norm(arm, axis=1)
+    lost = size <= _ON_SURFACE * radius
+    if lost.any():
+        place = points[int(np.flatnonzero(lost)[0])].tolist()
+        raise ProblemError(
+            f"the contact point x = {place} lies at the {middle}, where the obstacle has no normal; move the obstacle"
+        )
+    unit = arm / size[:, None]
+    return np.asarray(-unit if inside else unit)
+
+
+def _round_along(arm: Array, directions: Array, radius: float, inside: bool) -> Array:
+    """Root t of ``|arm + t direction| = radius`` where the line enters the obstacle."""
+    a = np.einsum("kd,kd->k", directions, directions)
+    b = np.einsum("kd,kd->k", arm, directions)
+    c = np.einsum("kd,kd->k", arm, arm) - radius**2
+    within: BoolArray = c < (_ON_SURFACE if inside else -_ON_SURFACE) * radius**2
+    discriminant = b**2 - a * c
+    # Outside a full sphere the line must approach it; outside a hollow one it must come from it.
+    meets = (a > _ON_SURFACE) & (discriminant >= 0.0) & (within | ((b > 0.0) if inside else (b < 0.0)))
+    root = np.sqrt(np.where(meets, discriminant, 1.0))
+    # Vieta's form of the root that would be a difference of like numbers
+    if inside:
+        way = np.where(b > 0.0, -c / np.where(meets, b + root, 1.0), (root - b) / np.where(meets, a, 1.0))
+    else:
+        way = np.where(b < 0.0, c / np.where(meets, root - b, 1.0), -(b + root) / np.where(meets, a, 1.0))
+    return np.where(meets, way, np.inf)
+
+
+def _vector(value: Any, name: str) -> Array:
+    array = check_finite(value, name)
+    if array.ndim != 1 or len(array) not in (2, 3):
+        raise ProblemError(f"{name} has shape {array.shape}; give 2 or 3 numbers")
+    return array
+
+
+def _direction(value: Any, dim: int, name: str) -> Array:
+    array = _vector(value, name)
+    size = float(np.linalg.norm(array))
+    if len(array) != dim:
+        raise ProblemError(f"{name} has {len(array)} components but its point has {dim}; give equally many")
+    if size == 0.0:
+        raise ProblemError(f"{name} is zero; give a direction")
+    return np.asarray(array / size)
+
+
+def _radius(value: Any, name: str) -> float:
+    array = check_finite(value, f"{name}: radius")
+    if array.ndim != 0 or not array > 0.0:
+        raise ProblemError(f"{name}: radius is {value!r}; give one positive number")
+    return float(array)

@@ -1,0 +1,340 @@
+"""Rigid obstacles: distances and rays against brute force, contact normals, messages."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.laws import Bilateral, Compliance, Signorini, Tresca
+from hemivar.mechanics import (
+    Clamped,
+    Contact,
+    ContactProblem,
+    Cylinder,
+    Material,
+    Mesh,
+    Normals,
+    Obstacle,
+    Prescribed,
+    Quadrature,
+    SignedDistance,
+    Sphere,
+    discretize,
+    rectangle,
+)
+from hemivar.mechanics.obstacles import Plane
+from hemivar.problem_file import parse_problem
+from hemivar.solvers import solve
+
+from .meshes import cube
+
+SHAPES: dict[str, Obstacle] = {
+    "line": Plane((0.2, -0.1), (1.0, 2.0)),
+    "plane": Plane((0.2, -0.1, 0.4), (1.0, 2.0, -0.5)),
+    "circle": Sphere((0.2, -0.1), 0.7),
+    "sphere": Sphere((0.2, -0.1, 0.3), 0.7),
+    "hollow sphere": Sphere((0.2, -0.1, 0.3), 0.7, inside=True),
+    "cylinder": Cylinder((0.2, -0.1, 0.3), (1.0, 1.0, 0.3), 0.7),
+    "hollow cylinder": Cylinder((0.2, -0.1, 0.3), (1.0, 1.0, 0.3), 0.7, inside=True),
+}
+
+
+def cloud(obstacle: Obstacle, count: int = 300) -> np.ndarray:
+    assert obstacle.dim is not None
+    return np.random.default_rng(7).uniform(-1.5, 1.5, (count, obstacle.dim))
+
+
+def directions(points: np.ndarray) -> np.ndarray:
+    vectors = np.random.default_rng(8).standard_normal(points.shape)
+    return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_normal_is_the_gradient_of_the_distance_and_leads_to_the_surface(name: str) -> None:
+    obstacle = SHAPES[name]
+    points = cloud(obstacle)
+    normal = obstacle.normals(points)
+    slope = np.column_stack(
+        [(obstacle.distance(points + e) - obstacle.distance(points - e)) / 2e-6 for e in 1e-6 * np.eye(points.shape[1])]
+    )
+    np.testing.assert_allclose(normal, slope, atol=1e-8)
+    foot = points - obstacle.distance(points)[:, None] * normal
+    np.testing.assert_allclose(obstacle.distance(foot), 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_distance_along_a_ray_is_that_of_a_search_on_the_ray(name: str) -> None:
+    """Ahead of a point outside the first entry, behind a point inside the last; found on a fine grid of the ray."""
+    obstacle = SHAPES[name]
+    points = cloud(obstacle)
+    rays = directions(points)
+    found = obstacle.along(points, rays)
+    way = np.linspace(0.0, 60.0, 60001)
+    for x, v, t in zip(points, rays, found, strict=True):
+        outside = obstacle.distance(x[None])[0] > 0
+        inside_there = obstacle.distance(x + np.outer(way if outside else -way, v)) < 0
+        change = np.flatnonzero(inside_there if outside else ~inside_there)
+        if len(change) == 0:
+            assert not np.isfinite(t) or abs(t) > 59.0
+        else:
+            assert abs(t) == pytest.approx(way[change[0]], abs=2e-3)
+            assert (t > 0) == outside
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_signed_distance_of_a_shape_is_the_shape(name: str) -> None:
+    obstacle = SHAPES[name]
+    points = cloud(obstacle)
+    rays = directions(points)
+    numerical = SignedDistance(obstacle.distance)
+    exact = SignedDistance(obstacle.distance, obstacle.normals)
+    np.testing.assert_allclose(exact.normals(points), obstacle.normals(points), atol=1e-15)
+    np.testing.assert_allclose(numerical.normals(points), obstacle.normals(points), atol=1e-8)
+    reference = obstacle.along(points, rays)
+    meets = np.isfinite(reference)
+    hit = points + np.where(meets, reference, 0.0)[:, None] * rays
+    grazing = meets & (np.abs(np.einsum("kd,kd->k", obstacle.normals(hit), rays)) < 0.2)
+    found = exact.along(points, rays)
+    np.testing.assert_allclose(found[~grazing], reference[~grazing], atol=1e-7)
+
+
+def block(obstacle: Obstacle, normals: str | None = None, **options) -> ContactProblem:
+    contact = Contact(Signorini(), obstacle=obstacle, normals=normals)  # type: ignore[arg-type]
+    return ContactProblem(
+        options.get("mesh", rectangle((1.0, 1.0), 8, "cross")),
+        Material.young(1.0, 0.3),
+        contact={"bottom": contact},
+        supports={"top": Prescribed(options.get("top", (0.0, -0.02)))},
+        quadrature=options.get("quadrature", Quadrature.NODAL),
+    )
+
+
+@pytest.mark.parametrize("quadrature", list(Quadrature))
+def test_gap_and_normal_below_a_flat_body(quadrature: Quadrature) -> None:
+    circle = Sphere((0.5, -2.0), 1.9)
+    own = discretize(block(circle, "obstacle", quadrature=quadrature))
+    x = own.points[:, 0] - 0.5
+    np.testing.assert_allclose(own.gap, np.hypot(x, 2.0) - 1.9, atol=1e-14)
+    np.testing.assert_allclose(own.frames[:, 0], np.column_stack([-x, -2.0 + 0 * x]) / np.hypot(x, 2)[:, None])
+    np.testing.assert_allclose(
+        own.frames @ own.frames.transpose(0, 2, 1), np.broadcast_to(np.eye(2), (len(x), 2, 2)), atol=1e-14
+    )
+    body = discretize(block(circle, "body", quadrature=quadrature))
+    np.testing.assert_allclose(body.gap, 2.0 - np.sqrt(1.9**2 - x**2), atol=1e-14)
+    np.testing.assert_allclose(body.frames[:, 0], [[0.0, -1.0]] * len(x), atol=1e-14)
+
+
+def test_a_plane_below_a_flat_body_is_the_gap() -> None:
+    by_gap = block(Plane((0.0, 0.0), (0.0, 1.0)))
+    by_gap = replace(by_gap, contact={"bottom": Contact(Signorini(), gap=0.005)})
+    expected = solve(discretize(by_gap)).raise_for_status()
+    for normals in Normals:
+        found = solve(discretize(block(Plane((3.0, -0.005), (0.0, 4.0)), normals))).raise_for_status()
+        np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-12)
+        np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-10)
+
+
+def test_an_oblique_plane_is_not_crossed() -> None:
+    """With normals of the obstacle the linearised contact with a plane is exact for displacements of any size."""
+    plane = Plane((0.5, 0.0), (0.2, 1.0))
+    found = solve(discretize(block(plane, top=(0.05, -0.1)))).raise_for_status()
+    mesh = found.problem.field.mesh
+    nodes = np.unique(mesh.boundaries["bottom"])
+    left = plane.distance((mesh.points + found.displacement)[nodes])
+    assert left.min() > -1e-13
+    touching = found.pressure > 1e-8
+    assert touching.any()
+    np.testing.assert_allclose(found.penetration[touching], 0.0, atol=1e-13)
+
+
+def test_an_overlap_is_an_interference_fit() -> None:
+    """A block, zero Poisson's ratio, between a fixed top and a plane that it overlaps by d: pressure E d."""
+    problem = ContactProblem(
+        rectangle((1.0, 1.0), 4),
+        Material.young(7.0, 0.0),
+        contact={"bottom": Contact(Signorini(), obstacle=Plane((0.0, 0.01), (0.0, 1.0)))},
+        supports={"top": Clamped()},
+    )
+    np.testing.assert_allclose(solve(discretize(problem)).pressure, 0.07, atol=1e-13)
+
+
+def test_points_whose_normal_misses_are_no_contact_points() -> None:
+    found = discretize(block(Sphere((0.5, -0.3), 0.2), "body"))
+    np.testing.assert_allclose(found.points[:, 0], [0.375, 0.5, 0.625])  # of a grid of 1/8
+    solution = solve(found).raise_for_status()
+    assert solution.penetration.max() <= 1e-12
+
+
+def test_compliance_and_friction_meet_an_obstacle() -> None:
+    contact = Contact(Compliance(50.0), Tresca(0.01), obstacle=Sphere((0.5, -2.0), 2.0))
+    problem = replace(block(Sphere((0.0, 0.0), 1.0)), contact={"bottom": contact})
+    solution = solve(discretize(problem)).raise_for_status()
+    np.testing.assert_allclose(solution.pressure, 50.0 * np.maximum(solution.penetration, 0.0), atol=1e-9)
+    assert np.abs(solution.friction).max() <= 0.01 + 1e-12
+
+
+def test_units_do_not_matter() -> None:
+    first = solve(discretize(block(Sphere((0.5, -2.0), 1.99)))).raise_for_status()
+    scaled = ContactProblem(
+        rectangle((1.0, 1.0), 8, "cross").scaled(1e3),
+        Material.young(1e-6, 0.3),
+        contact={"bottom": Contact(Signorini(), obstacle=Sphere((500.0, -2000.0), 1990.0))},
+        supports={"top": Prescribed((0.0, -20.0))},
+    )
+    second = solve(discretize(scaled)).raise_for_status()
+    np.testing.assert_allclose(second.pressure * 1e6, first.pressure, atol=1e-9 * first.pressure.max())
+
+
+@pytest.mark.parametrize("shape", ["sphere", "distance"])
+def test_a_turned_body_and_obstacle_give_the_same_pressure(shape: str) -> None:
+    turn = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+
+    def pressed(matrix: np.ndarray) -> np.ndarray:
+        sphere = Sphere(matrix @ [0.5, 0.4, -2.0], 1.99)
+        obstacle = sphere if shape == "sphere" else SignedDistance(sphere.distance)
+        return solve(
+            discretize(block(obstacle, mesh=cube(3).moved(matrix), top=tuple(matrix @ [0.0, 0.0, -0.05])))
+        ).pressure
+
+    straight = pressed(np.eye(3))
+    assert 0 < np.count_nonzero(straight) < len(straight)
+    np.testing.assert_allclose(pressed(turn), straight, atol=(1e-9 if shape == "sphere" else 1e-6) * straight.max())
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Sphere((0.0, 0.0), -1.0), "radius is -1.0; give one positive number"),
+        (lambda: Sphere((0.0,), 1.0), "center has shape (1,)"),
+        (lambda: Plane((0.0, 0.0), (0.0, 0.0)), "normal is zero; give a direction"),
+        (lambda: Plane((0.0, 0.0), (0.0, 0.0, 1.0)), "give equally many"),
+        (lambda: Plane((0.0, np.nan), (0.0, 1.0)), "not finite"),
+        (lambda: Cylinder((0.0, 0.0), (0.0, 1.0), 1.0), "take Sphere"),
+        (lambda: SignedDistance(3.0), "give a function of points"),  # type: ignore[arg-type]
+        (lambda: Contact(Signorini(), gap=0.1, obstacle=Sphere((0.0, 0.0), 1.0)), "leave one out"),
+        (lambda: Contact(Signorini(), normals=Normals.OBSTACLE), "needs an obstacle"),
+        (lambda: Contact(Signorini(), obstacle=3.0), "obstacle is float; pass Plane"),  # type: ignore[arg-type]
+        (lambda: block(Sphere((0.0, 0.0), 1.0), "mine"), "choose Normals.OBSTACLE or Normals.BODY"),
+        (lambda: block(Sphere((0.0, 0.0, -2.0), 1.0)), "has 3 coordinates, the mesh has 2"),
+        (lambda: discretize(block(Plane((0.0, 0.0), (0.0, -1.0)))), "wrong side"),
+        (lambda: discretize(block(Plane((0.0, 0.0), (0.0, -1.0)), "body")), "no outward normal of the body meets"),
+        (lambda: discretize(block(Sphere((0.5, 0.0), 1.0))), "lies at the centre of the sphere"),
+        (lambda: discretize(block(Sphere((5.0, 0.5), 1.0), "body")), "no outward normal of the body meets"),
+        (lambda: discretize(block(SignedDistance(lambda x: 2.0 * x[:, 1]))), "gradient of length 2"),
+        (lambda: discretize(block(SignedDistance(lambda x: x))), "returned shape"),
+        (lambda: discretize(block(SignedDistance(lambda x: x[:, 1] * np.nan))), "returned nan"),
+        (
+            lambda: discretize(
+                replace(
+                    block(Sphere((0.5, -0.3), 0.25)),
+                    contact={"bottom": Contact(Bilateral(), obstacle=Sphere((0.5, -0.3), 0.25), normals=Normals.BODY)},
+                )
+            ),
+            "allows no opening",
+        ),
+    ],
+)
+def test_bad_obstacles_are_refused_in_words(make, words: str) -> None:
+    with pytest.raises(ProblemError, match=re.escape(words)) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+# ---- problem files -----------------------------------------------------------------------------------------
+
+HEAD = """\
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [8, 8]
+pattern = "cross"
+[material]
+young = 1.0
+poisson = 0.3
+[supports]
+top = { displacement = [0.0, -0.02] }
+[contact.bottom]
+normal = "signorini"
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "obstacle", "normals"),
+    [
+        ("obstacle = { sphere = { center = [0.5, -2.0], radius = 1.99 } }", Sphere((0.5, -2.0), 1.99), None),
+        (
+            'obstacle = { sphere = { center = [0.5, 3], radius = 3, inside = true } }\nnormals = "body"',
+            Sphere((0.5, 3.0), 3.0, inside=True),
+            "body",
+        ),
+        (
+            'obstacle = { plane = { point = [0.5, 0.0], normal = [0.1, 1] } }\nnormals = "obstacle"',
+            Plane((0.5, 0.0), (0.1, 1.0)),
+            "obstacle",
+        ),
+        (
+            'obstacle = { distance = "sqrt((x - 0.5)^2 + (y + 2)^2) - 1.99" }',
+            Sphere((0.5, -2.0), 1.99),
+            None,
+        ),
+    ],
+)
+def test_obstacles_in_problem_files(text: str, obstacle: Obstacle, normals: str | None) -> None:
+    found = discretize(parse_problem(f"{HEAD}{text}\n"))
+    expected = discretize(block(obstacle, normals))
+    np.testing.assert_allclose(found.gap, expected.gap, atol=1e-12)
+    np.testing.assert_allclose(found.frames, expected.frames, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("obstacle = { }", "[contact.bottom] obstacle: give one of"),
+        ("obstacle = { spere = { radius = 1 } }", "did you mean 'sphere'?"),
+        ("obstacle = { sphere = { center = [0, 0] } }", "obstacle.sphere.radius: is missing"),
+        ("obstacle = { sphere = { center = [0, 0, 0], radius = 1 } }", "obstacle.sphere.center: has 3 entries"),
+        ("obstacle = { sphere = { center = [0, 0], radius = -1 } }", "it must be positive"),
+        ("obstacle = { sphere = { center = [0, 0], radius = 1, inside = 1 } }", "must be true or false"),
+        ("obstacle = { cylinder = { point = [0, 0], axis = [0, 1], radius = 1 } }", "in the plane it is a circle"),
+        ("obstacle = { plane = { point = [0, 0], normal = [0, 0] } }", "normal is zero"),
+        ("obstacle = { distance = 3 }", "give a formula of the coordinates"),
+        ("obstacle = { distance = 'x + q' }", "'q' is not known"),
+        ("obstacle = { distance = 'y' }\ngap = 0.1", "[contact.bottom] gap: follows from the obstacle"),
+        ("normals = 'body'", "[contact.bottom] normals: says whose normals"),
+        ("obstacle = { distance = 'y' }\nnormals = 'bdy'", "did you mean 'body'?"),
+    ],
+)
+def test_bad_obstacles_in_problem_files(text: str, words: str) -> None:
+    with pytest.raises(ProblemError, match=re.escape(words)) as caught:
+        parse_problem(f"{HEAD}{text}\n")
+    assert "\n" not in str(caught.value)
+
+
+def test_cylinder_in_a_problem_file(tmp_path) -> None:
+    import meshio
+
+    mesh: Mesh = cube(2)
+    bottom = mesh.boundaries["bottom"]
+    cells = [("tetra", mesh.cells), ("triangle", bottom), ("triangle", mesh.boundaries["top"])]
+    raw = meshio.Mesh(
+        mesh.points,
+        cells,
+        cell_data={"gmsh:physical": [np.full(len(c), k) for k, (_, c) in enumerate(cells, 1)]}
+        | {"gmsh:geometrical": [np.full(len(c), k) for k, (_, c) in enumerate(cells, 1)]},
+        field_data={"body": np.array([1, 3]), "bottom": np.array([2, 2]), "top": np.array([3, 2])},
+    )
+    meshio.write(tmp_path / "cube.msh", raw, file_format="gmsh22", binary=False)
+    found = discretize(
+        parse_problem(
+            '[mesh]\nfile = "cube.msh"\n[material]\nyoung = 1.0\npoisson = 0.3\n'
+            "[supports]\ntop = { displacement = [0, 0, -0.02] }\n[contact.bottom]\nnormal = 'signorini'\n"
+            "obstacle = { cylinder = { point = [0.5, 0.5, -2], axis = [0, 3, 0], radius = 1.99 } }\n",
+            tmp_path,
+        )
+    )
+    x = found.points[:, 0] - 0.5
+    np.testing.assert_allclose(found.gap, np.hypot(x, 2.0) - 1.99, atol=1e-14)
