@@ -22,6 +22,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("formula",),
     ("laws",),
     ("mechanics",),
+    ("linear",),
     ("solvers", "certify", "gallery"),
     ("branches", "evolution", "distributed"),
     ("problem_file",),

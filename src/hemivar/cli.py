@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _CONVERGED
     except MemoryError:
-        return _complain("not enough memory for this problem; take fewer cells")
+        return _complain("not enough memory for this problem; take --method multigrid, or fewer cells")
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}; check path and disk")
     except Exception as error:
@@ -96,7 +96,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(f"{usage}see 'hemivar --help'")
     if code == _INTERRUPTED:
         sys.stderr.write("hemivar: interrupted\n")
+        _leave(code)
     return code
+
+
+def _leave(code: int) -> None:
+    """End the process at once if a factorisation that was interrupted still runs; otherwise do nothing."""
+    factorisation = sys.modules.get("hemivar.solvers.factorisation")
+    if factorisation is not None and factorisation.abandoned_work():
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _complain(message: str) -> int:
@@ -230,6 +240,8 @@ def _solutions(
         _print_table(_console(), solutions_table(found))
     if json is not None:
         print(f"written           {json}")
+    if found.interrupted:
+        return _INTERRUPTED
     return _CONVERGED if len(found) else _NOT_CONVERGED
 
 
@@ -265,6 +277,8 @@ def _path(
     written = [str(file) for file in (json, plot) if file is not None]
     if written:
         print(f"written           {', '.join(written)}")
+    if path.interrupted:
+        return _INTERRUPTED
     return _CONVERGED if path.reached_end else _NOT_CONVERGED
 
 
@@ -546,17 +560,26 @@ def _solve_levels(
     discrete: list[DiscreteProblem], solver: Solver, controls: Controls, trace: _StepPrinter | None
 ) -> Solution:
     """Solve on every mesh in turn, each solution being the first guess on the next mesh."""
-    from hemivar.solvers import solve, suited, transfer_solution
+    from dataclasses import replace
+
+    from hemivar.solvers import Status, solve, suited, transfer_solution
 
     solution: Solution | None = None
     for problem in discrete:
         if trace is not None:
             trace.head(problem if len(discrete) > 1 else None)
-        guess = None if solution is None else transfer_solution(solution, problem)
-        solution = solve(problem, suited(solver, problem), controls, initial=guess)
-        if solution.status.value == "interrupted":
+        try:
+            guess = None if solution is None else transfer_solution(solution, problem)
+            solution = solve(problem, suited(solver, problem), controls, initial=guess)
+        except KeyboardInterrupt:
+            if solution is None:
+                raise
+            solution = replace(solution, status=Status.INTERRUPTED)  # the finest mesh that there is
+        if solution.status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
             break
     assert solution is not None
+    if solution.status is Status.INTERRUPTED:
+        print("\ninterrupted       the best iterate follows, with its certificate; Ctrl-C again aborts", flush=True)
     return solution
 
 

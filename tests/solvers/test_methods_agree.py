@@ -42,7 +42,7 @@ def test_exact_methods_agree(method: str, data: str, n: int) -> None:
 
 
 @pytest.mark.parametrize("data", SURVEY_DATA)
-@pytest.mark.parametrize("method", EXACT)
+@pytest.mark.parametrize("method", [name for name in EXACT if name != "multigrid"])
 def test_exact_methods_agree_with_midpoint_quadrature(method: str, data: str) -> None:
     problem, expected = reference(data, 8, Quadrature.MIDPOINT)
     found = solve(problem, METHODS[method], Controls(max_steps=3000))

@@ -153,7 +153,7 @@ def test_energy_without_lower_bound_is_refused() -> None:
     assert solve(bar(0.4, slower)).penetration[0] == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if name not in ("newton", "direct-powell")])
+@pytest.mark.parametrize("method", [name for name in METHODS if name not in ("newton", "multigrid", "direct-powell")])
 def test_methods_for_convex_laws_refuse_a_law_that_jumps_down(method: str) -> None:
     capped = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0], name="capped")  # type: ignore[arg-type]
     with pytest.raises(MethodError, match=f"{method} cannot solve this problem") as caught:

@@ -11,10 +11,12 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.errors import MethodError, ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.solvers import CondensedProblem, Controls, LoadLine, LoadStepping, Solution, condense, solve
+from hemivar.solvers import CondensedProblem, Controls, LoadLine, LoadStepping, Solution, Status, condense, solve
 from hemivar.solvers.condensed import depends_on_state
 
 __all__ = ["Fold", "Jump", "Path", "follow_path", "trace"]
+
+_INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,11 @@ class Path:
     def reached_end(self) -> bool:
         """Whether the path was followed until it left the range of load factors."""
         return "end of the load factors" in self.ended
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether it was stopped from the keyboard; the points until then are here."""
+        return self.ended == _INTERRUPTED
 
     def __len__(self) -> int:
         return self.load_factor.size
@@ -202,6 +209,8 @@ def follow_path(
         initial=guess,
         condensed=system.for_problem(at_start),
     )
+    if begun.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
     force0 = chain_force(system, chain, line, 0.0)
     force1 = chain_force(system, chain, line, 1.0) - force0
     theta, segment = chain.nearest(begun.local, begun.multiplier)
@@ -216,12 +225,14 @@ def follow_path(
             )
         back = follower.run(corrected, segment, first, -1.0)
         forth = follower.run(corrected, segment, first, 1.0)
-        if not follower.ties or attempt:
+        if not follower.ties or attempt or follower.interrupted:
             break
         size = float(np.abs(force0 + force1).max()) or float(np.abs(force1).max())
         perturbation = 1e-9 * size * np.cos(1.0 + np.arange(chain.size) ** 1.7)
     assert follower is not None
     turned = back.reversed().joined(forth)
+    if follower.interrupted and not turned.segment:
+        raise KeyboardInterrupt
     if perturbation.any():
         _unperturb(turned, _Follower(chain, force0, force1, low, high, max_points, largest_step))
     return _assemble(line, chain, turned, follower, bool(perturbation.any()))
@@ -238,6 +249,8 @@ def trace(
     for sign in (1.0, -1.0):
         follower = _Follower(chain, force, rate, low, high, points, 0.05)
         track = follower.run(theta, segment, 0.0, sign)
+        if follower.interrupted:
+            raise KeyboardInterrupt
         t = np.array(track.t)
         for i in range(len(t) - 1):
             if t[i] * t[i + 1] < 0.0:
@@ -285,6 +298,15 @@ class _Track:
             self.event[::-1],
         )
 
+    def cut(self) -> None:
+        """Drop what belongs to a point that is not complete."""
+        whole = (len(self.segment), len(self.stable), len(self.curved))
+        count = min(len(self.t), len(self.theta), len(self.fold), len(self.event), *(1 + n for n in whole))
+        for points in (self.t, self.theta, self.fold, self.event):
+            del points[count:]
+        for stretches in (self.segment, self.stable, self.curved):
+            del stretches[count - 1 :]
+
     def joined(self, other: _Track) -> _Track:
         """This track followed by one that starts where it ends."""
         return _Track(
@@ -309,6 +331,7 @@ class _Follower:
     max_points: int
     largest_step: float
     ties: bool = False
+    interrupted: bool = False
 
     def force(self, t: float) -> Array:
         return self.force0 + t * self.force1
@@ -319,9 +342,21 @@ class _Follower:
         return self.chain.length / (self.high - self.low)
 
     def run(self, theta: Array, segment: IntArray, t: float, sign: float) -> _Track:
-        """From an equilibrium, first in the direction in which t has this sign."""
-        chain = self.chain
+        """From an equilibrium, first in the direction in which t has this sign; an interruption leaves the points."""
         track = _Track([t], [theta], [], [], [], [False], [None])
+        try:
+            if not self.interrupted:
+                self.extend(track, theta, segment, t, sign)
+        except KeyboardInterrupt:
+            self.interrupted = True
+        if self.interrupted:
+            track.cut()
+            track.ended = _INTERRUPTED
+        return track
+
+    def extend(self, track: _Track, theta: Array, segment: IntArray, t: float, sign: float) -> None:
+        """Append points to a track that holds the first one."""
+        chain = self.chain
         border = np.zeros(chain.size + 1)
         border[-1] = sign
         tangent = self.tangent(theta, segment, border)
@@ -380,7 +415,6 @@ class _Follower:
             tangent = self.tangent(theta, segment, border)
         else:
             track.ended = f"the limit of {self.max_points} points was reached"
-        return track
 
     def tangent(self, theta: Array, segment: IntArray, border: Array) -> Array | None:
         """Unit tangent (dtheta, dt) on which ``border`` is positive."""

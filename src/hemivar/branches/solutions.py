@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,7 @@ from hemivar.solvers import (
     suited,
 )
 from hemivar.solvers.condensed import depends_on_state
+from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.newton import newton_components, newton_system
 
 __all__ = ["SolutionSet", "find_solutions"]
@@ -54,6 +56,8 @@ class SolutionSet(Sequence[Solution]):
         Number of starting points tried, 0 where all combinations were.
     searched : str
         How far the search went, in words.
+    interrupted : bool
+        Whether it was stopped from the keyboard; what was found until then is here.
     """
 
     solutions: tuple[Solution, ...]
@@ -61,6 +65,7 @@ class SolutionSet(Sequence[Solution]):
     combinations: float
     starts: int
     searched: str
+    interrupted: bool = False
 
     def __len__(self) -> int:
         return len(self.solutions)
@@ -136,9 +141,14 @@ def find_solutions(
     chain = chain_of(system) if plain else None
     search = _Search(system, chain, controls, max_solutions, np.random.default_rng(seed))
     if chain is not None and chain.combinations <= enumerate_up_to and _affine(chain):
-        points, continuum = enumerate_points(chain)
-        for theta, segment in points:
-            search.add_point(theta, segment)
+        with search.stopped_cleanly():
+            points, continuum = enumerate_points(chain)
+            for theta, segment in points:
+                search.budget.check()
+                search.add_point(theta, segment)
+        if search.stopped:
+            searched = f"not all of the {chain.combinations:.0f} combinations were tried; {search.stopped}"
+            return SolutionSet(search.sorted(), False, chain.combinations, 0, searched, search.interrupted)
         complete = not continuum and not search.full
         searched = f"all {chain.combinations:.0f} combinations of pieces and kinks were tried"
         if continuum:
@@ -146,10 +156,11 @@ def find_solutions(
         if search.full:
             searched += f"; stopped at {max_solutions} solutions"
         return SolutionSet(search.sorted(), complete, chain.combinations, 0, searched)
-    search.from_solvers(starts)
-    if chain is not None:
-        search.from_deflation(starts)
-        search.from_paths_and_saddles()
+    with search.stopped_cleanly():
+        search.from_solvers(starts)
+        if chain is not None:
+            search.from_deflation(starts)
+            search.from_paths_and_saddles()
     combinations = chain.combinations if chain is not None else np.inf
     if chain is None:
         searched = f"{search.starts} starts of minimising methods; there may be more solutions, saddles above all"
@@ -160,7 +171,9 @@ def find_solutions(
         )
     if search.full:
         searched += f"; stopped at {max_solutions} solutions"
-    return SolutionSet(search.sorted(), False, combinations, search.starts, searched)
+    if search.stopped:
+        searched += f"; {search.stopped}"
+    return SolutionSet(search.sorted(), False, combinations, search.starts, searched, search.interrupted)
 
 
 def _affine(chain: Chain) -> bool:
@@ -189,6 +202,19 @@ class _Search:
         self.points: list[tuple[Array, IntArray]] = []
         self._places: list[Array] = []
         self._traced = 0
+        self.budget = Budget(controls.max_time)
+        self.stopped = ""
+        self.interrupted = False
+
+    @contextmanager
+    def stopped_cleanly(self) -> Iterator[None]:
+        """An interruption or the time limit ends the search, and what was found stays."""
+        try:
+            yield
+        except OutOfTime:
+            self.stopped = "stopped at the time limit"
+        except KeyboardInterrupt:
+            self.stopped, self.interrupted = "interrupted", True
 
     @property
     def full(self) -> bool:
@@ -245,11 +271,14 @@ class _Search:
 
     def run(self, solver: Solver, r: Array | None) -> None:
         problem = self.system.problem
+        self.budget.check()
         self.starts += 1
         initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
-        self.add_solution(
-            solve(problem, suited(solver, problem), self.controls, initial=initial, condensed=self.system)
-        )
+        controls = replace(self.controls, max_time=max(self.budget.limit - self.budget.spent, 0.0))
+        found = solve(problem, suited(solver, problem), controls, initial=initial, condensed=self.system)
+        self.add_solution(found)
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
 
     def from_solvers(self, count: int) -> None:
         """The minimising methods, from zero, under and over the load, from every piece, and at random."""
@@ -290,6 +319,7 @@ class _Search:
         for k in range(2 * count):
             if self.full:
                 return
+            self.budget.check()
             self.starts += 1
             if k < chain.kink.shape[1]:  # every layer: all components on segments of one number
                 choice = np.minimum(np.full(chain.size, k), chain.count - 1)
@@ -311,6 +341,7 @@ class _Search:
         downhill = NonsmoothNewton(search=Search.DOWNHILL)
         done = 0
         while done < min(len(self.points), rounds) and not self.full:
+            self.budget.check()
             theta, segment = self.points[done]
             done += 1
             rate = np.where(chain.force != 0.0, chain.force, float(np.abs(chain.force).max(initial=1.0)))

@@ -253,6 +253,18 @@ class ContactLaw:
             out[:, 1:] = np.where(backwards, 0.0, np.clip(length, low, high))[:, None] * heading
         return out
 
+    def admissible(self, r: Array) -> Array:
+        """The local displacement nearest to ``r (m, d)`` in the domain of the laws."""
+        out = np.array(r, dtype=float)
+        domain = self.normal.domain
+        out[:, 0] = np.clip(out[:, 0], domain.lower, domain.upper)
+        if out.shape[1] > 1:
+            limit = np.broadcast_to(self.friction.profile.domain.upper, (len(out),))
+            size = _norm(out[:, 1:])
+            outside = size > limit
+            out[outside, 1:] *= (limit[outside] / size[outside])[:, None]
+        return out
+
     def recession(self, direction: Array) -> Array:
         """Growth rate of j along each ``direction (m, d)``, shape (m,); may be +inf.
 

@@ -14,6 +14,7 @@ from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.lbfgs import LBFGS
 from hemivar.solvers.load_line import LoadLine
 from hemivar.solvers.load_stepping import LoadStepping
+from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.solution import ContactState, Solution
@@ -22,6 +23,7 @@ from hemivar.solvers.status import Status
 
 _ALL = (
     NonsmoothNewton(),
+    NonsmoothMultigrid(),
     DirectOptimization(Powell()),
     DirectOptimization(LBFGS()),
     DirectOptimization(ProximalBundle()),
@@ -49,6 +51,7 @@ __all__ = [
     "LoadLine",
     "LoadStepping",
     "NewtonKrylov",
+    "NonsmoothMultigrid",
     "NonsmoothNewton",
     "Optimizer",
     "Powell",

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, Self
 
-from hemivar._typing import Array
+from hemivar._typing import Array, BoolArray
+from hemivar.laws import ContactLaw
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual
-from hemivar.solvers.condensed import CondensedProblem
+from hemivar.solvers.condensed import condense
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
 
@@ -17,24 +19,82 @@ __all__ = ["Solver", "State", "System"]
 
 
 class System(Protocol):
-    """The unknowns a method works on: condensed onto the contact boundary, or all of them."""
+    """What a method works on: a point ``r`` is ``(m, d)`` where the body is condensed onto its contact boundary, and
+    ``(n,)`` where the method works on all unknowns."""
 
-    problem: DiscreteProblem
+    @property
+    def problem(self) -> DiscreteProblem:
+        """The problem."""
+        ...
+
+    @property
+    def law(self) -> ContactLaw:
+        """Its law."""
+        ...
+
+    @property
+    def weights(self) -> Array:
+        """Its weights (m,)."""
+        ...
+
+    @property
+    def active(self) -> BoolArray:
+        """Contact components that are free to move, (m, d)."""
+        ...
+
+    @property
+    def compliance(self) -> Array:
+        """Displacement for a unit pressure at a point when its surroundings are held, (m, 2)."""
+        ...
+
+    @property
+    def seconds(self) -> float:
+        """Time spent on setting up."""
+        ...
 
     def start(self, guess: Array | None = None) -> Array:
-        """An admissible starting point ``(m, d)``."""
+        """An admissible point near a guess, or near zero displacement."""
+        ...
+
+    def of_unknowns(self, unknowns: Array) -> Array:
+        """The point of a vector of unknowns (n,)."""
+        ...
+
+    def local(self, r: Array) -> Array:
+        """Local displacements (m, d) of a point."""
         ...
 
     def energy(self, r: Array) -> float:
-        """E of the displacement with local displacements ``r``."""
+        """E of a point."""
+        ...
+
+    def stretch(self, change: Array) -> float:
+        """Energy norm of a difference of two points."""
+        ...
+
+    def law_at(self, r: Array, lam: Array) -> ContactLaw:
+        """The law, with a bound that depends on the solution evaluated there."""
         ...
 
     def multiplier(self, r: Array) -> Array:
-        """Multiplier in equilibrium with ``r``."""
+        """Multiplier (m, d) in equilibrium with a point."""
         ...
 
     def residual(self, r: Array, lam: Array) -> Residual:
         """The residual of the pair."""
+        ...
+
+    def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
+        """All unknowns (n,), with the residual of the whole problem."""
+        ...
+
+    def rigid_directions(self) -> Iterable[tuple[Array, float, float]]:
+        """Local displacements (m, d) of the rigid motions that the supports admit, the work of the load along each,
+        and the size of that work."""
+        ...
+
+    def for_problem(self, problem: DiscreteProblem) -> Self:
+        """The same body under another load, gap or law."""
         ...
 
 
@@ -44,8 +104,10 @@ class State:
 
     Attributes
     ----------
-    r, lam : arrays (m, d)
-        Local displacement and multiplier.
+    r : array (m, d) or (n,)
+        The point: local displacements, or all unknowns, as the system has it.
+    lam : array (m, d)
+        Multiplier.
     evaluations : int
         Evaluations so far.
     ended : Status or None
@@ -83,6 +145,19 @@ class Solver(ABC):
     descends: ClassVar[bool] = False
 
     @property
+    def condenses(self) -> bool:
+        """Whether it works on the body condensed onto its contact boundary."""
+        return True
+
+    def prepare(self, problem: DiscreteProblem) -> Any:
+        """The system the method works on."""
+        return condense(problem)
+
+    def first_guess(self, system: Any, budget: Budget) -> tuple[Array, Status | None]:
+        """Where to start if the user names no point; and a status where the search for it was stopped."""
+        return system.start(), None
+
+    @property
     def handles_state(self) -> bool:
         """Whether it treats laws whose bounds depend on the solution."""
         return False
@@ -92,13 +167,13 @@ class Solver(ABC):
         return None
 
     @abstractmethod
-    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+    def begin(self, system: Any, start: State, budget: Budget) -> State:
         """The first state, from a starting point that lies in the domain of the laws and a guess of its multiplier."""
 
     @abstractmethod
-    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+    def step(self, system: Any, state: State, budget: Budget) -> State:
         """One step.  Long ones call ``budget.check()`` now and then."""
 
-    def settle(self, system: CondensedProblem, state: State, budget: Budget) -> State | None:
+    def settle(self, system: Any, state: State, budget: Budget) -> State | None:
         """A state with less energy to go on from, asked once the residual is small; None if ``state`` is final."""
         return None

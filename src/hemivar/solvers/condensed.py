@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,6 +18,7 @@ from hemivar.laws import ContactLaw
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual, contact_compliance, residual
 from hemivar.solvers.factorisation import Factorisation, factorise
+from hemivar.solvers.memory import check_memory, shortage
 
 __all__ = ["CondensedProblem", "condense", "depends_on_state"]
 
@@ -101,6 +103,12 @@ class CondensedProblem:
             diagonal[:, 1:] = diagonal[:, 1:].max(axis=1, keepdims=True)
         return np.where(diagonal > 1e-10 * local, diagonal, local)
 
+    @property
+    def tangential_blocks(self) -> Array:
+        """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
+        m, d = self.shape
+        return np.asarray(self.matrix.reshape(m, d, m, d)[np.arange(m), 1:, np.arange(m), 1:])
+
     @cached_property
     def compliance(self) -> Array:
         """Displacement for a unit pressure at a point when all other contact points are held, (m, 2)."""
@@ -124,6 +132,14 @@ class CondensedProblem:
         values, vectors = la.eigh(scaled)
         return np.asarray((scale[:, None] * vectors[:, values < 1e-11]).T)
 
+    def rigid_directions(self) -> Iterator[tuple[Array, float, float]]:
+        """Local displacements (m, d) of each rigid motion, the work of the load along it, and the size of that work."""
+        for mode in self.rigid_modes:
+            direction = np.zeros(self.shape)
+            direction.ravel()[self.free] = mode
+            size = float(np.abs(self.force) @ np.abs(direction).ravel())
+            yield direction, float(self.force @ direction.ravel()), size
+
     @cached_property
     def length_scale(self) -> float:
         """A typical displacement, for methods that work on scaled unknowns."""
@@ -141,6 +157,14 @@ class CondensedProblem:
         scale = float(np.linalg.norm(self.force) / np.linalg.norm(self.weights)) if self.weights.size else 0.0
         return scale if scale > 0.0 else 1.0
 
+    def local(self, r: Array) -> Array:
+        """Local displacements, which the points of a condensed body are."""
+        return r
+
+    def of_unknowns(self, unknowns: Array) -> Array:
+        """Local displacements (m, d) of the unknowns (n,)."""
+        return self.problem.local(unknowns)
+
     # ---- energy and balance -----------------------------------------------------------------------------
 
     def energy_norm(self, r: Array) -> float:
@@ -148,21 +172,16 @@ class CondensedProblem:
         square = float(r.ravel() @ (self.matrix @ r.ravel())) + 2.0 * self.rest_energy
         return float(np.sqrt(max(square, 0.0)))
 
+    def stretch(self, change: Array) -> float:
+        """Energy norm of a difference of two local displacements, the rest of the body following."""
+        flat = change.ravel()
+        return float(np.sqrt(max(float(flat @ (self.matrix @ flat)), 0.0)))
+
     def start(self, guess: Array | None = None) -> Array:
         """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
         m, d = self.shape
         r = -self.problem.offset.reshape(m, d) if guess is None else np.array(guess, dtype=float)
-        r = np.where(self.active, r, self.fixed)
-        domain = self.law.normal.domain
-        r[:, 0] = np.where(self.active[:, 0], np.clip(r[:, 0], domain.lower, domain.upper), r[:, 0])
-        if d > 1:
-            limit = np.broadcast_to(self.law.friction.profile.domain.upper, (m,))
-            size = np.linalg.norm(r[:, 1:], axis=1)
-            outside = size > limit
-            if outside.any():
-                r[outside, 1:] *= (limit[outside] / size[outside])[:, None]
-                r = np.where(self.active, r, self.fixed)
-        return r
+        return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
 
     def energy(self, r: Array) -> float:
         """E of the displacement with local displacements ``r``."""
@@ -276,9 +295,16 @@ def condense(problem: DiscreteProblem) -> CondensedProblem:
     ------
     ProblemError
         The interior is singular (part of the body can move freely), or contact rows depend on one another.
+    MethodError
+        The memory that is free does not suffice.
     """
     began = time.perf_counter()
-    return _load(_condense_body(problem), problem, began)
+    contact = problem.contact_points * problem.dim
+    check_memory(problem.unknowns, problem.dim, contact)
+    try:
+        return _load(_condense_body(problem), problem, began)
+    except MemoryError:
+        raise shortage(problem) from None
 
 
 @dataclass(frozen=True, eq=False)

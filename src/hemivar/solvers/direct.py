@@ -164,6 +164,8 @@ class Powell(Optimizer):
             )
         except OutOfTime:
             ended = Status.MAX_TIME
+        except KeyboardInterrupt:  # its one step is the whole minimisation, and the best point of it is kept
+            ended = Status.INTERRUPTED
         runs = (state.memory or 0) + 1
         if ended is None and runs > self.restarts:
             ended = Status.CONVERGED

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import importlib.metadata
+import threading
+from collections.abc import Callable
 from functools import lru_cache
 from types import ModuleType
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +18,20 @@ import scipy.sparse.linalg as spla
 from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
 
-__all__ = ["Factorisation", "MumpsFactorisation", "SuperLUFactorisation", "factorise", "mumps_available"]
+__all__ = [
+    "Factorisation",
+    "MumpsFactorisation",
+    "SuperLUFactorisation",
+    "abandoned_work",
+    "factorise",
+    "mumps_available",
+]
+
+_Result = TypeVar("_Result")
+#: Matrices up to this size are factorised in less time than a thread of its own is worth.
+_QUICK = 5_000
+#: Factorisations that were interrupted.
+_abandoned: list[threading.Thread] = []
 
 
 class Factorisation(Protocol):
@@ -105,7 +121,7 @@ class SuperLUFactorisation:
         load[self._kept] = 0.0
         first = self._solve(load)
         if self._kept.size:  # choose the forces on the kept unknowns that hold them at zero
-            load[self._kept] = -self._shifted @ first[self._kept]
+            load[self._kept] = -(self._shifted @ first[self._kept])
             first = self._solve(load)
             first[self._kept] = 0.0
         return first
@@ -168,18 +184,60 @@ def _singular() -> ProblemError:
 
 
 def _superlu(matrix: sp.csc_array, ordering: str) -> spla.SuperLU:
-    try:
-        factor = spla.splu(
+    def factorise() -> spla.SuperLU:
+        return spla.splu(
             matrix,
             permc_spec=ordering,
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
         )
+
+    try:
+        return _interruptible(factorise) if matrix.shape[0] > _QUICK else factorise()
     except RuntimeError as error:
         if "singular" in str(error):
             raise _singular() from error
+        if "memory" in str(error).lower() or "malloc" in str(error).lower():
+            raise MemoryError(str(error)) from error
         raise
-    return factor
+
+
+def abandoned_work() -> bool:
+    """Whether a factorisation that was interrupted is still running; a process that cannot wait ends by os._exit."""
+    return any(worker.is_alive() for worker in _abandoned)
+
+
+def _interruptible(work: Callable[[], _Result]) -> _Result:
+    """Run compiled code that lets go of the interpreter in a thread, so that Ctrl-C is answered before it ends.
+
+    After an interruption the thread is left to itself: the library cannot be stopped in the middle, and what it
+    finds is dropped.  Python must not shut down beside it, so that the end of the process waits for it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    done = threading.Event()
+    found: list[_Result] = []
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            found.append(work())
+        except BaseException as error:
+            failed.append(error)
+        done.set()
+
+    worker = threading.Thread(target=run, daemon=True)
+    try:
+        worker.start()
+        done.wait()
+    except KeyboardInterrupt:
+        if worker.ident is not None:
+            _abandoned.append(worker)
+            atexit.register(worker.join)
+        raise
+    if failed:
+        raise failed[0]
+    return found[0]
 
 
 def _fill_reducing_order(matrix: sp.csr_array) -> IntArray:

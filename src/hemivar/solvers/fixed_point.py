@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
+from hemivar.laws.contact import spread
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.solvers.base import Solver, State
-from hemivar.solvers.condensed import CondensedProblem, depends_on_state
+from hemivar.solvers.base import Solver, State, System
+from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
-from hemivar.solvers.status import Status
+from hemivar.solvers.status import STOPPED, Status
 
 __all__ = ["FixedPoint"]
 
@@ -80,12 +82,19 @@ class FixedPoint(Solver):
         start = problem.local(np.zeros(problem.unknowns))
         return self.inner.refuse(problem.with_law(problem.law.frozen(start, np.zeros(start.shape))))
 
-    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+    def begin(self, system: System, start: State, budget: Budget) -> State:
         return replace(start, memory=_Memory(start.r, start.lam))
 
-    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+    @property
+    def condenses(self) -> bool:
+        return self.inner.condenses
+
+    def prepare(self, problem: DiscreteProblem) -> Any:
+        return self.inner.prepare(problem)
+
+    def step(self, system: System, state: State, budget: Budget) -> State:
         memory: _Memory = state.memory
-        law = system.law.frozen(memory.r, memory.lam) if depends_on_state(system.law) else system.law
+        law = system.law.frozen(system.local(memory.r), memory.lam) if depends_on_state(system.law) else system.law
         ordinary = system.for_problem(system.problem.with_law(law))
         r = ordinary.start(state.r)
         rounding = 64.0 * np.finfo(float).eps
@@ -93,9 +102,9 @@ class FixedPoint(Solver):
         controls = Controls(rtol=self.inner_rtol, max_time=max(budget.limit - budget.spent, 0.0))
         found, status, _ = iterate(self.inner, ordinary, State(r, ordinary.multiplier(r)), controls, budget)
         evaluations = state.evaluations + found.evaluations
-        if status in (*_FATAL, Status.MAX_TIME, Status.INTERRUPTED):
+        if status in (*_FATAL, *STOPPED):
             return State(found.r, found.lam, evaluations, status, memory=memory, contraction=state.contraction)
-        multiplier = np.where(system.active, law.nearest_multiplier(found.r, found.lam), found.lam)
+        multiplier = np.where(system.active, law.nearest_multiplier(system.local(found.r), found.lam), found.lam)
         change = _size(system, found.r - memory.r, multiplier - memory.lam)
         size = _size(system, found.r, multiplier)
         settled = change <= rounding * size
@@ -125,10 +134,8 @@ class _Memory:
     ratios: tuple[float, ...] = ()
 
 
-def _size(system: CondensedProblem, r: Array, lam: Array) -> float:
+def _size(system: System, r: Array, lam: Array) -> float:
     """Energy norm of a change of displacement, with that of the multiplier in the norm that goes with it."""
-    flat = r.ravel()
-    elastic = max(float(flat @ (system.matrix @ flat)), 0.0)
-    spread = np.repeat(system.compliance, [1, r.shape[1] - 1], axis=1)
-    dual = float((system.weights[:, None] * spread * np.where(system.active, lam, 0.0) ** 2).sum())
-    return float(np.sqrt(elastic + dual))
+    compliance = spread(system.compliance, lam.shape[1])
+    dual = float((system.weights[:, None] * compliance * np.where(system.active, lam, 0.0) ** 2).sum())
+    return float(np.hypot(system.stretch(r), np.sqrt(dual)))

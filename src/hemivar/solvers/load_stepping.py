@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.solvers.base import Solver, State
-from hemivar.solvers.condensed import CondensedProblem
+from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.load_line import LoadLine
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton, Search
+from hemivar.solvers.status import STOPPED
 
 __all__ = ["LoadStepping"]
 
@@ -72,10 +73,17 @@ class LoadStepping(Solver):
     def handles_state(self) -> bool:
         return self.inner.handles_state
 
+    @property
+    def condenses(self) -> bool:
+        return self.inner.condenses
+
+    def prepare(self, problem: DiscreteProblem) -> Any:
+        return self.inner.prepare(problem)
+
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.inner.refuse(problem)
 
-    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+    def begin(self, system: System, start: State, budget: Budget) -> State:
         line = LoadLine(system.problem)
         full = float(np.linalg.norm(system.problem.load))
         r, evaluations = start.r, start.evaluations
@@ -83,14 +91,16 @@ class LoadStepping(Solver):
             partial = system.for_problem(line.at(float(factor)))
             r = partial.start(r)
             controls = Controls(rtol=0.0, atol=self.rtol * full, max_time=max(budget.limit - budget.spent, 0.0))
-            found, _, _ = iterate(self.inner, partial, State(r, partial.multiplier(r)), controls, budget)
+            found, status, _ = iterate(self.inner, partial, State(r, partial.multiplier(r)), controls, budget)
             r, evaluations = found.r, evaluations + found.evaluations
-            budget.check()
+            if status in STOPPED:  # what was reached under part of the load is the best there is
+                r = system.start(r)
+                return State(r, system.multiplier(r), evaluations, status)
         r = system.start(r)
         return self.inner.begin(system, replace(start, r=r, lam=system.multiplier(r), evaluations=evaluations), budget)
 
-    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+    def step(self, system: System, state: State, budget: Budget) -> State:
         return self.inner.step(system, state, budget)
 
-    def settle(self, system: CondensedProblem, state: State, budget: Budget) -> State | None:
-        return self.inner.settle(system, state, budget)
+    def settle(self, system: System, state: State, budget: Budget) -> State | None:
+        return None if state.ended is not None else self.inner.settle(system, state, budget)

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hemivar.solvers.base import Solver, State
-from hemivar.solvers.condensed import CondensedProblem
+from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
 from hemivar.solvers.solution import contact_state
 from hemivar.solvers.status import Status
@@ -16,12 +15,13 @@ __all__ = ["iterate"]
 
 
 def iterate(
-    solver: Solver, system: CondensedProblem, state: State, controls: Controls, budget: Budget
+    solver: Solver, system: System, state: State, controls: Controls, budget: Budget
 ) -> tuple[State, Status, list[Progress]]:
     """Step until the residual is small, the method ends, or a limit is reached; keeps the best iterate.
 
-    Once the residual is small the method is asked whether it can do better (:meth:`Solver.settle`); it goes on from
-    there if so.
+    An interruption (Ctrl-C), the time limit and a lack of memory end it in the middle of a step, with the best
+    iterate so far.  Once the residual is small the method is asked whether it can do better (:meth:`Solver.settle`);
+    it goes on from there if so.
     """
     steps = solver.default_steps if controls.max_steps is None else controls.max_steps
     history: list[Progress] = []
@@ -32,9 +32,9 @@ def iterate(
         state = solver.begin(system, state, budget)
         for step in range(steps + 1):
             if step:
-                before = contact_state(state.r, state.lam)
+                before = contact_state(system.local(state.r), state.lam)
                 state = solver.step(system, state, budget)
-                changed = int(np.count_nonzero(contact_state(state.r, state.lam) != before))
+                changed = int(np.count_nonzero(contact_state(system.local(state.r), state.lam) != before))
             else:
                 changed = 0
             now = system.residual(state.r, state.lam)
@@ -72,6 +72,8 @@ def iterate(
         status = Status.MAX_TIME
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
+    except MemoryError:
+        status = Status.OUT_OF_MEMORY
     if not history:
         first = system.residual(best.r, best.lam).relative
         history.append(Progress(0, system.energy(best.r), first, 0, budget.spent))

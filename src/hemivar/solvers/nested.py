@@ -13,6 +13,7 @@ from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.solve import solve
+from hemivar.solvers.status import Status
 
 __all__ = ["solve_nested", "transfer_solution"]
 
@@ -52,7 +53,7 @@ def solve_nested(
     Returns
     -------
     list of Solution
-        One for each mesh; the last is the one wanted.
+        One for each mesh; the last is the one wanted.  A solve that is interrupted or runs out of memory is the last.
     """
     if not problems:
         raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")
@@ -61,4 +62,6 @@ def solve_nested(
         guess = transfer_solution(solutions[-1], problem) if solutions else None
         shared = None if condensed is None else condensed[i]
         solutions.append(solve(problem, solver, controls, initial=guess, condensed=shared))
+        if solutions[-1].status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
+            break
     return solutions

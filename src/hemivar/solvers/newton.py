@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import scipy.linalg as la
@@ -123,15 +123,38 @@ def _energy_scale(system: CondensedProblem, r: Array) -> float:
     )
 
 
-def best_component(system: CondensedProblem, r: Array) -> tuple[Array, float]:
+class ContactBody(Protocol):
+    """What the diagonal minimisations need: the elastic body as the contact points see it."""
+
+    @property
+    def law(self) -> ContactLaw: ...
+    @property
+    def weights(self) -> Array: ...
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    @property
+    def active(self) -> BoolArray: ...
+    @property
+    def fixed(self) -> Array: ...
+    @property
+    def free(self) -> IntArray: ...
+    @property
+    def matrix(self) -> Any: ...
+    @property
+    def diagonal(self) -> Array: ...
+    @property
+    def tangential_blocks(self) -> Array: ...
+    def out_of_balance(self, r: Array) -> Array: ...
+
+
+def best_component(system: ContactBody, r: Array) -> tuple[Array, float]:
     """The best move of one component (the tangential ones of a point together), all others being held: point, gain."""
     m, d = system.shape
     law, w = system.law, system.weights
     force = system.out_of_balance(r)
     a = system.diagonal.copy()
     if d > 2:  # the tangential block is replaced by its largest eigenvalue
-        blocks = system.matrix.reshape(m, d, m, d)[np.arange(m), 1:, np.arange(m), 1:]
-        a[:, 1:] = np.maximum(np.linalg.eigvalsh(blocks)[:, -1:], 1e-12 * a[:, 1:])
+        a[:, 1:] = np.maximum(np.linalg.eigvalsh(system.tangential_blocks)[:, -1:], 1e-12 * a[:, 1:])
     pair = np.stack([a[:, 0], a[:, min(1, d - 1)]], axis=1) / w[:, None]
     target = law.local_argmin(pair, (a * r + force) / w[:, None])
     target = np.where(system.active & np.isfinite(target), target, r)
@@ -169,7 +192,7 @@ def escape_saddle(system: CondensedProblem, r: Array, search: Search = Search.GL
     value = system.law.value(r)
     best, best_gain = r, 0.0
     for sign in (1.0, -1.0):
-        length = sign * _room(system.law, r, sign * direction, moving)
+        length = sign * room(system.law, r, sign * direction, moving)
         for _ in range(12):
             new = np.where(moving, r + length * direction, r)
             gain = _gain(system, r, new, force, value)
@@ -180,7 +203,7 @@ def escape_saddle(system: CondensedProblem, r: Array, search: Search = Search.GL
     return best, best_gain
 
 
-def _room(law: ContactLaw, r: Array, direction: Array, moving: BoolArray) -> float:
+def room(law: ContactLaw, r: Array, direction: Array, moving: BoolArray) -> float:
     """How far ``r`` can go along ``direction`` until the first component meets the end of its piece."""
     far = float(np.abs(r).max(initial=0.0)) or 1.0
     length = 100.0 * far / float(np.abs(direction).max())
@@ -195,14 +218,14 @@ def _room(law: ContactLaw, r: Array, direction: Array, moving: BoolArray) -> flo
     return length
 
 
-def _gain(system: CondensedProblem, r: Array, new: Array, force: Array, value: Array) -> float:
+def _gain(system: ContactBody, r: Array, new: Array, force: Array, value: Array) -> float:
     """Change of energy from ``r`` to ``new``, free of the cancellation of two large energies."""
     step = (new - r).ravel()
     elastic = 0.5 * step @ (system.matrix @ step) - force.ravel() @ step
     return float(elastic + system.weights @ (system.law.value(new) - value))
 
 
-def majorant(system: CondensedProblem) -> float:
+def majorant(system: ContactBody) -> float:
     """Largest eigenvalue of A scaled by its diagonal: what makes the diagonal body stiffer than A."""
     free = system.free
     if free.size == 0:
@@ -222,7 +245,7 @@ def majorant(system: CondensedProblem) -> float:
 
 
 def diagonal_step(
-    system: CondensedProblem, r: Array, factor: float, search: Search = Search.GLOBAL
+    system: ContactBody, r: Array, factor: float, search: Search = Search.GLOBAL
 ) -> tuple[Array | None, float, int, float]:
     """All points minimise their diagonal problem at once; it is stiffened until the energy falls."""
     d = r.shape[1]
@@ -266,7 +289,7 @@ def _newton_step(
     direction.ravel()[index] = found
     best, best_gain, tries = r, 0.0, 0
     length = 1.0
-    first = None if convex else r + _room(law, r, direction, moving) * direction
+    first = None if convex else r + room(law, r, direction, moving) * direction
     for _ in range(halvings):
         far = np.where(system.active, r + length * direction, system.fixed)
         near = np.where(moving, law.clamp(r, far), r)
@@ -290,7 +313,7 @@ def _polish(system: CondensedProblem, r: Array) -> Array:
     force, value = system.out_of_balance(r), system.law.value(r)
     allowed = 1e-14 * _energy_scale(system, r)
     best, lowest = r, 0.9 * now.total
-    for start in (r, _snapped(system.law, r)):
+    for start in (r, snapped(system.law, r)):
         start = np.where(system.active, start, system.fixed)
         moving = newton_components(system.law, start, system.active)
         index = np.flatnonzero(moving.ravel())
@@ -306,7 +329,7 @@ def _polish(system: CondensedProblem, r: Array) -> Array:
     return best
 
 
-def _snapped(law: ContactLaw, r: Array) -> Array:
+def snapped(law: ContactLaw, r: Array) -> Array:
     """``r`` with the components that miss a kink by rounding put on it."""
     out = r.copy()
     near = 1e-11 * float(np.abs(r).max(initial=0.0))

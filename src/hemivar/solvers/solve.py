@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import time
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -11,11 +13,13 @@ from hemivar._typing import Array
 from hemivar.errors import MethodError, ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import residual
-from hemivar.solvers.base import Solver, State
-from hemivar.solvers.condensed import CondensedProblem, condense, depends_on_state
-from hemivar.solvers.controls import Budget, Controls
+from hemivar.solvers.base import Solver, State, System
+from hemivar.solvers.choice import choose
+from hemivar.solvers.condensed import CondensedProblem, depends_on_state
+from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.loop import iterate
+from hemivar.solvers.memory import shortage
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
@@ -38,14 +42,16 @@ def solve(
     problem : DiscreteProblem
         From :func:`hemivar.discretize`, or made of the user's own arrays.
     solver : Solver, optional
-        The method and its options; :class:`NonsmoothNewton` by default, inside a :class:`FixedPoint` where a bound
-        of the law depends on the solution.
+        The method and its options. By default :class:`NonsmoothNewton`, or :class:`NonsmoothMultigrid` where that is
+        predicted to be faster or the memory to be too small (:func:`choose`; the logger ``hemivar`` says which and
+        why); inside a :class:`FixedPoint` where a bound of the law depends on the solution.
     controls : Controls, optional
         Tolerances, limits, callback.
     initial : Solution or array (n,), optional
         Where to start; zero displacement by default.
     condensed : CondensedProblem, optional
-        The condensation of this very problem, to be shared by several methods.
+        The condensation of this very problem, to be shared by several methods; of no use to one that works on all
+        unknowns.
 
     Returns
     -------
@@ -55,12 +61,14 @@ def solve(
     Raises
     ------
     MethodError
-        The method cannot treat this problem; nothing has been computed.
+        The method cannot treat this problem, or the memory does not suffice for it.
     ProblemError
         The problem cannot be solved as stated.
     """
     if solver is None:
-        solver = suited(NonsmoothNewton(), problem)
+        chosen, reason = choose(problem)
+        solver = suited(chosen if condensed is None else NonsmoothNewton(), problem)
+        logging.getLogger("hemivar").info("%s", reason)
     controls = Controls() if controls is None else controls
     if depends_on_state(problem.law) and not solver.handles_state:
         raise MethodError(
@@ -70,23 +78,54 @@ def solve(
     why = solver.refuse(problem)
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
-    if condensed is None:
-        condensed = condense(problem)
-    elif condensed.problem is not problem:
+    if condensed is not None and condensed.problem is not problem:
         raise ProblemError("the condensation given belongs to another problem; condense this one")
-    _check_held(condensed)
-    _check_coercive(condensed)
+    try:
+        system: System = condensed if condensed is not None and solver.condenses else solver.prepare(problem)
+        _check_held(system)
+        if isinstance(system, CondensedProblem):
+            _check_coercive(system)
+        began = time.perf_counter()
+        budget = Budget(controls.max_time)
+        start = _start(system, solver, initial, budget)
+    except MemoryError:
+        raise shortage(problem) from None
+    state, status, history = iterate(solver, system, start, controls, budget)
+    end = _End(solver, controls, state, status, history, time.perf_counter() - began)
+    try:
+        return _solution(system, end)
+    except KeyboardInterrupt:  # the iterate is there, and what is left to do is short
+        return _solution(system, replace(end, status=Status.INTERRUPTED))
+    except MemoryError:
+        pass
+    try:  # what the first attempt held is free again
+        return _solution(system, replace(end, status=Status.OUT_OF_MEMORY))
+    except MemoryError:
+        raise shortage(problem) from None
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """How and where an iteration ended."""
+
+    solver: Solver
+    controls: Controls
+    state: State
+    status: Status
+    history: list[Progress]
+    seconds: float
+
+
+def _solution(system: System, end: _End) -> Solution:
+    """All unknowns from the iterate, with the residual of the full problem and the status that this allows."""
+    problem, state, status, controls = system.problem, end.state, end.status, end.controls
     began = time.perf_counter()
-    budget = Budget(controls.max_time)
-    start = _start(condensed, initial)
-    state, status, history = iterate(solver, condensed, start, controls, budget)
-    iterated = time.perf_counter()
-    unknowns, found = condensed.recover(state.r, state.lam)
-    multiplier = state.lam
-    law = condensed.law_at(state.r, state.lam) if np.isfinite(state.r).all() else None
-    if problem.contact_points and law is not None and np.isfinite(law.value(state.r)).all():
+    unknowns, found = system.recover(state.r, state.lam)
+    multiplier, r = state.lam, system.local(state.r)
+    law = system.law_at(state.r, state.lam) if np.isfinite(r).all() else None
+    if problem.contact_points and law is not None and np.isfinite(law.value(r)).all():
         # Rounding aside, a multiplier of the law itself: no pressure at all where the body has lifted.
-        exact = np.where(condensed.active, law.nearest_multiplier(state.r, state.lam), state.lam)
+        exact = np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam)
         with_exact = residual(problem, unknowns, exact)
         if with_exact.total <= found.total + found.rounding:
             multiplier, found = exact, with_exact
@@ -100,14 +139,14 @@ def solve(
         multiplier=multiplier,
         status=status,
         residual=found,
-        method=solver.name,
-        steps=len(history) - 1,
+        method=end.solver.name,
+        steps=len(end.history) - 1,
         evaluations=state.evaluations,
-        history=tuple(history),
+        history=tuple(end.history),
         timings={
-            "condense": condensed.seconds,
-            "iterate": iterated - began,
-            "recover": time.perf_counter() - iterated,
+            "condense" if end.solver.condenses else "levels": system.seconds,
+            "iterate": end.seconds,
+            "recover": time.perf_counter() - began,
         },
         error_bound=state.error_bound,
         contraction=state.contraction,
@@ -119,11 +158,11 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     return FixedPoint(solver) if depends_on_state(problem.law) and not solver.handles_state else solver
 
 
-def _start(system: CondensedProblem, initial: Solution | Array | None) -> State:
+def _start(system: System, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
     """The starting point, checked and moved into the domain of the laws."""
     if initial is None:
-        r = system.start()
-        return State(r, system.multiplier(r))
+        r, stopped = solver.first_guess(system, budget)
+        return State(r, system.multiplier(r), ended=stopped)
     problem = system.problem
     u = initial.unknowns if isinstance(initial, Solution) else np.asarray(initial, dtype=float)
     if u.shape != problem.load.shape:
@@ -133,25 +172,22 @@ def _start(system: CondensedProblem, initial: Solution | Array | None) -> State:
         )
     if not np.isfinite(u).all():
         raise ProblemError("the initial guess holds nan or infinity")
-    r = system.start(problem.local(u))
+    r = system.start(system.of_unknowns(u))
     return State(r, system.multiplier(r))
 
 
-def _check_held(system: CondensedProblem) -> None:
+def _check_held(system: System) -> None:
     """Refuse a convex problem whose energy falls without end along a rigid motion.
 
     With one rigid motion the check is complete; with several, it looks along each of them.
     """
     law = system.law
-    if depends_on_state(law) or not len(system.rigid_modes) or any((alpha > 0.0).any() for alpha in law.weak_convexity):
+    if depends_on_state(law) or any((alpha > 0.0).any() for alpha in law.weak_convexity):
         return
-    for mode in system.rigid_modes:
+    for direction, pull, size in system.rigid_directions():
         for sign in (1.0, -1.0):
-            direction = np.zeros(system.shape)
-            direction.ravel()[system.free] = sign * mode
-            pull = float(system.force @ direction.ravel())
-            hold = float(system.weights @ law.recession(direction))
-            if hold - pull < -1e-9 * float(np.abs(system.force) @ np.abs(direction).ravel()):
+            hold = float(system.weights @ law.recession(sign * direction))
+            if hold - sign * pull < -1e-9 * size:
                 raise ProblemError(
                     "the energy has no lower bound: the load pushes the body along a rigid motion that neither supports"
                     " nor foundation resist strongly enough; add a support, lower the load, or take a law that holds it"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-__all__ = ["Status"]
+__all__ = ["STOPPED", "Status"]
 
 
 class Status(Enum):
@@ -20,12 +20,16 @@ class Status(Enum):
     NOT_CONTRACTING = "not_contracting"
     UNBOUNDED = "unbounded"
     INTERRUPTED = "interrupted"
+    OUT_OF_MEMORY = "out_of_memory"
 
     @property
     def remedy(self) -> str:
         """What happened in words, and what to try."""
         return _REMEDIES[self]
 
+
+#: Ends that come from outside of the method: going on with the next load, mesh or start makes no sense.
+STOPPED = (Status.MAX_TIME, Status.INTERRUPTED, Status.OUT_OF_MEMORY)
 
 _REMEDIES = {
     Status.CONVERGED: "the residual is below the tolerance, or the error is certified to be",
@@ -41,4 +45,6 @@ _REMEDIES = {
     "take FixedPoint(relaxation=0.5) or smaller, or a finer load step",
     Status.UNBOUNDED: "the energy has no lower bound; the law does not hold the body against its load",
     Status.INTERRUPTED: "the solve was interrupted; the best iterate so far is returned",
+    Status.OUT_OF_MEMORY: "the memory gave out during a step; the best iterate so far is returned. Take the method "
+    "multigrid, which needs no dense matrix, or fewer cells",
 }

@@ -1,0 +1,108 @@
+"""What contact costs on top of the linear elastic solve of the same mesh.
+
+    python benchmarks/overhead.py --dim 2 --sizes 128 256 512 1024
+    python benchmarks/overhead.py --dim 3 --sizes 16 32 64 --law weakening --json rows.json
+
+``linear_s`` is the same body without its foundation, by conjugate gradients around the same multigrid cycle, started
+from the next coarser mesh, to a relative residual of 1e-10; ``contact_s`` all of ``hv.solve`` to the same tolerance,
+recovery and residual included.  The hierarchy (``levels_s``) serves both and is in neither.  Both run in turn, and the
+smallest time of each counts.  ``steps`` and ``cycles`` are those on the finest mesh.
+
+``--others`` adds what other libraries take for the linear problem, where they are installed (benchmarks/competitors.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import peak_mib, show
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.linear.multigrid import ElasticMultigrid
+
+TOLERANCE = 1e-10
+PROBLEMS = {
+    (2, "survey"): lambda n: gallery.survey("5.1", n, "right"),
+    (2, "weakening"): lambda n: gallery.survey_logarithmic(0.3, n, "right"),
+    (3, "survey"): lambda n: gallery.survey_cube("5.1", n),
+    (3, "weakening"): lambda n: gallery.survey_cube_logarithmic(0.3, n),
+}
+
+
+def measure(dim: int, law: str, n: int, repeats: int) -> dict[str, Any]:
+    """One row of the table."""
+    began = time.perf_counter()
+    statement = PROBLEMS[dim, law](n)
+    problem = hv.discretize(statement)
+    assembled = time.perf_counter()
+    hierarchy = ElasticMultigrid.of(problem)
+    method, controls = hv.NonsmoothMultigrid(tolerance=TOLERANCE / 2), hv.Controls(rtol=TOLERANCE)
+    linear, contact = [], []
+    for _ in range(repeats):
+        gc.collect()
+        start = time.perf_counter()
+        displacement, linear_cycles = hierarchy.solve(problem.load, TOLERANCE)
+        middle = time.perf_counter()
+        solution = hv.solve(problem, method, controls)
+        linear.append(middle - start)
+        contact.append(time.perf_counter() - middle)
+    miss = np.linalg.norm(problem.load - problem.stiffness @ displacement) / np.linalg.norm(problem.load)
+    return {
+        "dim": dim,
+        "law": law,
+        "n": n,
+        "unknowns": problem.unknowns,
+        "assembly_s": assembled - began,
+        "levels_s": hierarchy.seconds,
+        "linear_s": min(linear),
+        "contact_s": min(contact),
+        "ratio": min(contact) / min(linear),
+        "steps": solution.steps,
+        "cycles": solution.evaluations,
+        "linear_cycles": linear_cycles,
+        "status": solution.status.value,
+        "residual": solution.residual.relative,
+        "linear_residual": float(miss),
+        "peak_mib": peak_mib(),
+    }
+
+
+def others(dim: int, n: int) -> dict[str, Any]:
+    """Seconds of other libraries for the linear problem: set-up and solve."""
+    import competitors
+
+    row: dict[str, Any] = {}
+    for name, solver in competitors.SOLVERS.items():
+        found = solver(n, dim)
+        if found is not None:
+            row[f"{name}_setup_s"] = found["seconds_setup"]
+            row[f"{name}_s"] = found["seconds_solve"]
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--dim", type=int, choices=(2, 3), default=2)
+    parser.add_argument("--sizes", type=int, nargs="+", default=None, help="cells along a side, 1/h")
+    parser.add_argument("--law", choices=("survey", "weakening"), default="survey")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--others", action="store_true", help="time other libraries as well")
+    parser.add_argument("--json", type=Path, default=None)
+    options = parser.parse_args()
+    sizes = options.sizes or ((128, 256, 512, 1024) if options.dim == 2 else (16, 32, 64))
+    rows = []
+    for n in sizes:
+        row = measure(options.dim, options.law, n, options.repeats)
+        rows.append(row | (others(options.dim, n) if options.others else {}))
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    show([{key: row.get(key, "") for key in columns} for row in rows], options.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,374 @@
+"""Stiffness matrices from coarse to fine, and the multigrid cycle on them that leaves some contact unknowns alone.
+
+On a hierarchy of nested meshes a coarse unknown is left out of the cycle as soon as it reaches an unknown that is held
+at a kink.  What is left of each coarse space vanishes at every such unknown, so that the coarse matrices need no
+correction: they are the ones assembled on the coarse meshes, and holding a point costs nothing but a look at its row.
+
+Algebraic coarse functions reach too far for that.  They are cut off at the held unknowns instead, and what this changes
+in the coarse matrices is added to them, which takes products with the rows of the contact unknowns only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from pyamg import amg_core
+
+from hemivar._typing import Array, BoolArray, IntArray
+
+__all__ = ["COARSEST", "Levels", "Transfer"]
+
+#: Unknowns that the coarsest level, which is solved densely, should have at most.
+COARSEST = 400
+
+_PIVOT = 1e-10
+_STIFF = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """Prolongation from one level to the next finer one, and its transpose.
+
+    Attributes
+    ----------
+    prolongation : sparse array, shape (n_fine, n_coarse)
+    restriction : sparse array, shape (n_coarse, n_fine)
+    """
+
+    prolongation: sp.csr_array
+    restriction: sp.csr_array
+
+    @staticmethod
+    def of(prolongation: sp.csr_array) -> Transfer:
+        """From the prolongation alone."""
+        return Transfer(_narrow(prolongation), _narrow(sp.csr_array(prolongation.T)))
+
+
+class _Level:
+    """One matrix, whose rows of contact unknowns can be changed and put back."""
+
+    def __init__(self, matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) -> None:
+        self.contact = contact
+        self.matrix = _narrow(_completed(matrix, contact, coupling))
+        starts, ends = self.matrix.indptr[contact], self.matrix.indptr[contact + 1]
+        lengths = (ends - starts).astype(np.int64)
+        first = np.concatenate([[0], np.cumsum(lengths)])
+        #: Where the entries of the contact rows are, the row of each, and what they were.
+        self.entries = np.arange(first[-1]) + np.repeat(starts - first[:-1], lengths)
+        self.rows = np.repeat(np.arange(contact.size), lengths)
+        self.columns = self.matrix.indices[self.entries].astype(np.int64)
+        self.keys = self.rows * matrix.shape[0] + self.columns
+        self.original = self.matrix.data[self.entries].copy()
+        self.held = np.zeros(contact.size, dtype=bool)
+        self.changed = False
+
+        self.diagonal = np.abs(self.matrix.diagonal())
+        self._base = self.matrix
+        self.patch: _Patch | None = None
+
+    def change(self, held: BoolArray, added: sp.csr_array) -> None:
+        """Make the rows of the held contact unknowns those of the identity, and add to the others."""
+        values = self.original.copy()
+        if added.nnz:
+            entry = added.tocoo()
+            keys = entry.row.astype(np.int64) * self.matrix.shape[0] + self.contact[entry.col]
+            np.add.at(values, np.searchsorted(self.keys, keys), entry.data)
+        out = held[self.rows]
+        values[out] = 0.0
+        values[out & (self.columns == self.contact[self.rows])] = 1.0
+        self.matrix.data[self.entries] = values
+        self.held = held
+        self.changed = bool(held.any()) or added.nnz > 0
+
+    def galerkin_change(self, held: BoolArray, added: sp.csr_array, prolongation: sp.csr_array) -> sp.csr_array:
+        """What holding and adding change in the Galerkin product with a prolongation that is cut off where held."""
+        first = np.searchsorted(self.rows, np.arange(self.contact.size + 1))
+        shape = (self.contact.size, self.matrix.shape[0])
+        rows = sp.csr_array((self.original, self.columns, first), shape=shape)[held]
+        reach, cut = prolongation[self.contact], prolongation[self.contact[held]]
+        lost = cut.T @ (rows @ prolongation)
+        both = cut.T @ (rows[:, self.contact[held]] @ cut)
+        return sp.csr_array(both - lost - lost.T + reach.T @ (added @ reach))
+
+    def shift(self, change: sp.csr_array) -> None:
+        """Add to the matrix as it was at first; unknowns that nothing is left of keep their diagonal entry."""
+        matrix = sp.csr_array(self._base + change)
+        before = self.diagonal
+        gone = matrix.diagonal() <= 1e-12 * before
+        if gone.any():
+            matrix = sp.csr_array(matrix + sp.diags_array(np.where(gone, before, 0.0)))
+        self.matrix = _narrow(matrix)
+        self.changed = change.nnz > 0
+
+
+class _Patch:
+    """The contact unknowns of a level by themselves, smoothed point by point.
+
+    Friction that has hardly begun to slip is very stiff across the direction of slip, which lies anywhere between the
+    unknowns of the point: one at a time they would hardly move.
+    """
+
+    def __init__(self, rows: sp.csr_array, contact: IntArray, slots: IntArray, blocks: sp.bsr_array) -> None:
+        self.rows, self.contact, self.slots, self.blocks = rows, contact, slots, blocks
+        size = blocks.blocksize[0]
+        diagonal = np.zeros((blocks.shape[0] // size, size, size))
+        row = np.repeat(np.arange(len(diagonal)), np.diff(blocks.indptr))
+        on = row == blocks.indices
+        diagonal[row[on]] = blocks.data[on]
+        self.inverse = np.linalg.inv(diagonal)
+
+    @staticmethod
+    def of(level: _Level, points: IntArray) -> _Patch:
+        """Of a level whose contact unknowns belong to these points."""
+        data = level.matrix.data[level.entries]
+        first = np.searchsorted(level.rows, np.arange(level.contact.size + 1))
+        rows = sp.csr_array((data, level.columns, first), shape=(level.contact.size, level.matrix.shape[0]))
+        _, number = np.unique(points, return_inverse=True)
+        order = np.argsort(number, kind="stable")
+        start = np.searchsorted(number[order], np.arange(number.max() + 1))
+        place = np.empty_like(number)
+        place[order] = np.arange(number.size) - start[number[order]]
+        size = int(place.max()) + 1
+        slots = number * size + place
+        block = rows[:, level.contact].tocoo()
+        count = (int(number.max()) + 1) * size
+        empty = np.setdiff1d(np.arange(count), slots)
+        entries = np.concatenate([block.data, np.ones(empty.size)])
+        index = (np.concatenate([slots[block.row], empty]), np.concatenate([slots[block.col], empty]))
+        blocks = sp.csr_array((entries, index), shape=(count, count)).tobsr((size, size))
+        return _Patch(rows, level.contact, slots, blocks)
+
+    def smooth(self, x: Array, right: Array, forward: bool) -> None:
+        """One sweep over the points, in place."""
+        A, size, count = self.blocks, self.blocks.blocksize[0], len(self.inverse)
+        rest, step = np.zeros(A.shape[0]), np.zeros(A.shape[0])
+        rest[self.slots] = right[self.contact] - self.rows @ x
+        span = (0, count, 1) if forward else (count - 1, -1, -1)
+        amg_core.block_gauss_seidel(
+            A.indptr, A.indices, A.data.ravel(), step, rest, self.inverse.ravel(), *span, size
+        )
+        x[self.contact] += step[self.slots]
+
+
+class Levels:
+    """Matrices from coarse to fine with the transfers between them: a preconditioner of each of them.
+
+    Parameters
+    ----------
+    matrices : list of sparse arrays
+        Symmetric, from coarse to fine.
+    transfers : list of Transfer
+        ``transfers[k]`` leads from level k to level k + 1.
+    contacts : list of int arrays
+        For each level, unknowns on which contact laws act there; empty where no problem is posed.
+    points : list of int arrays
+        The contact point that each of these unknowns belongs to; a law couples those of one point.
+    algebraic : int
+        How many of the levels, from the coarsest, are algebraic: no mesh belongs to them, and no contact unknowns.
+    sweeps : int
+        Gauss-Seidel sweeps before and after each coarse correction.
+    """
+
+    def __init__(
+        self,
+        matrices: list[sp.csr_array],
+        transfers: list[Transfer],
+        contacts: list[IntArray],
+        points: list[IntArray],
+        algebraic: int = 0,
+        sweeps: int = 1,
+    ) -> None:
+        self.transfers = transfers
+        self.algebraic = algebraic
+        self.sweeps = sweeps
+        self._between: list[sp.csr_array] = []
+        self._own: list[IntArray] = []
+        self._points: list[IntArray] = []
+        levels: list[_Level] = []
+        reached, chained = np.zeros(0, dtype=np.int64), sp.csr_array((0, 0))
+        for k in range(len(matrices) - 1, -1, -1):
+            contact = np.union1d(reached, contacts[k]).astype(np.int64)
+            place, own = np.searchsorted(contact, reached), np.searchsorted(contact, contacts[k])
+            group = np.full(contact.size, -1)
+            group[own] = points[k]
+            group[group < 0] = group.max(initial=-1) + 1 + np.arange(np.count_nonzero(group < 0))
+            shape = (group.size, int(group.max(initial=-1)) + 1)
+            member = sp.csr_array((np.ones(group.size), (np.arange(group.size), group)), shape=shape)
+            coupling = sp.csr_array(_placed(chained, place, contact.size) + member @ member.T)
+            levels.insert(0, _Level(matrices[k], contact, coupling))
+            self._own.insert(0, own)
+            self._points.insert(0, group)
+            if k <= algebraic:
+                reached, chained = np.zeros(0, dtype=np.int64), sp.csr_array((0, 0))
+                self._between.insert(0, sp.csr_array((contact.size, 0)))
+            else:
+                rows = transfers[k - 1].prolongation[contact]
+                reached = np.unique(rows.indices).astype(np.int64)
+                between = sp.csr_array(rows[:, reached])
+                self._between.insert(0, between)
+                chained = sp.csr_array(abs(between).T @ coupling @ abs(between))
+        # Columns of each transfer between contact unknowns, numbered as those of the coarser level.
+        for k, between in enumerate(self._between[1:]):
+            if k < algebraic:
+                continue
+            entries = between.tocoo()
+            reach = np.unique(transfers[k].prolongation[levels[k + 1].contact].indices)
+            columns = np.searchsorted(levels[k].contact, reach[entries.col])
+            shape = (between.shape[0], levels[k].contact.size)
+            self._between[k + 1] = sp.csr_array((entries.data, (entries.row, columns)), shape=shape)
+        self._levels = levels
+        self._coarse: Array | None = None
+        self.cycles = 0
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of unknowns of every level, from coarse to fine."""
+        return [level.matrix.shape[0] for level in self._levels]
+
+    def matrix(self, top: int) -> sp.csr_array:
+        """The matrix of a level as it stands, rows of held unknowns replaced by those of the identity."""
+        return self._levels[top].matrix
+
+    def diagonal(self, top: int) -> Array:
+        """Its diagonal before anything was held or added, (n,)."""
+        diagonal: Array = self._levels[top].diagonal
+        return diagonal
+
+    def change(self, top: int, held: BoolArray, added: sp.csr_array) -> None:
+        """Hold contact unknowns of a level, and add a matrix that acts between them; coarser levels follow.
+
+        Parameters
+        ----------
+        top : int
+            The level.
+        held : bool array
+            Which contact unknowns of that level keep their value; numbered as ``contacts[top]``.
+        added : sparse array
+            Symmetric; rows and columns of held unknowns are zero.
+        """
+        own, count = self._own[top], self._levels[top].contact.size
+        out = np.zeros(count, dtype=bool)
+        out[own] = held
+        added = _placed(added, own, count)
+        for k in range(top, self.algebraic - 1, -1):
+            level = self._levels[k]
+            level.change(out, added)
+            stiff = added.diagonal() > _STIFF * level.diagonal[level.contact]
+            if k == top:
+                level.patch = _Patch.of(level, self._points[k]) if stiff.any() else None
+            if k > self.algebraic:
+                between = self._between[k]
+                out = np.asarray(abs(between).T @ (out | stiff).astype(float) > 0.0)
+                free = sp.diags_array((~out).astype(float))
+                added = sp.csr_array(free @ (between.T @ added @ between) @ free)
+        if self.algebraic:
+            prolongation = self.transfers[self.algebraic - 1].prolongation
+            change = self._levels[self.algebraic].galerkin_change(out, added, prolongation)
+            for k in range(self.algebraic - 1, -1, -1):
+                self._levels[k].shift(change)
+                if k:
+                    prolongation = self.transfers[k - 1].prolongation
+                    change = sp.csr_array(prolongation.T @ change @ prolongation)
+        self._coarse = None
+
+    def release(self, top: int) -> None:
+        """Hold nothing and add nothing on a level and those below it."""
+        if any(level.changed for level in self._levels[: top + 1]):
+            count = self._own[top].size
+            self.change(top, np.zeros(count, dtype=bool), sp.csr_array((count, count)))
+
+    def cycle(self, top: int, right: Array) -> Array:
+        """One symmetric V-cycle from zero: an approximate solution for the right-hand side (n,) of a level.
+
+        Entries of held unknowns must be zero in ``right``, and are zero in the answer.
+        """
+        self.cycles += 1
+        return self._cycle(top, right)
+
+    def _cycle(self, k: int, right: Array) -> Array:
+        level = self._levels[k]
+        if k == 0:
+            return self._solve_coarsest(right)
+        A, transfer = level.matrix, self.transfers[k - 1]
+        x = np.zeros_like(right)
+        if level.patch is not None:
+            level.patch.smooth(x, right, forward=True)
+        for _ in range(self.sweeps):
+            amg_core.gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
+        coarse = transfer.restriction @ (right - A @ x)
+        below = self._levels[k - 1]
+        coarse[below.contact[below.held]] = 0.0
+        x += transfer.prolongation @ self._cycle(k - 1, coarse)
+        if k == self.algebraic:
+            x[level.contact[level.held]] = 0.0
+        for _ in range(self.sweeps):
+            amg_core.gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
+        if level.patch is not None:
+            level.patch.smooth(x, right, forward=False)
+        return x
+
+    def _solve_coarsest(self, right: Array) -> Array:
+        if self._coarse is None:
+            level = self._levels[0]
+            free = np.ones(level.matrix.shape[0])
+            free[level.contact[level.held]] = 0.0  # their columns are still there, but meet zeros only
+            dense = level.matrix.toarray() * free
+            dense[np.diag_indices_from(dense)] += 1.0 - free
+            self._coarse = _inverse_root(dense)
+        root = self._coarse
+        return np.asarray(root @ (root.T @ right))
+
+
+def _placed(matrix: sp.csr_array, place: IntArray, count: int) -> sp.csr_array:
+    """A small matrix with its rows and columns moved to other numbers."""
+    entries = matrix.tocoo()
+    return sp.csr_array((entries.data, (place[entries.row], place[entries.col])), shape=(count, count))
+
+
+def _inverse_root(matrix: Array) -> Array:
+    """Some ``R`` with ``R R'`` its inverse, or that of its absolute value where it is not positive definite."""
+    diagonal = np.abs(np.diagonal(matrix))
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = scale[:, None] * (0.5 * (matrix + matrix.T)) * scale
+    try:
+        lower = la.cholesky(scaled, lower=True, check_finite=False)
+        if np.diagonal(lower).min(initial=1.0) > np.sqrt(_PIVOT):
+            identity = np.eye(len(scaled))
+            inverse = la.solve_triangular(lower, identity, lower=True, check_finite=False)
+            return np.asarray(scale[:, None] * inverse.T)
+    except la.LinAlgError:
+        pass
+    values, vectors = la.eigh(scaled, check_finite=False)
+    size = np.maximum(np.abs(values), _PIVOT * np.abs(values).max(initial=1.0))
+    return np.asarray((scale[:, None] * vectors) / np.sqrt(size))
+
+
+def _narrow(matrix: sp.csr_array) -> sp.csr_array:
+    """A copy of the matrix with 32-bit indices, which the compiled kernels ask for, and with data of its own."""
+    matrix = sp.csr_array(matrix)
+    indices, indptr = matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)
+    out = sp.csr_array((matrix.data.copy(), indices, indptr), shape=matrix.shape)
+    if not matrix.has_sorted_indices:
+        out.indices = indices.copy()
+        out.sort_indices()
+    return out
+
+
+def _completed(matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) -> sp.csr_array:
+    """The matrix with an explicit zero wherever contact unknowns are coupled and it has no entry."""
+    wanted = coupling.tocoo()
+    rows, columns = contact[wanted.row], contact[wanted.col]
+    if not rows.size:
+        return matrix
+    part = sp.csr_array(matrix[contact])
+    there = np.repeat(contact, np.diff(part.indptr)) * matrix.shape[0] + part.indices
+    missing = ~np.isin(rows * matrix.shape[0] + columns, there)
+    if not missing.any():
+        return matrix
+    entries = matrix.tocoo()
+    data = np.concatenate([entries.data, np.zeros(int(missing.sum()))])
+    index = (np.concatenate([entries.row, rows[missing]]), np.concatenate([entries.col, columns[missing]]))
+    return sp.csr_array((data, index), shape=matrix.shape)

@@ -1,0 +1,56 @@
+"""Which method solves a problem if the user names none."""
+
+from __future__ import annotations
+
+import math
+
+from hemivar.linear.multigrid import selects
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.solvers.base import Solver
+from hemivar.solvers.memory import available_bytes, factorisation_bytes
+from hemivar.solvers.multigrid import NonsmoothMultigrid
+from hemivar.solvers.newton import NonsmoothNewton
+
+__all__ = ["choose", "predicted_seconds"]
+
+#: Seconds that :class:`NonsmoothNewton` may take before multigrid is considered, for convex laws and for others.
+_PATIENCE = (1.0, 10.0)
+#: Part of the free memory that a factorisation may take.
+_SHARE = 0.7
+
+
+def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
+    """What :class:`NonsmoothNewton` and :class:`NonsmoothMultigrid` take, roughly.
+
+    Fitted to one core of 2026 and linear elements (``benchmarks/crossover.py``); only their ratio and their order of
+    magnitude matter.
+    """
+    n = float(problem.unknowns)
+    if problem.dim == 3:
+        return 1.5e-8 * n**2, 0.1 + 4.5e-5 * n
+    return 1.2e-6 * n * math.log2(max(n, 2.0)), 0.05 + 4.0e-6 * n
+
+
+def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
+    """The method with its standard options, and why, in words.
+
+    :class:`NonsmoothNewton` where it takes no longer than a moment, or than multigrid, and has the memory it needs;
+    for laws that are not convex it is preferred a while longer, for it looks further for a lower energy.
+    """
+    newton, multigrid = predicted_seconds(problem)
+    needed, free = factorisation_bytes(problem.unknowns, problem.dim, problem.trace.nnz), available_bytes()
+    fits = free is None or needed <= _SHARE * free
+    convex = True
+    if problem.contact_points:
+        rest = -problem.offset.reshape(problem.contact_points, problem.dim)
+        convex = all(bool((alpha == 0.0).all()) for alpha in problem.law.frozen_at(rest).weak_convexity)
+    size = f"{problem.unknowns} unknowns"
+    costs = f"predicted: NonsmoothNewton {newton:.2g} s, NonsmoothMultigrid {multigrid:.2g} s"
+    if not selects(problem.trace):
+        return NonsmoothNewton(), f"NonsmoothNewton for {size}, for contact points share displacements"
+    if not fits:
+        memory = f"a factorisation would need about {needed / 2**30:.2g} GiB, free are {(free or 0.0) / 2**30:.2g} GiB"
+        return NonsmoothMultigrid(), f"NonsmoothMultigrid for {size}: {memory}"
+    if newton <= max(multigrid, _PATIENCE[0] if convex else _PATIENCE[1]):
+        return NonsmoothNewton(), f"NonsmoothNewton for {size}; {costs}"
+    return NonsmoothMultigrid(), f"NonsmoothMultigrid for {size}; {costs}"

@@ -1,0 +1,261 @@
+"""NonsmoothMultigrid against NonsmoothNewton, on geometric and algebraic hierarchies, in 2D and 3D."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.errors import MethodError
+from hemivar.mechanics.mesh import Mesh
+from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Status
+from hemivar.solvers.choice import choose
+
+TIGHT = hv.Controls(rtol=1e-10)
+
+
+def without_parent(mesh: Mesh) -> Mesh:
+    """The mesh as if it came from a file."""
+    return Mesh(mesh.points, mesh.cells, dict(mesh.boundaries), dict(mesh.regions))
+
+
+def shaken(n: int) -> Mesh:
+    """An irregular mesh: the nodes inside are moved at random."""
+    mesh = hv.rectangle((1.0, 1.0), n, pattern="cross")
+    points = mesh.points.copy()
+    inside = np.all((points > 0) & (points < 1), axis=1)
+    points[inside] += 0.15 / n * np.random.default_rng(3).uniform(-1, 1, (int(inside.sum()), 2))
+    return Mesh(points, mesh.cells, dict(mesh.boundaries))
+
+
+def distance(problem: hv.DiscreteProblem, one: hv.Solution, other: hv.Solution) -> float:
+    """Energy norm of the difference over that of the second."""
+    gap = one.unknowns - other.unknowns
+    return float(np.sqrt(gap @ (problem.stiffness @ gap)) / np.sqrt(other.unknowns @ (problem.stiffness @ other.unknowns)))
+
+
+def check(statement: hv.ContactProblem, most_cycles: int = 45) -> hv.Solution:
+    """Solve by both methods and compare."""
+    problem = hv.discretize(statement)
+    expected = hv.solve(problem, NonsmoothNewton(), TIGHT)
+    found = hv.solve(problem, NonsmoothMultigrid(), TIGHT)
+    assert expected.status is Status.CONVERGED
+    assert found.status is Status.CONVERGED, (found.residual, found.history)
+    assert distance(problem, found, expected) < 1e-9
+    energies = [entry.energy for entry in found.history]
+    assert all(b <= a for a, b in zip(energies, energies[1:], strict=False))
+    assert found.evaluations <= most_cycles
+    return found
+
+
+@pytest.mark.parametrize("pattern", ["cross", "right", "left"])
+@pytest.mark.parametrize("data", gallery.SURVEY_DATA)
+def test_survey_on_built_in_meshes(data: str, pattern: str) -> None:
+    check(gallery.survey(data, 32, pattern))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("data", gallery.SURVEY_DATA)
+def test_survey_without_a_hierarchy_of_meshes(data: str) -> None:
+    statement = gallery.survey(data, 32)
+    check(replace(statement, mesh=without_parent(statement.mesh)), most_cycles=60)
+
+
+def test_irregular_mesh_refined_uniformly() -> None:
+    statement = gallery.survey("5.1", 4)
+    found = check(replace(statement, mesh=shaken(4).refined(3)))
+    assert found.timings["levels"] > 0.0
+
+
+def test_refinement_of_a_large_mesh_is_continued_algebraically() -> None:
+    statement = gallery.survey("5.1", 4)
+    check(replace(statement, mesh=shaken(16).refined(1)), most_cycles=60)
+
+
+@pytest.mark.parametrize("data", ["figure1", "figure3", "5.1"])
+def test_cube(data: str) -> None:
+    check(gallery.survey_cube(data, 8))
+
+
+def test_cube_without_a_hierarchy_of_meshes() -> None:
+    statement = gallery.survey_cube("5.1", 8)
+    check(replace(statement, mesh=without_parent(statement.mesh)), most_cycles=70)
+
+
+@pytest.mark.parametrize("bound", [0.02, 0.05, 0.2])
+def test_cube_on_the_edge_of_slip(bound: float) -> None:
+    """Friction that has hardly begun to slip is stiff across the direction of slip."""
+    statement = gallery.survey_cube(gallery.SurveyData((-0.8, -0.8), bound, 0.3, 2.0), 8)
+    check(statement, most_cycles=60)
+
+
+def test_weakening_inside_the_margin_in_both_dimensions() -> None:
+    check(gallery.survey_logarithmic(0.3, 32))
+    check(gallery.survey_cube_logarithmic(0.3, 8))
+
+
+def test_cycles_are_bounded_as_the_mesh_is_refined() -> None:
+    cycles = []
+    for n in (16, 32, 64, 128):
+        found = hv.solve(hv.discretize(gallery.survey("5.1", n, "right")), NonsmoothMultigrid())
+        assert found.status is Status.CONVERGED
+        cycles.append(found.evaluations)
+    assert max(cycles) <= 24, cycles
+
+
+def test_rotation_of_the_body_changes_nothing() -> None:
+    plain = gallery.survey("5.1", 16, "right")
+    angle = 0.7
+    c, s = np.cos(angle), np.sin(angle)
+    turned = replace(
+        plain, mesh=plain.mesh.rotated(angle), body_force=tuple(np.array([[c, -s], [s, c]]) @ np.array([-0.8, -0.8]))
+    )
+    one = hv.solve(hv.discretize(plain), NonsmoothMultigrid(), TIGHT)
+    other = hv.solve(hv.discretize(turned), NonsmoothMultigrid(), TIGHT)
+    assert one.energy == pytest.approx(other.energy, rel=1e-9)
+    assert np.abs(one.multiplier - other.multiplier).max() < 1e-8 * np.abs(one.multiplier).max()
+
+
+def test_rotation_of_a_cube_by_any_angle_changes_nothing() -> None:
+    plain = gallery.survey_cube("5.1", 8)
+    axis = np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8])
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    turn = np.eye(3) + np.sin(1.1) * cross + (1 - np.cos(1.1)) * cross @ cross
+    turned = replace(plain, mesh=plain.mesh.moved(turn), body_force=tuple(turn @ np.array([-0.8, -0.4, -0.8])))
+    straight, oblique = hv.discretize(plain), hv.discretize(turned)
+    one = hv.solve(straight, NonsmoothMultigrid(), TIGHT)
+    other = hv.solve(oblique, NonsmoothMultigrid(), TIGHT)
+    gap = other.displacement - one.displacement @ turn.T
+    size = np.linalg.norm(one.displacement)
+    assert np.linalg.norm(gap) < 1e-9 * size
+    assert one.energy == pytest.approx(other.energy, rel=1e-9)
+
+
+def test_units_change_nothing() -> None:
+    """In millimetres and megapascals: lengths times 1000, stresses over 1e6."""
+    plain = gallery.survey("5.1", 16, "right")
+    law = hv.SurveyLaw(0.3e-6, 2.0e-9)
+    scaled = replace(
+        plain,
+        mesh=plain.mesh.scaled(1e3),
+        material=hv.Material.lame(4e-6, 4e-6),
+        contact={"bottom": hv.Contact(law, hv.Tresca(0.5e-6))},
+        body_force=(-0.8e-9, -0.8e-9),
+    )
+    one = hv.solve(hv.discretize(plain), NonsmoothMultigrid(), TIGHT)
+    other = hv.solve(hv.discretize(scaled), NonsmoothMultigrid(), TIGHT)
+    assert one.evaluations == other.evaluations
+    assert np.abs(1e3 * one.displacement - other.displacement).max() < 1e-9 * np.abs(other.displacement).max()
+
+
+BEYOND = {
+    "softening": (hv.Softening(40.0, 0.02, 20.0), hv.Tresca(0.1)),
+    "jump down": (hv.Capped(20.0, 0.02), hv.Tresca(0.1)),
+    "layers": (hv.Layered([0.01, 0.02], [10.0, 40.0], [0.05, 0.3], base=80.0), hv.Tresca(0.2)),
+    "friction that drops": (hv.Compliance(20.0), hv.StaticKinetic(0.3, 0.01, 1.0, 0.3)),
+    "friction that weakens": (hv.Compliance(20.0), hv.SlipWeakening(0.5, 1.0, 0.3, 100.0)),
+}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("name", BEYOND)
+def test_energy_falls_beyond_the_margin(name: str, dim: int) -> None:
+    """Laws with many local minima: the energy never rises and the end is stationary."""
+    plain = gallery.survey("figure1", 32, "right") if dim == 2 else gallery.survey_cube("figure1", 8)
+    problem = hv.discretize(replace(plain, contact={"bottom": hv.Contact(*BEYOND[name])}))
+    newton = hv.solve(problem, NonsmoothNewton())
+    for method in (NonsmoothMultigrid(), NonsmoothMultigrid(nested=False)):
+        found = hv.solve(problem, method)
+        assert found.status is Status.CONVERGED
+        energies = [entry.energy for entry in found.history]
+        assert all(b <= a for a, b in zip(energies, energies[1:], strict=False))
+        print(name, dim, found.steps, found.evaluations, found.energy, newton.energy)
+
+
+def test_body_that_only_its_foundation_holds() -> None:
+    """Pressed down without a support: the stiffness is singular, the foundation and friction hold the body."""
+    statement = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 1.0), (32, 16)),
+        material=hv.Material.lame(4.0, 4.0),
+        contact={"bottom": hv.Contact(hv.Compliance(5.0), hv.Tresca(0.4))},
+        tractions={"top": (0.1, -0.5)},
+    )
+    check(statement, most_cycles=80)
+
+
+def test_rigid_foundation_and_gap() -> None:
+    statement = replace(
+        gallery.survey("5.1", 32, "right"),
+        contact={"bottom": hv.Contact(hv.Signorini(), hv.Tresca(0.05), gap=lambda x: 0.02 * x[:, 0])},
+    )
+    check(statement)
+
+
+def test_coulomb_friction_by_fixed_point() -> None:
+    statement = replace(
+        gallery.survey("5.1", 16, "right"), contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Friction(hv.CoulombBound(0.3)))}
+    )
+    problem = hv.discretize(statement)
+    expected = hv.solve(problem, FixedPoint(NonsmoothNewton()))
+    found = hv.solve(problem, FixedPoint(NonsmoothMultigrid(tolerance=1e-12)))
+    assert found.status is Status.CONVERGED
+    assert distance(problem, found, expected) < 1e-8
+    assert found.contraction == pytest.approx(expected.contraction, abs=0.05)
+
+
+def test_starting_from_the_solution_takes_no_steps() -> None:
+    problem = hv.discretize(gallery.survey("5.1", 32))
+    found = hv.solve(problem, NonsmoothMultigrid(), TIGHT)
+    again = hv.solve(problem, NonsmoothMultigrid(), hv.Controls(rtol=1e-9), initial=found)
+    assert again.status is Status.CONVERGED
+    assert again.steps == 0
+
+
+def test_midpoint_quadrature_is_refused_in_words() -> None:
+    statement = replace(gallery.survey("5.1", 8), quadrature=hv.Quadrature.MIDPOINT)
+    with pytest.raises(MethodError, match="quadrature at the nodes"):
+        hv.solve(hv.discretize(statement), NonsmoothMultigrid())
+
+
+def test_time_limit_returns_the_best_iterate() -> None:
+    problem = hv.discretize(gallery.survey("5.1", 64))
+    found = hv.solve(problem, NonsmoothMultigrid(), hv.Controls(max_time=0.0))
+    assert found.status is Status.MAX_TIME
+    assert np.isfinite(found.unknowns).all()
+
+
+def test_interruption_returns_the_best_iterate() -> None:
+    problem = hv.discretize(gallery.survey("5.1", 32))
+
+    def interrupt(progress: hv.Progress) -> bool:
+        if progress.step == 1:
+            raise KeyboardInterrupt
+        return False
+
+    found = hv.solve(problem, NonsmoothMultigrid(), hv.Controls(rtol=1e-13, callback=interrupt))
+    assert found.status in (Status.INTERRUPTED, Status.CONVERGED)
+    assert np.isfinite(found.unknowns).all()
+
+
+def test_choice_depends_on_size_and_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    small = hv.discretize(gallery.survey("5.1", 8))
+    assert isinstance(choose(small)[0], NonsmoothNewton)
+    large = hv.discretize(gallery.survey("5.1", 192, "right"))
+    assert isinstance(choose(large)[0], NonsmoothMultigrid)
+    with caplog.at_level(logging.INFO, logger="hemivar"):
+        found = hv.solve(large)
+    assert found.method == "multigrid"
+    assert found.status is Status.CONVERGED
+    assert "predicted" in caplog.text
+    midpoints = replace(gallery.survey("5.1", 64), quadrature=hv.Quadrature.MIDPOINT)
+    assert isinstance(choose(hv.discretize(midpoints))[0], NonsmoothNewton)
+
+
+def test_choice_heeds_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hemivar.solvers.choice.available_bytes", lambda: 1e6)
+    method, why = choose(hv.discretize(gallery.survey("5.1", 32)))
+    assert isinstance(method, NonsmoothMultigrid)
+    assert "GiB" in why
