@@ -8,17 +8,21 @@ from the next coarser mesh, to a relative residual of 1e-10; ``contact_s`` all o
 recovery and residual included.  The hierarchy (``levels_s``) serves both and is in neither.  Both run in turn, and the
 smallest time of each counts.  ``steps`` and ``cycles`` are those on the finest mesh.
 
-``--others`` adds what other libraries take for the linear problem, where they are installed (benchmarks/competitors.py).
+``--others`` adds what other libraries take for the linear problem, where they are installed (see competitors.py).
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
+import json
+import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import competitors
 import numpy as np
 from common import peak_mib, show
 
@@ -35,8 +39,8 @@ PROBLEMS = {
 }
 
 
-def measure(dim: int, law: str, n: int, repeats: int) -> dict[str, Any]:
-    """One row of the table."""
+def measure(dim: int, law: str, n: int, repeats: int) -> tuple[dict[str, Any], hv.DiscreteProblem]:
+    """One row of the table, and the problem."""
     began = time.perf_counter()
     statement = PROBLEMS[dim, law](n)
     problem = hv.discretize(statement)
@@ -53,7 +57,7 @@ def measure(dim: int, law: str, n: int, repeats: int) -> dict[str, Any]:
         linear.append(middle - start)
         contact.append(time.perf_counter() - middle)
     miss = np.linalg.norm(problem.load - problem.stiffness @ displacement) / np.linalg.norm(problem.load)
-    return {
+    row = {
         "dim": dim,
         "law": law,
         "n": n,
@@ -71,18 +75,26 @@ def measure(dim: int, law: str, n: int, repeats: int) -> dict[str, Any]:
         "linear_residual": float(miss),
         "peak_mib": peak_mib(),
     }
+    return row, problem
 
 
-def others(dim: int, n: int) -> dict[str, Any]:
-    """Seconds of other libraries for the linear problem: set-up and solve."""
-    import competitors
-
+def others(problem: hv.DiscreteProblem, dim: int, n: int, python: str) -> dict[str, Any]:
+    """Seconds of other libraries for the linear problem, solve and set-up; missing ones say why on stderr."""
+    runs: dict[str, Callable[[], competitors.Outcome]] = {
+        "ngsolve1": lambda: competitors.ngsolve_multigrid(n, dim, 1),
+        "ngsolve2": lambda: competitors.ngsolve_multigrid(n, dim, 2),
+        "pardiso": lambda: competitors.pardiso(problem),
+        "hypre": lambda: competitors.hypre(problem, python),
+    }
+    if dim == 3 and n > 32:
+        del runs["pardiso"]  # does not fit
     row: dict[str, Any] = {}
-    for name, solver in competitors.SOLVERS.items():
-        found = solver(n, dim)
-        if found is not None:
-            row[f"{name}_setup_s"] = found["seconds_setup"]
-            row[f"{name}_s"] = found["seconds_solve"]
+    for name, run in runs.items():
+        found = run()
+        if isinstance(found, competitors.Missing):
+            print(f"{name}, n = {n}: {found.reason}", file=sys.stderr)
+        else:
+            row |= {f"{name}_s": found["seconds_solve"], f"{name}_setup_s": found["seconds_setup"]}
     return row
 
 
@@ -93,13 +105,15 @@ def main() -> None:
     parser.add_argument("--law", choices=("survey", "weakening"), default="survey")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--others", action="store_true", help="time other libraries as well")
+    parser.add_argument("--petsc-python", default=sys.executable, help="a Python that has petsc4py with hypre")
     parser.add_argument("--json", type=Path, default=None)
     options = parser.parse_args()
     sizes = options.sizes or ((128, 256, 512, 1024) if options.dim == 2 else (16, 32, 64))
     rows = []
     for n in sizes:
-        row = measure(options.dim, options.law, n, options.repeats)
-        rows.append(row | (others(options.dim, n) if options.others else {}))
+        row, problem = measure(options.dim, options.law, n, options.repeats)
+        rows.append(row | (others(problem, options.dim, n, options.petsc_python) if options.others else {}))
+        print(json.dumps(rows[-1]), file=sys.stderr)
     columns = list(dict.fromkeys(key for row in rows for key in row))
     show([{key: row.get(key, "") for key in columns} for row in rows], options.json)
 

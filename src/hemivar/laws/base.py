@@ -146,10 +146,13 @@ class Superpotential(ABC):
             [np.full((*knots.shape[:-1], 1), -np.inf), knots, np.full((*knots.shape[:-1], 1), np.inf)],
             axis=-1,
         )
-        padded = np.broadcast_to(padded, (*np.broadcast_shapes(piece.shape, padded.shape[:-1]), padded.shape[-1]))
-        index = np.broadcast_to(piece, padded.shape[:-1])[..., None]
-        low = np.take_along_axis(padded, index, axis=-1)[..., 0]
-        high = np.take_along_axis(padded, index + 1, axis=-1)[..., 0]
+        if piece.ndim and padded.shape[:-1] == (1,):
+            low, high = padded[0].take(piece), padded[0].take(piece + 1)
+        else:
+            padded = np.broadcast_to(padded, (*np.broadcast_shapes(piece.shape, padded.shape[:-1]), padded.shape[-1]))
+            index = np.broadcast_to(piece, padded.shape[:-1])[..., None]
+            low = np.take_along_axis(padded, index, axis=-1)[..., 0]
+            high = np.take_along_axis(padded, index + 1, axis=-1)[..., 0]
         bound = self.domain
         return np.clip(low, bound.lower, bound.upper), np.clip(high, bound.lower, bound.upper)
 

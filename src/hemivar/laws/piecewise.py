@@ -125,6 +125,8 @@ class PiecewiseQuadratic(Superpotential):
         return Interval(np.asarray(self.lower), np.asarray(self.upper))
 
     def _pick(self, table: Array, piece: IntArray) -> Array:
+        if piece.ndim and table.shape[:-1] == (1,):
+            return np.asarray(table[0].take(piece))
         shape = np.broadcast_shapes(piece.shape, table.shape[:-1])
         table = np.broadcast_to(table, (*shape, table.shape[-1]))
         return np.take_along_axis(table, np.broadcast_to(piece, shape)[..., None], axis=-1)[..., 0]

@@ -127,7 +127,11 @@ class BodyProblem:
 
         A large problem without a mesh does not tell its rigid motions.
         """
-        problem = self.problem
+        problem, bottom = self.problem, self
+        while bottom.below is not None:
+            bottom = bottom.below
+        if bottom is not self and not any(True for _ in bottom.rigid_directions()):
+            return  # what holds the body on the coarsest mesh holds it here
         if problem.field is not None:
             motions = rigid_motions(problem.field)
         elif problem.unknowns <= COARSEST:
@@ -414,7 +418,10 @@ class NonsmoothMultigrid(Solver):
 
     def _polish(self, system: BodyProblem, x: Array) -> tuple[Array, int]:
         """Newton's step judged by the residual, where what is left to gain is below the rounding of the energy."""
-        best, lowest, cycles = x, 0.9 * system.residual(x, system.multiplier(x)).total, 0
+        now = system.residual(x, system.multiplier(x))
+        if now.below(0.0, 4.0 * self.tolerance):
+            return x, 0
+        best, lowest, cycles = x, 0.9 * now.total, 0
         r, force = system.local(x), system.force(x)
         for start in (r, snapped(system.law, r)):
             first = system.moved(x, np.where(system.active, start, system.fixed))

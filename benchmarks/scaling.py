@@ -1,0 +1,89 @@
+"""Time and memory of a whole contact solve against the number of unknowns.
+
+    python benchmarks/scaling.py --dim 2 --sizes 128 256 512 1024
+    python benchmarks/scaling.py --dim 3 --sizes 16 32 48 64 --json rows.json
+
+Each size runs in a process of its own: mesh, assembly, hierarchy and solve of the survey's data (5.1), so that
+``peak_mib`` is what that size takes, less ``base_mib``, the memory of the program before it starts.  The last lines
+give the exponents of time and memory in the number of unknowns, fitted by least squares.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import peak_mib, show
+
+import hemivar as hv
+from hemivar import gallery
+
+
+def one(dim: int, n: int) -> dict[str, Any]:
+    """One size, in this process."""
+    hv.solve(hv.discretize(gallery.survey("5.1", 4, "right")), hv.NonsmoothMultigrid())  # imports are done
+    base = peak_mib()
+    began = time.perf_counter()
+    statement = gallery.survey("5.1", n, "right") if dim == 2 else gallery.survey_cube("5.1", n)
+    problem = hv.discretize(statement)
+    assembled = time.perf_counter()
+    solution = hv.solve(problem, hv.NonsmoothMultigrid())
+    ended = time.perf_counter()
+    return {
+        "dim": dim,
+        "n": n,
+        "unknowns": problem.unknowns,
+        "assembly_s": assembled - began,
+        "levels_s": solution.timings["levels"],
+        "contact_s": solution.timings["iterate"] + solution.timings["recover"],
+        "total_s": ended - began,
+        "steps": solution.steps,
+        "cycles": solution.evaluations,
+        "status": solution.status.value,
+        "residual": solution.residual.relative,
+        "base_mib": base,
+        "peak_mib": peak_mib(),
+        "kib_per_unknown": 1024.0 * (peak_mib() - base) / problem.unknowns,
+    }
+
+
+def exponent(rows: list[dict[str, Any]], column: str) -> float:
+    """Slope of the logarithm of a column over that of the number of unknowns."""
+    size = np.log([row["unknowns"] for row in rows])
+    return float(np.polyfit(size, np.log([row[column] for row in rows]), 1)[0])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--dim", type=int, choices=(2, 3), default=2)
+    parser.add_argument("--sizes", type=int, nargs="+", default=None, help="cells along a side, 1/h")
+    parser.add_argument("--json", type=Path, default=None)
+    parser.add_argument("--one", type=int, default=None, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one is not None:
+        print(json.dumps(one(options.dim, options.one)))
+        return
+    sizes = options.sizes or ((128, 256, 512, 1024) if options.dim == 2 else (16, 24, 32, 48, 64))
+    rows = []
+    for n in sizes:
+        command = [sys.executable, __file__, "--dim", str(options.dim), "--one", str(n)]
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        if run.returncode:
+            print(f"n = {n} failed: {run.stderr.strip().splitlines()[-1:]}", file=sys.stderr)
+            continue
+        rows.append(json.loads(run.stdout))
+        print(json.dumps(rows[-1]), file=sys.stderr)
+    show(rows, options.json)
+    if len(rows) > 1:
+        print(f"contact_s grows like unknowns^{exponent(rows, 'contact_s'):.3f}")
+        print(f"total_s   grows like unknowns^{exponent(rows, 'total_s'):.3f}")
+
+
+if __name__ == "__main__":
+    main()
