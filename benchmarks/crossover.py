@@ -3,8 +3,8 @@
     python benchmarks/crossover.py --dim 2 --sizes 16 32 64 128 256
     python benchmarks/crossover.py --dim 3 --sizes 4 8 12 16 20
 
-``newton_s`` and ``multigrid_s`` are all of ``hv.solve``, set-up included, on the survey's data (5.1); ``predicted``
-stands for :func:`hemivar.solvers.choice.predicted_seconds`, ``difference`` for that of the solutions in the energy norm.
+``newton_s`` and ``multigrid_s`` are all of ``hv.solve``, set-up included, on the survey's data (5.1); ``difference`` is
+that of both solutions in the energy norm.
 """
 
 from __future__ import annotations

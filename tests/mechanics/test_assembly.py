@@ -8,8 +8,15 @@ import skfem
 from skfem.helpers import ddot, sym_grad, trace
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import Material, Mesh, Pressure, rectangle
-from hemivar.mechanics.assembly import _form_stiffness, load_vector, quadrature_rule, stiffness_matrix
+from hemivar.mechanics import Material, Mesh, Pressure, box, rectangle
+from hemivar.mechanics.assembly import (
+    _form_stiffness,
+    linear_stiffness,
+    load_vector,
+    quadrature_rule,
+    stiffness_matrix,
+)
+from hemivar.mechanics.discretize import _basis
 
 from .meshes import cube, distorted
 
@@ -54,6 +61,52 @@ def test_general_tensor(name: str, varying: bool) -> None:
     K = stiffness_matrix(mesh, material)
     reference = _form_stiffness(mesh, material, 1)
     assert abs(K - reference).max() < 1e-13 * abs(reference).max()
+
+
+def test_many_cells_go_by_portions() -> None:
+    """More cells and more nodes than are taken at a time, numbered along the mesh and all across it."""
+    for mesh in (rectangle(cells=100), rectangle(cells=25).refined(2)):
+        reference = library_stiffness(mesh, 3.0, 4.0)
+        assert abs(stiffness_matrix(mesh, Material.lame(3.0, 4.0)) - reference).max() < 1e-14 * abs(reference).max()
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_stretched_cells(name: str) -> None:
+    """The blocks on the diagonal are found as differences, which must not cost digits of the small entries."""
+    mesh = MESHES[name]()
+    mesh = mesh.moved(np.diag([1.0, 1e-3, 1.0][: mesh.dim]))
+    K = stiffness_matrix(mesh, Material.lame(3.0, 4.0))
+    reference = library_stiffness(mesh, 3.0, 4.0)
+    scale = np.sqrt(reference.diagonal())
+    assert np.abs((K - reference).toarray() / np.outer(scale, scale)).max() < 1e-13
+
+
+@pytest.mark.parametrize("mesh", [distorted(rectangle((2, 1), (6, 3))), distorted(box(cells=3))], ids=["2d", "3d"])
+@pytest.mark.parametrize("fixed", ["none", "nodes", "components"])
+def test_turned_and_reduced_blocks(mesh: Mesh, fixed: str) -> None:
+    """Turning blocks and leaving out components is ``P'KP``."""
+    rng = np.random.default_rng(2)
+    count, dim = mesh.points.shape
+    blocks, K = linear_stiffness(mesh, Material.lame(3.0, 4.0)), stiffness_matrix(mesh, Material.lame(3.0, 4.0))
+    field = rng.standard_normal((count, dim)) * (rng.random(count) < 0.3)[:, None]
+    np.testing.assert_allclose(blocks.times(field).ravel(), K @ field.ravel(), atol=1e-12 * abs(K).max())
+    directions = np.broadcast_to(np.eye(dim), (count, dim, dim)).copy()
+    some = rng.choice(count, count // 3, replace=False)
+    directions[some] = np.linalg.qr(rng.standard_normal((len(some), dim, dim)))[0]
+    free = np.ones((count, dim), dtype=bool)
+    if fixed != "none":
+        free[rng.choice(count, count // 4, replace=False)] = False
+    if fixed == "components":
+        free &= rng.random(free.shape) < 0.7
+    P = _basis(directions, free)
+    blocks.turn(directions)
+    reduced = blocks.matrix(free)
+    expected = (P.T @ K @ P).toarray()
+    np.testing.assert_allclose(reduced.toarray(), expected, atol=1e-13 * np.abs(expected).max())
+    assert abs(reduced - reduced.T).max() == 0.0
+    reduced.has_canonical_format = False
+    reduced.check_format(full_check=True)
+    assert np.all(np.diff(reduced.indices)[np.setdiff1d(np.arange(reduced.nnz - 1), reduced.indptr[1:-1] - 1)] > 0)
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -71,6 +71,23 @@ def test_no_contact() -> None:
     assert problem.local(np.ones(3)).shape == (0, 2)
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_assembled_problems_pass_the_checks_they_are_spared(order: int) -> None:
+    mesh = rectangle((2, 1), (4, 2)).rotated(0.3)
+    problem = discretize(
+        ContactProblem(
+            mesh=mesh, material=Material.young(3.0, 0.3), contact={"bottom": Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))},
+            supports={"left": Clamped()}, body_force=(0.1, -0.4), order=order,
+        )
+    )  # fmt: skip
+    parts = {part.name: getattr(problem, part.name) for part in dataclasses.fields(problem)}
+    checked = DiscreteProblem(**parts)
+    for name in ("stiffness", "trace"):
+        assert abs(getattr(checked, name) - parts[name]).nnz == 0
+    for name in ("load", "weights", "gap", "slip_offset"):
+        np.testing.assert_array_equal(getattr(checked, name), parts[name])
+
+
 def test_with_law_shares_matrices() -> None:
     problem = DiscreteProblem(**arrays())
     other = problem.with_law(ContactLaw(SurveyLaw(1.0)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -242,16 +243,11 @@ def test_midpoints(order: int, share: float) -> None:
     assert math.isclose(discrete.contact_force(np.tile([1.0, 0.0], (4, 1))).sum(), -1.0 + share)
 
 
-def test_midpoints_in_space() -> None:
-    problem = ContactProblem(
-        cube(2), Material.lame(1, 1), {"bottom": SURVEY}, {"top": Clamped()}, quadrature=Quadrature.MIDPOINT
-    )
-    discrete = discretize(problem)
-    assert discrete.contact_points == 8
-    assert math.isclose(discrete.weights.sum(), 1.0)
-    u = discrete.field.restrict((1 - problem.mesh.points[:, 2:]) * [0.1, 0.2, -0.3])
-    np.testing.assert_allclose(discrete.local(u)[:, 0], 0.3)
-    np.testing.assert_allclose(np.linalg.norm(discrete.local(u)[:, 1:], axis=1), math.hypot(0.1, 0.2))
+def test_midpoints_are_for_plane_bodies() -> None:
+    body = ContactProblem(cube(2), Material.lame(1, 1), {}, {"top": Clamped()}, quadrature=Quadrature.MIDPOINT)
+    assert discretize(body).contact_points == 0
+    with pytest.raises(ProblemError, match=r"twice as many facets.*take Quadrature\.NODAL"):
+        replace(body, contact={"bottom": SURVEY})
 
 
 @pytest.mark.parametrize("order", [1, 2])

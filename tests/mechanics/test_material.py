@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import Material, Plane
+from hemivar.mechanics import Material, PlaneState
 
 POINTS = np.array([[0.0, 0.0], [1.0, 0.5], [0.2, 0.9]])
 POINTS_3D = np.column_stack([POINTS, [0.0, 1.0, 2.0]])
@@ -35,7 +35,7 @@ def test_plane_stress() -> None:
     C = Material.young(E, nu, plane="stress").stiffness_tensor(POINTS)
     np.testing.assert_allclose(C[0], expected)
     lam, mu = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
-    np.testing.assert_allclose(Material.lame(lam, mu, Plane.STRESS).stiffness_tensor(POINTS)[0], expected)
+    np.testing.assert_allclose(Material.lame(lam, mu, PlaneState.STRESS).stiffness_tensor(POINTS)[0], expected)
 
 
 def test_three_dimensions() -> None:

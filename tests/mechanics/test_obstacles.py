@@ -19,6 +19,7 @@ from hemivar.mechanics import (
     Mesh,
     Normals,
     Obstacle,
+    Plane,
     Prescribed,
     Quadrature,
     SignedDistance,
@@ -26,7 +27,6 @@ from hemivar.mechanics import (
     discretize,
     rectangle,
 )
-from hemivar.mechanics.obstacles import Plane
 from hemivar.problem_file import parse_problem
 from hemivar.solvers import solve
 

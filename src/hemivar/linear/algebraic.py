@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-import pyamg
 import scipy.sparse as sp
 
 from hemivar._typing import Array, IntArray
@@ -27,6 +26,8 @@ def algebraic_levels(problem: DiscreteProblem) -> list[tuple[sp.csr_array, Trans
     problem : DiscreteProblem
         Without a mesh the unknowns are taken one by one, and constants for the near null space.
     """
+    import pyamg  # only here: small problems do without it
+
     slots, size, count = _slots(problem)
     place = sp.csr_array((np.ones(slots.size), (slots, np.arange(slots.size))), shape=(count, slots.size))
     empty = np.ones(count)

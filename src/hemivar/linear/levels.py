@@ -11,11 +11,12 @@ in the coarse matrices is added to them, which takes products with the rows of t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from pyamg import amg_core
 
 from hemivar._typing import Array, BoolArray, IntArray
 
@@ -26,6 +27,14 @@ COARSEST = 400
 
 _PIVOT = 1e-10
 _STIFF = 2.0
+
+
+@lru_cache
+def _kernels() -> Any:
+    """Compiled Gauss-Seidel sweeps, loaded when they are first needed: small problems do without them."""
+    from pyamg import amg_core
+
+    return amg_core
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +156,7 @@ class _Patch:
         rest, step = np.zeros(A.shape[0]), np.zeros(A.shape[0])
         rest[self.slots] = right[self.contact] - self.rows @ x
         span = (0, count, 1) if forward else (count - 1, -1, -1)
-        amg_core.block_gauss_seidel(
+        _kernels().block_gauss_seidel(
             A.indptr, A.indices, A.data.ravel(), step, rest, self.inverse.ravel(), *span, size
         )
         x[self.contact] += step[self.slots]
@@ -257,8 +266,7 @@ class Levels:
             level = self._levels[k]
             level.change(out, added)
             stiff = added.diagonal() > _STIFF * level.diagonal[level.contact]
-            if k == top:
-                level.patch = _Patch.of(level, self._points[k]) if stiff.any() else None
+            level.patch = _Patch.of(level, self._points[k]) if k == top and stiff.any() else None
             if k > self.algebraic:
                 between = self._between[k]
                 out = np.asarray(abs(between).T @ (out | stiff).astype(float) > 0.0)
@@ -297,7 +305,7 @@ class Levels:
         if level.patch is not None:
             level.patch.smooth(x, right, forward=True)
         for _ in range(self.sweeps):
-            amg_core.gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
+            _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
         coarse = transfer.restriction @ (right - A @ x)
         below = self._levels[k - 1]
         coarse[below.contact[below.held]] = 0.0
@@ -305,7 +313,7 @@ class Levels:
         if k == self.algebraic:
             x[level.contact[level.held]] = 0.0
         for _ in range(self.sweeps):
-            amg_core.gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
+            _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
         if level.patch is not None:
             level.patch.smooth(x, right, forward=False)
         return x
@@ -364,8 +372,10 @@ def _completed(matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) 
     if not rows.size:
         return matrix
     part = sp.csr_array(matrix[contact])
+    part.sort_indices()
     there = np.repeat(contact, np.diff(part.indptr)) * matrix.shape[0] + part.indices
-    missing = ~np.isin(rows * matrix.shape[0] + columns, there)
+    keys = rows * matrix.shape[0] + columns
+    missing = there[np.minimum(np.searchsorted(there, keys), len(there) - 1)] != keys
     if not missing.any():
         return matrix
     entries = matrix.tocoo()

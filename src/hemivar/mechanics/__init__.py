@@ -4,9 +4,9 @@ from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, R
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.discretize import discretize
 from hemivar.mechanics.fields import nodal_average, strain, stress, v_norm, von_mises
-from hemivar.mechanics.material import Material, Plane
+from hemivar.mechanics.material import Material, PlaneState
 from hemivar.mechanics.mesh import Mesh, box, read_mesh, rectangle
-from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, SignedDistance, Sphere
+from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.problem import Contact, ContactProblem, Quadrature
 from hemivar.mechanics.residual import Residual, residual
 from hemivar.mechanics.transfer import interpolate, interpolation_matrix
@@ -24,6 +24,7 @@ __all__ = [
     "Normals",
     "Obstacle",
     "Plane",
+    "PlaneState",
     "Prescribed",
     "Pressure",
     "Quadrature",

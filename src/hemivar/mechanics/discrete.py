@@ -275,6 +275,11 @@ class DiscreteProblem:
         return 2
 
     @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal of the stiffness, shape (n,)."""
+        return np.asarray(self.stiffness.diagonal())
+
+    @cached_property
     def row_sums(self) -> Array:
         """Sums of the absolute entries of the rows of the stiffness, shape (n,)."""
         K = self.stiffness
@@ -360,7 +365,8 @@ class DiscreteProblem:
     def _with_data(self, load: Array, gap: Array, slip_offset: Array | None, law: ContactLaw) -> DiscreteProblem:
         """The same body under another load, gap and law; matrices are shared, their symmetry is not checked again."""
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
-        return DiscreteProblem._assembled(**parts | dict(load=load, gap=gap, slip_offset=slip_offset, law=law))
+        parts |= {"load": load, "gap": gap, "slip_offset": slip_offset, "law": law}
+        return DiscreteProblem._assembled(**parts)
 
 
 def _sparse(value: Any, name: str) -> sp.csr_array:

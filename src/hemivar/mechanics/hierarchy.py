@@ -37,7 +37,8 @@ class Coarser:
     def interpolate(self, unknowns: Array) -> Array:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
         coarse = self.problem.field
-        assert coarse is not None and self.field.mesh.parent is not None
+        assert coarse is not None
+        assert self.field.mesh.parent is not None
         fine = self.field.mesh.parent.interpolation @ coarse.displacement(unknowns)
         return self.field.restrict(fine)
 
@@ -76,7 +77,8 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
 
 def _shared_points(fine: DiscreteProblem, coarse: DiscreteProblem) -> IntArray:
     """The contact point of the finer problem at the place of each contact point of the coarser one."""
-    assert fine.points is not None and coarse.points is not None
+    assert fine.points is not None
+    assert coarse.points is not None
     if not len(coarse.points):
         return np.zeros(0, dtype=np.int64)
     return np.asarray(scipy.spatial.cKDTree(fine.points).query(coarse.points)[1], dtype=np.int64)

@@ -14,12 +14,12 @@ from hemivar._typing import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import evaluate_scalar
 
-__all__ = ["Material", "Plane"]
+__all__ = ["Material", "PlaneState"]
 
 Number = float | Callable[[Array], Any]
 
 
-class Plane(StrEnum):
+class PlaneState(StrEnum):
     """What a plane model assumes about the third direction."""
 
     STRAIN = "strain"
@@ -37,27 +37,27 @@ class Material:
     """
 
     @staticmethod
-    def lame(lam: Number, mu: Number, plane: Plane | str = Plane.STRAIN) -> Material:
+    def lame(lam: Number, mu: Number, plane: PlaneState | str = PlaneState.STRAIN) -> Material:
         """Isotropic material ``sigma = lam tr(eps) I + 2 mu eps``.
 
         Parameters
         ----------
         lam, mu : float or callable
             Lame's constants; a callable gets points, shape (k, d), and returns shape (k,).
-        plane : Plane or str
+        plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``.
         """
         return _Isotropic(lam, mu, _plane(plane), technical=False)
 
     @staticmethod
-    def young(E: Number, nu: Number, plane: Plane | str = Plane.STRAIN) -> Material:
+    def young(E: Number, nu: Number, plane: PlaneState | str = PlaneState.STRAIN) -> Material:
         """Isotropic material by Young's modulus ``E > 0`` and Poisson's ratio ``-1 < nu < 0.5``.
 
         Parameters
         ----------
         E, nu : float or callable
             A callable gets points, shape (k, d), and returns shape (k,).
-        plane : Plane or str
+        plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``; plane strain is what 3D bodies long in z do.
         """
         return _Isotropic(E, nu, _plane(plane), technical=True)
@@ -119,7 +119,7 @@ class Material:
 class _Isotropic(Material):
     first: Number
     second: Number
-    plane: Plane
+    plane: PlaneState
     technical: bool
 
     def __post_init__(self) -> None:
@@ -149,9 +149,9 @@ class _Isotropic(Material):
         constant = self.homogeneous
         at = points[:1] if constant else points
         lam, mu = self._parameters(at, "" if constant else None)
-        if dim == 3 or self.plane is Plane.STRESS:
+        if dim == 3 or self.plane is PlaneState.STRESS:
             _require(3 * lam + 2 * mu > 0, at, lam, "lam", "must exceed -2 mu / 3", "" if constant else None)
-        if self.plane is Plane.STRESS:
+        if self.plane is PlaneState.STRESS:
             if dim == 3:
                 raise ProblemError("plane stress is a model for 2D meshes; leave 'plane' out for a 3D body")
             lam = 2 * lam * mu / (lam + 2 * mu)
@@ -165,7 +165,7 @@ class _Isotropic(Material):
     def out_of_plane_stress(
         self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
     ) -> Array:
-        if self.plane is Plane.STRESS:
+        if self.plane is PlaneState.STRESS:
             return np.zeros(len(points))
         lam, _ = self._parameters(points)
         return np.asarray(lam * (strain[:, 0, 0] + strain[:, 1, 1]))
@@ -269,9 +269,9 @@ class _ByRegion(Material):
         return result
 
 
-def _plane(value: Plane | str) -> Plane:
+def _plane(value: PlaneState | str) -> PlaneState:
     try:
-        return Plane(value)
+        return PlaneState(value)
     except ValueError as error:
         raise ProblemError(f"plane = {value!r}; choose 'strain' or 'stress'") from error
 

@@ -143,7 +143,8 @@ class Mesh:
     def _edge_data(self) -> tuple[IntArray, IntArray]:
         index = np.int32 if self.number_of_nodes < np.iinfo(np.int32).max else np.int64
         first, second = (
-            np.concatenate([self.cells[:, a] for a in ends], dtype=index) for ends in zip(*_EDGES[self.dim], strict=True)
+            np.concatenate([self.cells[:, a] for a in ends], dtype=index)
+            for ends in zip(*_EDGES[self.dim], strict=True)
         )
         edges, number = _distinct_pairs(first, second)
         return _frozen(edges), _frozen(number.reshape(-1, len(self.cells)).T)

@@ -29,8 +29,8 @@ class Quadrature(StrEnum):
     NODAL = "nodal"
     """At the nodes of the contact boundary (lumped): the nonsmooth part is separable."""
     MIDPOINT = "midpoint"
-    """On the contact facets, at the mean displacement of each (the midpoint for order 1): constant "
-    "multipliers."""
+    """On the contact facets of plane bodies, at the mean displacement of each (the midpoint for order 1): constant
+    multipliers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +150,11 @@ class ContactProblem:
         if self.contact and self.order == 2 and self.mesh.dim == 3:
             raise ProblemError(
                 "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
+            )
+        if self.contact and self.quadrature is Quadrature.MIDPOINT and self.mesh.dim == 3:
+            raise ProblemError(
+                "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
+                "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
             )
         for name in ("contact", "supports", "tractions"):
             value = getattr(self, name)

@@ -66,7 +66,7 @@ def contact_compliance(problem: DiscreteProblem) -> Array:
 
     It makes displacement and multiplier comparable; the columns are for the normal and the tangential part.
     """
-    flexibility = problem.trace.power(2) @ (1.0 / problem.stiffness.diagonal())
+    flexibility = problem.trace.power(2) @ (1.0 / problem.diagonal)
     flexibility = flexibility.reshape(problem.contact_points, problem.dim)
     normal = flexibility[:, 0]
     tangential = flexibility[:, 1:].max(axis=1) if problem.dim > 1 else normal
