@@ -1,0 +1,216 @@
+"""Levels with held contact unknowns, and conjugate gradients, against dense linear algebra."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.linear import ElasticMultigrid
+from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.multigrid import contact_unknowns
+from hemivar.mechanics.mesh import Mesh
+
+
+def square(n: int = 16) -> hv.DiscreteProblem:
+    return hv.discretize(gallery.survey("5.1", n, "right"))
+
+
+def cube(n: int = 8) -> hv.DiscreteProblem:
+    return hv.discretize(gallery.survey_cube("5.1", n))
+
+
+def without_meshes(statement: hv.ContactProblem) -> hv.DiscreteProblem:
+    mesh = statement.mesh
+    return hv.discretize(replace(statement, mesh=Mesh(mesh.points, mesh.cells, dict(mesh.boundaries))))
+
+
+def large_square_without_meshes() -> hv.DiscreteProblem:
+    return without_meshes(gallery.survey("5.1", 20, "right"))
+
+
+def cube_without_meshes() -> hv.DiscreteProblem:
+    return without_meshes(gallery.survey_cube("5.1", 8))
+
+
+PROBLEMS = [square, cube, large_square_without_meshes, cube_without_meshes]
+
+
+def held_somewhere(problem: hv.DiscreteProblem, seed: int = 4) -> tuple[np.ndarray, sp.csr_array]:
+    """Some contact unknowns held, in runs and singly, and a stiffness at the points of the others."""
+    unknown, _, active, point = contact_unknowns(problem)
+    rng = np.random.default_rng(seed)
+    held = (rng.uniform(size=unknown.size) < 0.2) | (np.arange(unknown.size) < unknown.size // 3)
+    blocks = rng.standard_normal((len(active), 3, 3))
+    blocks = np.einsum("mij,mkj->mik", blocks, blocks) * problem.stiffness.diagonal().mean()
+    place = np.zeros(unknown.size, dtype=int)
+    for p in np.unique(point):
+        own = np.flatnonzero(point == p)
+        place[own] = np.arange(own.size)
+    same = point[:, None] == point[None, :]
+    dense = np.where(same, blocks[point[:, None], place[:, None], place[None, :]], 0.0)
+    dense[held] = 0.0
+    dense[:, held] = 0.0
+    return held, sp.csr_array(dense)
+
+
+def dense_truncated(problem: hv.DiscreteProblem, held: np.ndarray, added: sp.csr_array) -> np.ndarray:
+    """The matrix that holding and adding stand for, with ones on the diagonal where held."""
+    unknown = contact_unknowns(problem)[0]
+    matrix = problem.stiffness.toarray()
+    matrix[np.ix_(unknown, unknown)] += added.toarray()
+    out = unknown[held]
+    matrix[out] = 0.0
+    matrix[:, out] = 0.0
+    matrix[out, out] = 1.0
+    return matrix
+
+
+@pytest.mark.parametrize("make", PROBLEMS)
+def test_cycle_is_symmetric_positive_definite_and_leaves_held_unknowns_alone(make) -> None:  # type: ignore[no-untyped-def]
+    problem = make()
+    hierarchy = ElasticMultigrid.of(problem)
+    top = hierarchy.first + len(hierarchy.steps)
+    held, added = held_somewhere(problem)
+    hierarchy.levels.change(top, held, added)
+    unknown = contact_unknowns(problem)[0]
+    free = np.ones(problem.unknowns)
+    free[unknown[held]] = 0.0
+    rng = np.random.default_rng(0)
+    vectors = [free * rng.standard_normal(problem.unknowns) for _ in range(4)]
+    images = [hierarchy.levels.cycle(top, v) for v in vectors]
+    for v, image in zip(vectors, images, strict=True):
+        assert not image[unknown[held]].any()
+        assert v @ image > 0.0
+        for w, other in zip(vectors, images, strict=True):
+            assert v @ other == pytest.approx(w @ image, rel=1e-10, abs=1e-12 * abs(v @ image))
+
+
+@pytest.mark.parametrize("make", PROBLEMS)
+def test_conjugate_gradients_with_the_cycle_solve_the_truncated_equation(make) -> None:  # type: ignore[no-untyped-def]
+    problem = make()
+    hierarchy = ElasticMultigrid.of(problem)
+    levels, top = hierarchy.levels, hierarchy.first + len(hierarchy.steps)
+    held, added = held_somewhere(problem)
+    levels.change(top, held, added)
+    right = problem.load.copy()
+    right[contact_unknowns(problem)[0][held]] = 0.0
+    found = conjugate_gradients(
+        levels.matrix(top), levels.diagonal(top), right, lambda v: levels.cycle(top, v), 1e-11, 100
+    )
+    expected = np.linalg.solve(dense_truncated(problem, held, added), right)
+    assert found.iterations <= 45
+    np.testing.assert_allclose(found.solution, expected, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("make", PROBLEMS)
+def test_release_restores_every_matrix(make) -> None:  # type: ignore[no-untyped-def]
+    problem = make()
+    hierarchy = ElasticMultigrid.of(problem)
+    levels, top = hierarchy.levels, hierarchy.first + len(hierarchy.steps)
+    vector = np.random.default_rng(1).standard_normal(problem.unknowns)
+    before = levels.cycle(top, vector)
+    levels.change(top, *held_somewhere(problem))
+    assert np.abs(levels.cycle(top, vector) - before).max() > 1e-6 * np.abs(before).max()
+    levels.release(top)
+    assert abs(levels.matrix(top) - problem.stiffness).max() == 0.0
+    np.testing.assert_allclose(levels.cycle(top, vector), before, rtol=1e-9, atol=1e-12 * np.abs(before).max())
+
+
+@pytest.mark.parametrize("make", [square, cube])
+def test_what_is_left_of_a_coarse_space_needs_no_new_matrix(make) -> None:  # type: ignore[no-untyped-def]
+    """Coarse functions that reach no held unknown have the Galerkin products of the coarse mesh."""
+    problem = make()
+    step = ElasticMultigrid.of(problem).steps[-1]
+    held, _ = held_somewhere(problem)
+    none = sp.csr_array((held.size, held.size))
+    truncated = dense_truncated(problem, held, none)
+    out = contact_unknowns(problem)[0][held]
+    P = step.prolongation.toarray()
+    kept = ~np.any(P[out] != 0.0, axis=0)
+    galerkin = (P.T @ truncated @ P)[np.ix_(kept, kept)]
+    coarse = step.problem.stiffness.toarray()[np.ix_(kept, kept)]
+    assert 0 < kept.sum() < kept.size
+    np.testing.assert_allclose(galerkin, coarse, atol=1e-12 * np.abs(coarse).max())
+
+
+@pytest.mark.parametrize("make", [large_square_without_meshes, cube_without_meshes])
+def test_algebraic_levels_follow_the_galerkin_product(make) -> None:  # type: ignore[no-untyped-def]
+    problem = make()
+    hierarchy = ElasticMultigrid.of(problem)
+    assert hierarchy.first > 0
+    assert not hierarchy.steps
+    held, added = held_somewhere(problem)
+    hierarchy.levels.change(hierarchy.first, held, added)
+    truncated = dense_truncated(problem, held, added)
+    out = contact_unknowns(problem)[0][held]
+    P = hierarchy.levels.transfers[-1].prolongation.toarray()
+    P[out] = 0.0
+    expected = P.T @ truncated @ P
+    found = hierarchy.levels.matrix(hierarchy.first - 1).toarray()
+    reached = np.diagonal(expected) > 1e-12 * np.diagonal(expected).max()
+    np.testing.assert_allclose(
+        found[np.ix_(reached, reached)], expected[np.ix_(reached, reached)], atol=1e-10 * np.abs(expected).max()
+    )
+
+
+@pytest.mark.parametrize("make", PROBLEMS)
+def test_linear_solve(make) -> None:  # type: ignore[no-untyped-def]
+    problem = make()
+    found, cycles = ElasticMultigrid.of(problem).solve(problem.load, 1e-11)
+    expected = spla.spsolve(sp.csc_array(problem.stiffness), problem.load)
+    assert cycles <= 40
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_hierarchy_is_remembered_and_knows_whose_data_it_has() -> None:
+    problem = square()
+    hierarchy = ElasticMultigrid.of(problem)
+    assert ElasticMultigrid.of(problem) is hierarchy
+    other = problem.with_law(hv.ContactLaw(hv.Compliance(3.0).at(problem.points), hv.Tresca(0.1).at(problem.points)))
+    assert ElasticMultigrid.of(other) is hierarchy
+    assert hierarchy.poses(problem)
+    assert not hierarchy.poses(other)
+
+
+# ---- conjugate gradients -----------------------------------------------------------------------------------
+
+
+def test_negative_curvature_is_returned_as_a_way_down() -> None:
+    matrix = sp.csr_array(np.diag([2.0, 1.0, -0.5]))
+    b = np.array([1.0, 1.0, 0.3])
+    found = conjugate_gradients(matrix, np.ones(3), b, lambda v: v.copy(), 1e-12, 10)
+    assert found.negative is not None
+    p = found.negative
+    assert p @ (matrix @ p) < 0.0
+    assert b @ p >= 0.0
+
+
+def test_direction_without_curvature_is_found_out() -> None:
+    matrix = sp.csr_array(np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    found = conjugate_gradients(matrix, np.ones(2), np.array([1.0, 1.0]), lambda v: v.copy(), 1e-12, 10)
+    assert found.negative is not None
+    np.testing.assert_allclose(found.negative / found.negative[0], [1.0, 1.0])
+
+
+def test_early_end() -> None:
+    rng = np.random.default_rng(2)
+    root = rng.standard_normal((30, 30))
+    matrix = sp.csr_array(root @ root.T + np.eye(30))
+    b = rng.standard_normal(30)
+    seen: list[int] = []
+
+    def stop(iteration: int, x: np.ndarray, r: np.ndarray) -> bool:
+        np.testing.assert_allclose(r, b - matrix @ x, atol=1e-9)
+        seen.append(iteration)
+        return iteration == 4
+
+    found = conjugate_gradients(matrix, matrix.diagonal(), b, lambda v: v.copy(), 1e-12, 100, stop)
+    assert found.iterations == 4
+    assert seen == [1, 2, 3, 4]
+    assert 0.5 * found.solution @ (matrix @ found.solution) - b @ found.solution < 0.0
