@@ -149,6 +149,10 @@ class Solver(ABC):
         """Whether it works on the body condensed onto its contact boundary."""
         return True
 
+    def for_tolerance(self, rtol: float) -> Solver:
+        """The method, with what it solves inside as accurate as a relative tolerance of the whole asks for."""
+        return self
+
     def prepare(self, problem: DiscreteProblem) -> Any:
         """The system the method works on."""
         return condense(problem)

@@ -89,6 +89,9 @@ class FixedPoint(Solver):
     def condenses(self) -> bool:
         return self.inner.condenses
 
+    def for_tolerance(self, rtol: float) -> Solver:
+        return replace(self, inner=self.inner.for_tolerance(self.inner_rtol))
+
     def prepare(self, problem: DiscreteProblem) -> Any:
         return self.inner.prepare(problem)
 

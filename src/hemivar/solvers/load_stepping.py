@@ -77,6 +77,9 @@ class LoadStepping(Solver):
     def condenses(self) -> bool:
         return self.inner.condenses
 
+    def for_tolerance(self, rtol: float) -> Solver:
+        return replace(self, inner=self.inner.for_tolerance(min(rtol, self.rtol)))
+
     def prepare(self, problem: DiscreteProblem) -> Any:
         return self.inner.prepare(problem)
 

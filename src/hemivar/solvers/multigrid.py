@@ -33,6 +33,7 @@ __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 
 _NESTED = 1e-3
 _PATIENCE = 0.5
+_TIGHTEST = 1e-13
 #: How far, in powers of two of the length that the stiffness of the contact points suggests, a direction without
 #: curvature is followed.
 _FURTHEST = 60
@@ -348,8 +349,8 @@ class NonsmoothMultigrid(Solver):
         Most iterations of conjugate gradients in one step.
     halvings : int
         How often a step may be halved.
-    tolerance : float
-        Where conjugate gradients end, relative to the load.
+    tolerance : float, optional
+        Where conjugate gradients end, relative to the load; a tenth of ``Controls.rtol`` by default.
     nested : bool
         Start from the solution on the next coarser mesh.
     """
@@ -357,7 +358,7 @@ class NonsmoothMultigrid(Solver):
     sweeps: int = 3
     iterations: int = 60
     halvings: int = 20
-    tolerance: float = 1e-10
+    tolerance: float | None = None
     nested: bool = True
     name: ClassVar[str] = "multigrid"
     descends: ClassVar[bool] = True
@@ -373,6 +374,13 @@ class NonsmoothMultigrid(Solver):
                 "that meet smoothly or at a right angle. Use NonsmoothNewton"
             )
         return None
+
+    def for_tolerance(self, rtol: float) -> Solver:
+        return self if self.tolerance is not None else replace(self, tolerance=max(0.1 * rtol, _TIGHTEST))
+
+    @property
+    def _target(self) -> float:
+        return _TIGHTEST if self.tolerance is None else self.tolerance
 
     def prepare(self, problem: DiscreteProblem) -> BodyProblem:
         return set_up(problem)
@@ -419,14 +427,14 @@ class NonsmoothMultigrid(Solver):
     def _polish(self, system: BodyProblem, x: Array) -> tuple[Array, int]:
         """Newton's step judged by the residual, where what is left to gain is below the rounding of the energy."""
         now = system.residual(x, system.multiplier(x))
-        if now.below(0.0, 4.0 * self.tolerance):
+        if now.below(0.0, 4.0 * self._target):
             return x, 0
         best, lowest, cycles = x, 0.9 * now.total, 0
         r, force = system.local(x), system.force(x)
         for start in (r, snapped(system.law, r)):
             first = system.moved(x, np.where(system.active, start, system.fixed))
             equation = _Equation.at(system, system.local(first), system.force(first))
-            found, _ = equation.solve(self.tolerance, self.iterations)
+            found, _ = equation.solve(self._target, self.iterations)
             cycles += found.iterations
             aim = equation.r + system.spread(found.solution[system.unknown])
             near = np.where(equation.moving, system.law.clamp(equation.r, aim), equation.r)
@@ -458,7 +466,7 @@ class NonsmoothMultigrid(Solver):
     ) -> tuple[_Found, int]:
         """Newton's step from ``x``, where the elastic force is ``force``, and the number of cycles."""
         equation = _Equation.at(system, r, force)
-        found, bent = equation.solve(self.tolerance, self.iterations, _Watch(equation, budget))
+        found, bent = equation.solve(self._target, self.iterations, _Watch(equation, budget))
         best = _Found(x, 0.0)
         if np.any(found.solution):
             line = _Line.of(equation, x, found.solution, bent)

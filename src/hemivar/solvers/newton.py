@@ -252,6 +252,7 @@ def diagonal_step(
     force = system.out_of_balance(r)
     value = system.law.value(r)
     feasible = np.isfinite(value).all()
+    first = factor
     for attempt in range(1, 9):
         stiffness = factor * system.diagonal
         pair = np.stack([stiffness[:, 0], stiffness[:, min(1, d - 1)]], axis=1) / system.weights[:, None]
@@ -269,7 +270,7 @@ def diagonal_step(
         if gain <= 0.0:
             return new, gain, attempt, factor
         factor *= 1.5
-    return r, 0.0, attempt, factor
+    return r, 0.0, attempt, first  # what is left to gain is below the rounding
 
 
 def _newton_step(

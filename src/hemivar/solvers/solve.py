@@ -75,6 +75,7 @@ def solve(
             f"{solver.name} cannot solve this problem: a friction bound depends on the solution; "
             "wrap the method, FixedPoint(inner=...)"
         )
+    solver = solver.for_tolerance(controls.rtol)
     why = solver.refuse(problem)
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
@@ -89,7 +90,7 @@ def solve(
         budget = Budget(controls.max_time)
         start = _start(system, solver, initial, budget)
     except MemoryError:
-        raise shortage(problem) from None
+        raise shortage(problem, solver.condenses) from None
     state, status, history = iterate(solver, system, start, controls, budget)
     end = _End(solver, controls, state, status, history, time.perf_counter() - began)
     try:
@@ -101,7 +102,7 @@ def solve(
     try:  # what the first attempt held is free again
         return _solution(system, replace(end, status=Status.OUT_OF_MEMORY))
     except MemoryError:
-        raise shortage(problem) from None
+        raise shortage(problem, solver.condenses) from None
 
 
 @dataclass(frozen=True, eq=False)
