@@ -188,3 +188,13 @@ def test_no_point_of_a_grid_is_below_the_lowest_solution(seed: int) -> None:
     found = find_solutions(problem, max_solutions=10_000, starts=10)
     lowest = brute_force(problem, {1: 2001, 2: 201, 3: 51, 4: 21}[size])
     assert found[0].energy <= lowest + 1e-12 * abs(lowest)
+
+
+def test_a_positive_margin_ends_the_search():
+    """Where 1 - c > 0, one solution is proved; where it is not, the search does not claim so (17 columns, E1)."""
+    proved = find_solutions(columns(17, alpha=0.5, delta=0.1), starts=2)
+    assert (len(proved), proved.exhaustive, proved.starts) == (1, True, 1)
+    assert "margin 0.5" in proved.searched
+    searched = find_solutions(columns(17, alpha=2.0), starts=2, max_solutions=3)
+    assert not searched.exhaustive
+    assert searched.starts > 1

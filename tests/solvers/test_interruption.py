@@ -16,7 +16,9 @@ import hemivar
 from hemivar.branches import find_solutions, follow_path
 from hemivar.certify import certify
 from hemivar.errors import MethodError
+from hemivar.gallery import broken_foundation
 from hemivar.laws import PiecewiseQuadratic
+from hemivar.mechanics import discretize
 from hemivar.solvers import (
     CondensedProblem,
     Controls,
@@ -137,21 +139,21 @@ def test_no_finer_mesh_is_begun_after_an_interruption() -> None:
 
 
 def test_the_search_for_solutions_keeps_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = discrete_square(n=4)
+    problem = discretize(broken_foundation(4))  # its margin does not show that there is one solution
     step = NonsmoothNewton.step
     calls = []
 
     def interrupted(self: NonsmoothNewton, *arguments):  # type: ignore[no-untyped-def]
         calls.append(1)
-        if len(calls) > 12:
+        if len(calls) > 60:
             raise KeyboardInterrupt
         return step(self, *arguments)
 
     monkeypatch.setattr(NonsmoothNewton, "step", interrupted)
     found = find_solutions(problem, enumerate_up_to=0)
     assert found.interrupted
-    assert len(calls) == 13
-    assert len(found) == 1
+    assert len(calls) == 61
+    assert len(found) >= 1
     assert found.searched.endswith("interrupted")
 
 

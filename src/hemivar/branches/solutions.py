@@ -12,6 +12,7 @@ from hemivar._typing import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.path import trace
+from hemivar.certify import one_solution, smallness
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import residual
@@ -48,7 +49,8 @@ class SolutionSet(Sequence[Solution]):
         a function of the contact displacements alone), or "jump" (a component at a downward jump of its law:
         stationary in Clarke's sense, never a local minimum).
     exhaustive : bool
-        Whether every combination of pieces and kinks was tried, so that there are no others.
+        Whether there are no others: every combination of pieces and kinks was tried, or the problem has one solution
+        by its margin.
     combinations : float
         Number of combinations of pieces and kinks; inf where the graph of the law is no curve (three dimensions, bounds
         that depend on the solution).
@@ -100,7 +102,8 @@ def find_solutions(
     """Find the stationary points of the energy: all of them where this is possible, otherwise as many as turn up.
 
     If all laws are piecewise quadratic and there are at most ``enumerate_up_to`` combinations of pieces and kinks, all
-    are tried and nothing is missed.  Otherwise the search goes on from many starts: the default method and the downhill
+    are tried and nothing is missed.  If the margin of :func:`hemivar.certify.smallness` is positive, there is one
+    solution, and it is solved for.  Otherwise the search goes on from many starts: the default method and the downhill
     one from zero, by load stepping, from both sides of every kink of the law and from random points; Newton's method on
     the residual deflated by what was found already, which also finds saddles and maxima; the load path through every
     solution, which meets others where it folds back; and both sides of every saddle.
@@ -156,12 +159,20 @@ def find_solutions(
         if search.full:
             searched += f"; stopped at {max_solutions} solutions"
         return SolutionSet(search.sorted(), complete, chain.combinations, 0, searched)
-    with search.stopped_cleanly():
-        search.from_solvers(starts)
-        if chain is not None:
-            search.from_deflation(starts)
-            search.from_paths_and_saddles()
     combinations = chain.combinations if chain is not None else np.inf
+    constants = smallness(problem, trace_constant=False)
+    proved = one_solution(problem, constants) and not constants.alpha_sampled
+    with search.stopped_cleanly():
+        if proved:
+            search.run(NonsmoothNewton(), None)
+        if not search.found:
+            search.from_solvers(starts)
+            if chain is not None:
+                search.from_deflation(starts)
+                search.from_paths_and_saddles()
+    if proved and len(search.found) == 1:
+        searched = f"the margin {constants.margin:.3g} is positive, so there is one solution"
+        return SolutionSet(search.sorted(), True, combinations, search.starts, searched, search.interrupted)
     if chain is None:
         searched = f"{search.starts} starts of minimising methods; there may be more solutions, saddles above all"
     else:

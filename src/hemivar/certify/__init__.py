@@ -1,18 +1,22 @@
 """Certificates: constants, error bounds and the kind of a point, recomputed from the problem alone."""
 
 from hemivar.certify._kind import PointKind
-from hemivar.certify._linear import EnergyNorm
+from hemivar.certify._linear import EnergyNorm, MultigridNorm, energy_norm, factorises
 from hemivar.certify.certificate import Certificate, certify
-from hemivar.certify.smallness import Smallness, TraceConstants, ellipticity, smallness, trace_constants
+from hemivar.certify.smallness import Smallness, TraceConstants, ellipticity, one_solution, smallness, trace_constants
 
 __all__ = [
     "Certificate",
     "EnergyNorm",
+    "MultigridNorm",
     "PointKind",
     "Smallness",
     "TraceConstants",
     "certify",
     "ellipticity",
+    "energy_norm",
+    "factorises",
+    "one_solution",
     "smallness",
     "trace_constants",
 ]

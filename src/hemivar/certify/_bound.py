@@ -10,13 +10,14 @@ Several such pairs are made and the smallest bound counts.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray
-from hemivar.certify._linear import EnergyNorm, gram_solve, lift, symmetric_inverse
+from hemivar.certify._linear import EnergyNorm, Norm, gram_solve, lift, symmetric_inverse
 from hemivar.laws import ContactLaw, Superpotential
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import contact_compliance
@@ -30,6 +31,7 @@ _SMALL = 2_000_000
 #: No search with more contact components than this, for it works with dense matrices.
 _SEARCHABLE = 1500
 _SEARCH_STEPS = 60
+_ROWS = 1 << 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class Point:
     """A pair under examination and what belongs to it."""
 
     problem: DiscreteProblem
-    energy: EnergyNorm
+    energy: Norm
     u: Array
     lam: Array
 
@@ -50,6 +52,21 @@ class Point:
     def law(self, r: Array, lam: Array) -> ContactLaw:
         """The ordinary law at a state."""
         return self.problem.law.frozen(r, lam)
+
+    @cached_property
+    def balance(self) -> tuple[Array, float]:
+        """``f - K u - B'W lam`` and the bound of its rounding, see :func:`_out_of_balance`."""
+        return _out_of_balance(self, self.u, self.lam)
+
+    @cached_property
+    def compliance(self) -> Array:
+        """See :func:`contact_compliance`, (m, 2)."""
+        return contact_compliance(self.problem)
+
+    @cached_property
+    def imbalance(self) -> tuple[Array, float]:
+        """Displacement (n,) that this force causes, and its norm in K^-1."""
+        return self.energy.riesz(self.balance[0])
 
 
 def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
@@ -100,16 +117,19 @@ def error_bound(point: Point, margin: float) -> float:
         return _evaluate(point, point.u, np.zeros((0, problem.dim)), point.lam, margin)
     best = np.inf
     r = problem.local(point.u)
-    tau = contact_compliance(problem)
-    for lam in (point.lam, equilibrium_multiplier(problem, point.u)):
-        law = point.law(r, lam)
-        snapped = np.where(point.active, snap(law, r, lam, tau), r)
-        best = min(best, _admissible(point, point.u, snapped, lam, margin))
+    tau = point.compliance
     scale = point.energy.norm(point.u)
     rows = int(point.active.sum())
     poor = _POOR[0] if rows * problem.unknowns <= _SMALL else _POOR[1]
-    if best > poor * scale and 0 < rows <= _SEARCHABLE:
-        best = min(best, _search(point, margin, best))
+    for given in (True, False):
+        lam = point.lam if given else equilibrium_multiplier(problem, point.u)
+        law = point.law(r, lam)
+        snapped = np.where(point.active, snap(law, r, lam, tau), r)
+        best = min(best, _admissible(point, point.u, snapped, lam, margin))
+        if best <= poor * scale and not point.energy.factorised:
+            break
+    if best > poor * scale and 0 < rows <= _SEARCHABLE and isinstance(point.energy, EnergyNorm):
+        best = min(best, _search(point, point.energy, margin, best))
     return best
 
 
@@ -127,43 +147,85 @@ def _evaluate(point: Point, base: Array, r: Array, lam: Array, margin: float) ->
     """``|u - v|_K + |f - K v - B'W lam|_{K^-1} / margin`` with v = ``base``, moved so that its trace is exactly r."""
     problem, energy = point.problem, point.energy
     v = base
-    if problem.contact_points:
+    if problem.contact_points and np.any(r != problem.local(base)):
         change = (r - problem.local(base)).ravel()
         moved = lift(problem.trace, np.where(point.active.ravel(), change, 0.0), point.active.ravel())
         if moved is None:
             return np.inf
         v = base + moved
-    rest, doubt = _out_of_balance(problem, v, lam)
-    rounding = energy.rounding_norm(doubt)
-    distance = energy.norm(point.u - v) if v is not point.u else 0.0
-    return distance + (energy.dual_norm(rest) + rounding) / margin
+    distance = _distance(point, v) if v is not point.u else 0.0
+    if v is point.u and np.array_equal(lam, point.lam):
+        norm, doubt = point.imbalance[1], point.balance[1]
+    else:
+        rest, doubt = _nearby(point, v, lam)
+        norm = energy.riesz(rest, point.imbalance[0])[1]
+    return distance + (norm + energy.rounding_norm(doubt)) / margin
 
 
-def _out_of_balance(problem: DiscreteProblem, v: Array, lam: Array) -> tuple[Array, Array]:
-    """``f - K v - B'W lam``, summed in extended precision, and a bound of its rounding errors, entry by entry."""
-    K, f = problem.stiffness, problem.load
-    long = np.longdouble
+def _distance(point: Point, v: Array) -> float:
+    """``|u - v|_K``, raised by what rounding can hide."""
+    step = point.u - v
+    size, longest = _rounding_size(point, step, np.zeros_like(v), np.zeros_like(point.lam))
+    hidden = longest * float(np.finfo(float).eps) * size * float(np.linalg.norm(np.sqrt(point.energy.diagonal) * step))
+    return float(np.hypot(point.energy.norm(step), np.sqrt(hidden)))
+
+
+def _nearby(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
+    """The same as :func:`_out_of_balance`: the difference to the given pair alone where it is small."""
+    problem, (rest, doubt) = point.problem, point.balance
+    step, change = v - point.u, problem.contact_force(lam - point.lam)
+    size, longest = _rounding_size(point, step, np.zeros_like(v), lam - point.lam)
+    more = longest * float(np.finfo(float).eps) * (size + float(np.linalg.norm(rest / np.sqrt(point.energy.diagonal))))
+    if more > doubt:
+        return _out_of_balance(point, v, lam)
+    moved = problem.stiffness @ step if v is not point.u else 0.0
+    return rest - moved - change, doubt + more
+
+
+def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
+    """``f - K v - B'W lam``, summed in extended precision, and a bound of ``|D^-1/2 e|_2``, e its rounding errors.
+
+    ``|e| <= longest eps (|K| |v| + |f| + |B'| |W lam|)``, entry by entry, longest being the number of terms.
+    """
+    problem, long = point.problem, np.longdouble
     force = problem.weights[:, None].astype(long) * lam
     transposed = sp.csr_array(problem.trace.T)
-    rest = f.astype(long) - _product(K, v.astype(long)) - _product(transposed, force.ravel())
-    size = abs(K) @ np.abs(v) + np.abs(f) + abs(transposed) @ np.abs(force.ravel()).astype(float)
-    longest = int(max(np.diff(K.indptr).max(initial=0), np.diff(transposed.indptr).max(initial=0))) + 4
+    rest = problem.load - _product(problem.stiffness, v.astype(long)) - _product(transposed, force.ravel())
     rounded = rest.astype(float)
-    return rounded, longest * float(np.finfo(long).eps) * size + np.finfo(float).eps * np.abs(rounded)
+    size, longest = _rounding_size(point, v, problem.load, lam)
+    last = float(np.finfo(float).eps * np.linalg.norm(rounded / np.sqrt(point.energy.diagonal)))
+    return rounded, longest * float(np.finfo(long).eps) * size + last
+
+
+def _rounding_size(point: Point, v: Array, load: Array, lam: Array) -> tuple[float, int]:
+    """Bound of ``|D^-1/2 (|K| |v| + |f| + |B'| |W lam|)|_2``, and the largest number of terms in an entry.
+
+    By Schur's test ``|D^-1/2 |K| |v||_2 <= max_i (sum_j |K_ij| / K_ii) |D^1/2 v|_2``.
+    """
+    problem, diagonal = point.problem, point.energy.diagonal
+    transposed = sp.csr_array(problem.trace.T)
+    longest = max(int(np.diff(matrix.indptr).max(initial=0)) for matrix in (problem.stiffness, transposed)) + 4
+    root = np.sqrt(diagonal)
+    applied = np.abs(load) + abs(transposed) @ np.abs(problem.weights[:, None] * lam).ravel()
+    spread = float((problem.row_sums / diagonal).max(initial=0.0))
+    return spread * float(np.linalg.norm(root * v)) + float(np.linalg.norm(applied / root)), longest
 
 
 def _product(matrix: sp.csr_array, x: Any) -> Any:
-    """``matrix @ x`` in the precision of x."""
+    """``matrix @ x`` in the precision of x, some rows at a time."""
     out = np.zeros(matrix.shape[0], dtype=x.dtype)
-    filled = np.flatnonzero(np.diff(matrix.indptr))
-    if filled.size:
-        out[filled] = np.add.reduceat(matrix.data.astype(x.dtype) * x[matrix.indices], matrix.indptr[filled])
+    for start in range(0, matrix.shape[0], _ROWS):
+        first = matrix.indptr[start : start + _ROWS + 1]
+        entries = slice(first[0], first[-1])
+        shape = (first.size - 1, matrix.shape[1])
+        data = matrix.data[entries].astype(x.dtype)
+        out[start : start + _ROWS] = sp.csr_array((data, matrix.indices[entries], first - first[0]), shape=shape) @ x
     return out
 
 
-def _search(point: Point, margin: float, best: float) -> float:
+def _search(point: Point, energy: EnergyNorm, margin: float, best: float) -> float:
     """Look for a better pair by Newton steps on the condensed problem; every iterate gives a pair."""
-    problem, energy = point.problem, point.energy
+    problem = point.problem
     m, d = problem.contact_points, problem.dim
     rows = np.flatnonzero(point.active.ravel())
     part = problem.trace[rows]
@@ -181,7 +243,7 @@ def _search(point: Point, margin: float, best: float) -> float:
     tau = np.full((m, d), np.inf)
     tau.ravel()[rows] = ratio
     tau = np.stack([tau[:, 0], tau[:, 1:].min(axis=1) if d > 1 else tau[:, 0]], axis=1)
-    tau = np.where(np.isfinite(tau), tau, contact_compliance(problem))
+    tau = np.where(np.isfinite(tau), tau, point.compliance)
     lam = np.zeros((m, d))
 
     def multiplier(r: Array) -> Array:

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar._typing import Array
 from hemivar.certify._bound import Point, snap
-from hemivar.certify._linear import EnergyNorm
+from hemivar.certify._linear import EnergyNorm, MultigridNorm
 from hemivar.laws import Superpotential
-from hemivar.mechanics.residual import contact_compliance
 
 __all__ = ["LocalStudy", "PointKind", "study"]
 
@@ -105,7 +103,7 @@ def study(point: Point) -> LocalStudy:
     m, d = problem.contact_points, problem.dim
     active = point.active
     law = point.law(problem.local(point.u), point.lam)
-    r = np.where(active, snap(law, problem.local(point.u), point.lam, contact_compliance(problem)), 0.0)
+    r = np.where(active, snap(law, problem.local(point.u), point.lam, point.compliance), 0.0)
     scale = max(float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
     slack = _AT_END * scale
 
@@ -162,8 +160,9 @@ def study(point: Point) -> LocalStudy:
             lam = float(outward @ point.lam[j])
             sort(j, outward, lam, float(radial.below[j]), float(radial.above[j]),
                  float(radial.curvature_below[j]), float(radial.curvature_above[j]))  # fmt: skip
-            for across in la.null_space(np.vstack([outward, np.eye(d)[0]])).T:
-                if np.any(problem.trace[j * d : (j + 1) * d].T @ across):
+            if d == 3:
+                across = np.array([0.0, -outward[2], outward[1]])
+                if np.any(across[active[j]]):
                     free.append((j, across, lam / size[j]))
 
     def shown(j: int, axis: Array) -> Array:
@@ -174,13 +173,13 @@ def study(point: Point) -> LocalStudy:
     if one_sided is not None and not falls:
         return LocalStudy(PointKind.CLARKE_STATIONARY, -np.inf, shown(*one_sided))
     if falls:
-        everywhere = not held and not weak and one_sided is None
+        everywhere = not held and not weak and one_sided is None and (point.energy.factorised or not free)
         worst: float | None = -np.inf
         if everywhere and free:
             curvatures, _ = _curvatures(point, free, [(j, axis) for j, axis in falls], every=True)
             everywhere = curvatures is not None and bool(np.all(curvatures < -_FLAT))
         return LocalStudy(PointKind.MAXIMUM if everywhere else PointKind.SADDLE, worst, shown(*falls[0]))
-    few = len(free) <= _FEW
+    few = len(free) <= _FEW and point.energy.factorised
     strict, direction = _curvatures(point, free, [*held, *((j, axis) for j, axis, _ in weak)], every=few)
     if strict is None:
         return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, None, None)
@@ -189,7 +188,7 @@ def study(point: Point) -> LocalStudy:
         whole = few and not held and not weak and bool(np.all(strict < -_FLAT))
         return LocalStudy(PointKind.MAXIMUM if whole else PointKind.SADDLE, lowest, direction)
     if weak and lowest > _FLAT:
-        wider, _ = _curvatures(point, [*free, *weak], held, every=len(free) + len(weak) <= _FEW)
+        wider, _ = _curvatures(point, [*free, *weak], held, every=few and len(free) + len(weak) <= _FEW)
         lowest_wide = -np.inf if wider is None else float(wider.min(initial=1.0))
         if lowest_wide > _FLAT:
             return LocalStudy(PointKind.LOCAL_MINIMISER, lowest_wide, None)
@@ -220,12 +219,16 @@ def _curvatures(
     m, d = problem.contact_points, problem.dim
     C = _rows(point, [(j, axis) for j, axis, _ in free])
     weight = np.array([problem.weights[j] * bend for j, _, bend in free])
+    count = C.shape[0]
+    if not point.energy.definite:
+        return None, None
+    if count == 0 or not np.any(weight < 0.0):
+        return np.ones(1), None
+    if isinstance(point.energy, MultigridNorm):
+        return _lowest_by_multigrid(point, point.energy, C, weight, held)
     solver = _ConstrainedSolver(point.energy, _rows(point, held))
     if not solver.definite:
         return None, None
-    count = C.shape[0]
-    if count == 0 or not np.any(weight < 0.0):
-        return np.ones(1), None
     if every:
         columns = solver.solve(C.T.toarray())
         F = np.asarray(C @ columns)
@@ -249,6 +252,25 @@ def _curvatures(
     return 1.0 - top, _normalised(problem.trace @ modes[:, 0], m, d)
 
 
+def _lowest_by_multigrid(
+    point: Point, energy: MultigridNorm, C: sp.csr_array, weight: Array, held: list[tuple[int, Array]]
+) -> tuple[Array | None, Array | None]:
+    """The lowest eigenvalue alone: what its vector attains where that is negative, else what it is at least."""
+    problem = point.problem
+    m, d = problem.contact_points, problem.dim
+    at_rest = np.zeros((m, d), dtype=bool)
+    for j, axis in held:
+        component = np.flatnonzero(axis)
+        if component.size != 1:
+            return None, None
+        at_rest[j, component] = True
+    mode = energy.constrained_eigenvalue(C, -weight, at_rest)
+    if mode is None or mode.vector is None:
+        return None, None
+    lowest = 1.0 - (mode.value if mode.value > 1.0 else mode.bound)
+    return np.array([lowest]), _normalised(problem.trace @ mode.vector, m, d)
+
+
 def _normalised(vector: Array, m: int, d: int) -> Array:
     peak = float(np.abs(vector).max(initial=0.0))
     return np.asarray(vector / peak if peak > 0.0 else vector).reshape(m, d)
@@ -261,14 +283,13 @@ class _ConstrainedSolver:
         self._energy = energy
         self._count = held.shape[0]
         self._factor: spla.SuperLU | None = None
+        self.definite = energy.definite
         if self._count == 0:
-            self.definite = energy.definite
             return
         scale = float(energy.stiffness.diagonal().mean())
         system = sp.csc_array(sp.block_array([[energy.stiffness, scale * held.T], [scale * held, None]]))
         try:
             self._factor = spla.splu(system)
-            self.definite = energy.definite
         except RuntimeError:
             self.definite = False
 

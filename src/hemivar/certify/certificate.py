@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from typing import Any
@@ -12,8 +13,8 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify._kind import LocalStudy, PointKind, study
-from hemivar.certify._linear import EnergyNorm
-from hemivar.certify.smallness import Smallness, smallness
+from hemivar.certify._linear import Norm, energy_norm
+from hemivar.certify.smallness import Smallness, one_solution, smallness
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual, residual
@@ -62,6 +63,10 @@ class Certificate:
         The tolerance, relative to the load.
     smallness : Smallness
         The constants behind the margin.
+    method : str
+        "factorisation", or "multigrid" for a large problem: then the constants are less accurate, on the safe side.
+    seconds : float
+        Spent on it.
     """
 
     equilibrium: float
@@ -81,6 +86,8 @@ class Certificate:
     stationary: bool
     tolerance: float
     smallness: Smallness
+    method: str = "factorisation"
+    seconds: float = 0.0
 
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
@@ -115,7 +122,7 @@ def certify(
     displacement: Array,
     multiplier: Array | None = None,
     *,
-    factor: EnergyNorm | None = None,
+    factor: Norm | None = None,
     tolerance: float = 1e-8,
     trace_constant: bool = True,
 ) -> Certificate:
@@ -128,12 +135,12 @@ def certify(
         The unknowns u of the problem.
     multiplier : array (m, d), optional
         Pressure and friction; recomputed from equilibrium (least squares) if not given.
-    factor : EnergyNorm, optional
-        The stiffness, factorised; saves a factorisation when several points are certified.
+    factor : EnergyNorm or MultigridNorm, optional
+        From :func:`energy_norm`; saves its work when several points are certified.
     tolerance : float
         Residual, relative to the load, up to which the pair counts as a solution.
     trace_constant : bool
-        Whether to compute the survey's c_gamma and (H_s), which costs a factorisation of its own.
+        Whether to compute the survey's c_gamma and (H_s), which costs a factorisation, or a hierarchy, of its own.
 
     Returns
     -------
@@ -155,9 +162,10 @@ def certify(
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
     if not np.isfinite(u).all():
         raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
-    energy = EnergyNorm(problem.stiffness) if factor is None else factor
+    began = time.perf_counter()
+    energy = energy_norm(problem) if factor is None else factor
     if energy.stiffness is not problem.stiffness and energy.stiffness.shape != problem.stiffness.shape:
-        raise ProblemError("the factor given belongs to another problem; pass EnergyNorm(problem.stiffness)")
+        raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
     if multiplier is None:
         lam = _multiplier(problem, u)
     else:
@@ -171,9 +179,8 @@ def certify(
     law = problem.law.frozen(r, lam) if m else None
     constants = smallness(problem, law, factor=energy, trace_constant=trace_constant)
     found = residual(problem, u, lam)
-    rest = problem.load - problem.stiffness @ u - problem.contact_force(lam)
-    equilibrium = energy.dual_norm(rest) if energy.definite else np.inf
-    load_norm = energy.dual_norm(problem.load) if energy.definite else np.inf
+    equilibrium = point.imbalance[1] if energy.definite else np.inf
+    load_norm = energy.least_dual_norm(problem.load) if energy.definite else np.inf
     bound = error_bound(point, constants.margin)
     stationary = found.below(0.0, tolerance)
     kind, unique, local = _classify(point, constants, stationary)
@@ -198,6 +205,8 @@ def certify(
         stationary=stationary,
         tolerance=tolerance,
         smallness=constants,
+        method="factorisation" if energy.factorised else "multigrid",
+        seconds=time.perf_counter() - began,
     )
 
 
@@ -225,9 +234,7 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     problem = point.problem
     m = problem.contact_points
     dependent = bool(m and problem.law.state_dependent)
-    unique: bool | None = True if constants.margin > 0.0 else None
-    if dependent and constants.alpha_tangential > 0.0:
-        unique = None  # alpha belongs to the bound at this very state; elsewhere it may be larger
+    unique: bool | None = True if one_solution(problem, constants) else None
     if not stationary:
         return PointKind.NOT_STATIONARY, unique, None
     if unique and not dependent:

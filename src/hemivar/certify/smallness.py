@@ -6,20 +6,21 @@ and far more sharply: whether ``K - B'W diag(alpha) B`` is positive definite.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array
-from hemivar.certify._linear import EnergyNorm, largest_eigenvalue
+from hemivar.certify._linear import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.assembly import quadrature_rule, region_masks, stiffness_matrix
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
+from hemivar.mechanics.discretize import discretize
 from hemivar.mechanics.material import Material
 
-__all__ = ["Smallness", "TraceConstants", "ellipticity", "smallness", "trace_constants"]
+__all__ = ["Smallness", "TraceConstants", "ellipticity", "one_solution", "smallness", "trace_constants"]
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,9 @@ class Smallness:
     constant : float
         c, largest eigenvalue of ``(B'W diag(alpha) B, K)``: the energy (for a state-dependent bound, frozen) is
         strictly convex if c < 1.
-    constant_normal, constant_tangential : float
-        The same with the normal or the tangential alpha alone; c is at most their sum, at least either.
+    constant_normal, constant_tangential : float or None
+        The same with the normal or the tangential alpha alone; c is at most their sum, at least either.  None where
+        both laws soften and multigrid serves, for each costs as much as c itself.
     coupling : float
         Bound of ``sum_j w_j m_L |r_nu(w)| |r_tau(v)|`` over ``|w|_K = |v|_K = 1``; 0 unless the bound depends on the
         penetration.
@@ -87,8 +89,8 @@ class Smallness:
     survey_condition: bool | None
     survey_margin: float | None
     constant: float
-    constant_normal: float
-    constant_tangential: float
+    constant_normal: float | None
+    constant_tangential: float | None
     coupling: float
     contraction: float
     margin: float
@@ -98,7 +100,7 @@ def smallness(
     problem: DiscreteProblem,
     law: ContactLaw | None = None,
     *,
-    factor: EnergyNorm | None = None,
+    factor: Norm | None = None,
     trace_constant: bool = True,
 ) -> Smallness:
     """The constants of a discrete problem.
@@ -109,16 +111,16 @@ def smallness(
     law : ContactLaw, optional
         Where the friction bound depends on the solution: the law frozen at the state in question
         (``problem.law.frozen(r, lam)``); at zero displacement and pressure by default.
-    factor : EnergyNorm, optional
-        The stiffness, factorised.
+    factor : EnergyNorm or MultigridNorm, optional
+        The energy norm, where it is there already.
     trace_constant : bool
-        Whether to compute c_gamma, which costs a factorisation of its own.
+        Whether to compute c_gamma, which costs a factorisation, or a hierarchy, of its own.
 
     Returns
     -------
     Smallness
     """
-    energy = EnergyNorm(problem.stiffness) if factor is None else factor
+    energy = energy_norm(problem) if factor is None else factor
     m, d = problem.contact_points, problem.dim
     if law is None and m:
         law = problem.law.frozen(-problem.offset.reshape(m, d), np.zeros((m, d)))
@@ -141,7 +143,7 @@ def smallness(
     coupling_weight = np.where(seen_normal & seen_tangential, coupling_weight, 0.0)
     w = problem.weights
 
-    def top(on_normal: Array, on_tangential: Array) -> float:
+    def top(on_normal: Array, on_tangential: Array, near: float | None = None) -> float:
         weight = np.zeros((m, d))
         weight[:, 0] = on_normal
         weight[:, 1:] = on_tangential[:, None]
@@ -149,12 +151,17 @@ def smallness(
             return 0.0
         if not (energy.definite and np.isfinite(weight).all()):
             return np.inf
-        return largest_eigenvalue(problem.trace, (w[:, None] * weight).ravel(), energy)
+        return energy.largest_eigenvalue(problem.trace, (w[:, None] * weight).ravel(), near).bound
 
     none = np.zeros(m)
-    c_normal, c_tangential = top(normal, none), top(none, tangential)
-    both = np.any(normal) and np.any(tangential)
-    c = top(normal, tangential) if both and np.isfinite(c_normal + c_tangential) else max(c_normal, c_tangential)
+    both = bool(np.any(normal) and np.any(tangential))
+    c_normal: float | None = None
+    c_tangential: float | None = None
+    if both and not energy.factorised:
+        c = top(normal, tangential, 1.0)
+    else:
+        c_normal, c_tangential = top(normal, none, 1.0), top(none, tangential, 1.0)
+        c = top(normal, tangential) if both and np.isfinite(c_normal + c_tangential) else max(c_normal, c_tangential)
     coupling = 0.0
     if np.any(coupling_weight):
         coupling = float(np.sqrt(top(coupling_weight, none)) * np.sqrt(top(none, coupling_weight)))
@@ -164,7 +171,7 @@ def smallness(
     if problem.field is not None and problem.field.material is not None and m:
         m_a = ellipticity(problem.field)
         if trace_constant:
-            (trace,) = _trace_eigenvalues(problem, parts=False)
+            trace = _trace_eigenvalues(problem, parts=False)[0]
     condition, survey_margin = None, None
     if m_a is not None and trace is not None:
         needed = 0.0 if m_alpha + m_l == 0.0 else (m_alpha + m_l) * trace**2
@@ -186,6 +193,16 @@ def smallness(
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
         margin=(1.0 - c - coupling) if energy.definite else -np.inf,
     )
+
+
+def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
+    """Whether the constants prove that the discrete problem has one solution.
+
+    The alpha of friction that softens and whose bound depends on the solution belongs to one state; elsewhere it may
+    be larger, and nothing is proved.
+    """
+    dependent = bool(problem.contact_points and problem.law.state_dependent)
+    return constants.margin > 0.0 and not (dependent and constants.alpha_tangential > 0.0)
 
 
 def _coupling(law: ContactLaw) -> Array:
@@ -241,12 +258,17 @@ def _trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
     field = problem.field
     if field is None:
         raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
-    strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
-    matrix = sp.csr_array(field.basis.T @ strain @ field.basis)
-    energy = EnergyNorm(sp.csr_array(0.5 * (matrix + matrix.T)))
+    energy: Norm
+    if problem.statement is not None and not factorises(problem):
+        unit = replace(problem.statement, material=Material.lame(0.0, 0.5))
+        energy = MultigridNorm(discretize(unit, check_coercivity=False))
+    else:
+        strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
+        matrix = sp.csr_array(field.basis.T @ strain @ field.basis)
+        energy = EnergyNorm(sp.csr_array(0.5 * (matrix + matrix.T)))
     both = np.repeat(problem.weights[:, None], problem.dim, axis=1)
     normal = both * (np.arange(problem.dim) == 0)
     chosen = [both, normal, both - normal] if parts else [both]
     if not energy.definite:
         return [np.inf] * len(chosen)
-    return [float(np.sqrt(largest_eigenvalue(problem.trace, w.ravel(), energy))) for w in chosen]
+    return [float(np.sqrt(energy.largest_eigenvalue(problem.trace, w.ravel()).bound)) for w in chosen]

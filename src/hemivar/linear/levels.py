@@ -294,7 +294,7 @@ class Levels:
         Entries of held unknowns must be zero in ``right``, and are zero in the answer.
         """
         self.cycles += 1
-        return self._cycle(top, right)
+        return self._cycle(top, np.ascontiguousarray(right, dtype=float))
 
     def _cycle(self, k: int, right: Array) -> Array:
         level = self._levels[k]
