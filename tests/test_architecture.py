@@ -40,6 +40,7 @@ ONLY_IN = {
     "mpl_toolkits": ("report",),
     "meshio": ("mechanics", "report"),
     "gmsh": (),
+    "pyamg": ("linear",),
     "typer": ("cli",),
     "mumps": ("solvers.factorisation",),
 }

@@ -272,7 +272,7 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
     "negative scale": (changed(("[4, 4]", "[4, 4]\nscale = -1.0")), ["[mesh] scale", "positive"]),
     "rectangle and file": (
         changed(("[4, 4]", '[4, 4]\nfile = "part.msh"')),
-        ["[mesh] rectangle, box, file", "give one of the two"],
+        ["[mesh] rectangle, box, file", "give one of the three"],
     ),
     "neither rectangle nor file": (
         changed(("rectangle = [1.0, 1.0]\ncells = [4, 4]\n", "")),
@@ -411,6 +411,12 @@ BAD_COMMANDS: dict[str, tuple[list[str], list[str]]] = {
     "VTU suffix": (["solve", "part.toml", "--vtu", "a.vtk"], ["--vtu a.vtk", ".vtu"]),
     "CSV suffix": (["compare", "part.toml", "--csv", "a.xls"], ["--csv a.xls", ".csv"]),
     "odd cells for a warm start": (["solve", "odd.toml", "--warm-start"], ["odd.toml", "--warm-start", "even"]),
+    "rendering in the plane": (["solve", "part.toml", "--render", "a.png"], ["--render", "bodies in 3D", "--plot"]),
+    "rendering suffix": (["solve", "part.toml", "--render", "a.svg"], ["--render a.svg", ".png"]),
+    "contact figure without contact": (
+        ["solve", "free.toml", "--plot-contact", "a.png"],
+        ["free.toml: --plot-contact", "there is none", "--plot"],
+    ),
     "survey into a file": (["survey", "--out", "part.msh"], ["--out part.msh", "name a folder"]),
     "survey with a strange mesh": (["survey", "--max-n", "100"], ["--max-n is 100", "power of two"]),
     "new over a file": (["new", "part.toml"], ["part.toml", "exists", "--force"]),
@@ -423,6 +429,7 @@ BAD_COMMANDS: dict[str, tuple[list[str], list[str]]] = {
 def test_bad_command_line_gives_one_line(case: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "part.toml").write_text(BASE)
     (folder / "odd.toml").write_text(changed(("[4, 4]", "[5, 4]")))
+    (folder / "free.toml").write_text(BASE[: BASE.index("[contact")])
     (folder / "binary.toml").write_bytes(b"\xff\xfe\x00\x80")
     (folder / "results.png").mkdir()
     before = sorted(folder.rglob("*"))
@@ -479,8 +486,9 @@ def test_write_protected_places_are_refused(folder: Path, capsys: pytest.Capture
 def test_solve_prints_a_summary_and_writes_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "part.toml").write_text(BASE)
     code, out, err = run(
-        capsys, "solve", "part.toml", "--json", "a.json", "--vtu", "a.vtu", "--plot", "a.png", "--rtol", "1e-8"
-    )
+        capsys, "solve", "part.toml", "--json", "a.json", "--vtu", "a.vtu", "--plot", "a.png",
+        "--plot-contact", "c.pdf", "--rtol", "1e-8",
+    )  # fmt: skip
     assert (code, err) == (0, "")
     assert out.startswith("block\n")
     for line in (
@@ -488,6 +496,7 @@ def test_solve_prints_a_summary_and_writes_files(folder: Path, capsys: pytest.Ca
         r"unknowns +40",
         r"contact points +4 on bottom",
         r"method +newton",
+        r"chosen +NonsmoothNewton for 40 unknowns; predicted: NonsmoothNewton \S+ s, NonsmoothMultigrid \S+ s",
         r" +step +residual +energy +changed points",
         r" +0 +\S+ +\S+ +0",
         r" +1 +\S+ +-0\.\d+ +\d+",
@@ -499,7 +508,7 @@ def test_solve_prints_a_summary_and_writes_files(folder: Path, capsys: pytest.Ca
         r"contact points +\d open, \d stick, \d slip",
         r"max penetration +\S+",
         r"max pressure +\S+",
-        r"written +a\.json, a\.vtu, a_contact\.vtu, a\.png",
+        r"written +a\.json, a\.vtu, a_contact\.vtu, a\.png, c\.pdf",
     ):
         assert re.search(rf"^{line}$", out, re.MULTILINE), line
     record = json.loads((folder / "a.json").read_text())
@@ -509,6 +518,7 @@ def test_solve_prints_a_summary_and_writes_files(folder: Path, capsys: pytest.Ca
     assert record["unknowns"] == 40
     assert len(record["contact"]["x"]) == 4
     assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "c.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_quiet_prints_no_steps(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -546,6 +556,42 @@ def test_the_command_line_overrides_the_file(folder: Path, capsys: pytest.Captur
     code, out, _ = run(capsys, "solve", "part.toml", "--method", "newton", "--max-steps", "50")
     assert code == 0
     assert re.search(r"method +newton", out)
+    assert "chosen" not in out
+
+
+def test_without_a_method_the_cheapest_that_fits_is_taken(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With no memory for a factorisation it is multigrid, on every mesh of a warm start and for a certificate too."""
+    (folder / "part.toml").write_text(changed(("[4, 4]", "[8, 8]")))
+    run(capsys, "solve", "part.toml", "--method", "newton", "--json", "a.json")
+    expected = json.loads((folder / "a.json").read_text())["energy"]
+    monkeypatch.setattr("hemivar.solvers.choice.available_bytes", lambda: 1e3)
+    for extra in ([], ["--warm-start"]):
+        code, out, err = run(capsys, "solve", "part.toml", "--json", "a.json", *extra)
+        assert (code, err) == (0, "")
+        assert re.search(r"^method +multigrid\nchosen +NonsmoothMultigrid for 144 unknowns: .* GiB", out, re.MULTILINE)
+        record = json.loads((folder / "a.json").read_text())
+        assert record["method"] == "multigrid"
+        assert record["energy"] == pytest.approx(expected, rel=1e-10)
+    code, out, _ = run(capsys, "certify", "part.toml")
+    assert code == 0
+    assert "solved here by multigrid (converged)" in out
+
+
+def test_compare_takes_multigrid_for_reference_where_no_factorisation_fits(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "part.toml").write_text(BASE)
+    monkeypatch.setattr("hemivar.solvers.memory.available_bytes", lambda: 1e3)
+    code, out, err = run(capsys, "compare", "part.toml", "--methods", "newton,bundle", "--json", "a.json")
+    assert (code, err) == (0, "")
+    assert re.search(r"^condensation +none: the factorisation of 40 unknowns.* are free", out, re.MULTILINE)
+    record = json.loads((folder / "a.json").read_text())
+    assert record["reference"] == "multigrid"
+    assert [(row["method"], row["status"]) for row in record["methods"]] == [
+        ("multigrid", "converged"), ("newton", "refused"), ("bundle", "refused"),
+    ]  # fmt: skip
 
 
 def test_regions_and_mesh_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -647,9 +693,12 @@ def test_help_tells_the_default_tolerance(capsys: pytest.CaptureFixture[str]) ->
 
     code, out, _ = run(capsys, "solve", "--help")
     assert code == 0
-    shown = re.search(r"\[(1e-\d+)\]", out)
+    shown = re.search(r"\((1e-\d+)\)", out)
     assert shown is not None
     assert float(shown.group(1)) == Controls().rtol
+    words = " ".join(re.sub(r"[^\w().']+", " ", out).split())  # the frame is drawn with other characters
+    assert "Method see 'hemivar methods' (by predicted cost)." in words
+    assert "Limit of steps (set by the method)." in words
 
 
 # ---- as a process ----------------------------------------------------------------------------------------

@@ -21,7 +21,17 @@ from hemivar.gallery import (
 from hemivar.laws import Capped, NoContact
 from hemivar.mechanics import Contact, ContactProblem, discretize, residual
 from hemivar.problem_file import read_problem
-from hemivar.solvers import FixedPoint, LoadLine, LoadStepping, NonsmoothNewton, Search, Status, condense, solve
+from hemivar.solvers import (
+    METHODS,
+    FixedPoint,
+    LoadLine,
+    LoadStepping,
+    NonsmoothNewton,
+    Search,
+    Status,
+    condense,
+    solve,
+)
 
 ROOT = Path(__file__).parents[1]
 STAY = FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))
@@ -248,7 +258,7 @@ def test_no_method_is_wrong_and_says_converged(normal: str, monkeypatch: pytest.
     monkeypatch.setattr(table, "NORMAL", {normal: table.NORMAL[normal]})
     monkeypatch.setattr(table, "FRICTION", {name: table.FRICTION[name] for name in ("none", "logarithmic")})
     runs = table.run_all(3, 2.0)
-    assert len(runs) == 3 * 8
+    assert len(runs) == 3 * len(METHODS)
     assert not [run for run in runs if run.wrong]
     assert all(run.solved for run in runs if run.method == "newton")
     assert all(len(run.words) > 30 for run in runs if run.outcome == "refuses")

@@ -228,6 +228,13 @@ def test_bad_boxes(text: str, message: str) -> None:
         parse_problem_file(f"[mesh]\n{text}\n{MATERIAL}")
 
 
+def test_quadrature_at_midpoints_is_for_plane_bodies() -> None:
+    text = f'{BOX}cells = 2\nquadrature = "midpoint"\n{MATERIAL}{LEFT}'
+    assert parse_problem(text).quadrature is Quadrature.MIDPOINT
+    with pytest.raises(ProblemError, match=r'\[mesh\] quadrature: .*twice as many facets.*write quadrature = "nodal"'):
+        parse_problem(text + BOTTOM)
+
+
 def test_a_byte_order_mark_is_no_obstacle(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text(SAMPLE, encoding="utf-8-sig")
     assert read_problem(tmp_path / "part.toml").title.startswith("elastic block")

@@ -33,7 +33,7 @@ __all__ = ["app", "main"]
 
 _CONVERGED, _NOT_CONVERGED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
 _FIGURES = (".png", ".svg", ".pdf")
-_DEFAULT_METHOD = "newton"
+_REFERENCE, _REFERENCE_IF_LARGE = "newton", "multigrid"
 _COMPARE_SECONDS = 60.0
 
 app = typer.Typer(
@@ -48,9 +48,9 @@ app = typer.Typer(
 
 _ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The problem file.")]
 _Rtol = Annotated[
-    float | None, typer.Option(metavar="X", help="Tolerance of the residual, relative to the load [1e-9].")
+    float | None, typer.Option(metavar="X", help="Tolerance of the residual, relative to the load (1e-9).")
 ]
-_MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps [set by the method].")]
+_MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps (set by the method).")]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -137,15 +137,23 @@ def _root(
 @app.command("solve")
 def _solve(
     problem: _ProblemPath,
-    method: Annotated[str | None, typer.Option(metavar="NAME", help="Method, see 'hemivar methods' [newton].")] = None,
+    method: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Method, see 'hemivar methods' (by predicted cost).")
+    ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the results.")] = None,
     vtu: Annotated[Path | None, typer.Option(metavar="FILE.vtu", help="Write the fields, for ParaView.")] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the deformed body (.png, .svg or .pdf).")
     ] = None,
+    plot_contact: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw pressure, friction and slip on the contact boundary.")
+    ] = None,
+    render: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw a body in 3D shaded, by PyVista.")
+    ] = None,
     rtol: _Rtol = None,
     max_time: Annotated[
-        float | None, typer.Option(metavar="S", help="Limit of the iteration in seconds [none].")
+        float | None, typer.Option(metavar="S", help="Limit of the iteration in seconds (none).")
     ] = None,
     max_steps: _MaxSteps = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No line for each step.")] = False,
@@ -154,11 +162,12 @@ def _solve(
     ] = False,
 ) -> int:
     """Solve a contact problem."""
-    _check_outputs({"--json": json, "--vtu": vtu, "--plot": plot}, problem)
+    outputs = {"--json": json, "--vtu": vtu, "--plot": plot, "--plot-contact": plot_contact, "--render": render}
+    _check_outputs(outputs, problem)
     _check_limits(rtol, max_time, max_steps)
-    solver = None if method is None else _method(method)
+    named = None if method is None else _method(method)
     stated = _read(problem)
-    solver = solver or _method(stated.solver.method or _DEFAULT_METHOD)
+    _check_drawable(stated, outputs)
     console = _console()
     trace = None if quiet else _StepPrinter()
     controls = _controls(stated, rtol, max_time, max_steps, trace)
@@ -168,10 +177,12 @@ def _solve(
             f"{stated.name}: --warm-start needs coarser meshes; give even numbers of cells, or [mesh] refine"
         )
     discrete = [_discretize(stated, mesh) for mesh in (*meshes, None)]
-    _print_head(stated, discrete[-1], solver)
+    _print_head(stated, discrete[-1])
+    solver, why = _chosen(stated, discrete[-1], named)
+    _print_method(solver, why)
     solution = _solve_levels(discrete, solver, controls, trace)
     certificate = _print_summary(console, solution)
-    written = _write(solution, stated, json, vtu, plot, certificate)
+    written = _write(solution, stated, outputs, certificate)
     if written:
         print(f"written           {', '.join(written)}")
     return _exit_code(solution)
@@ -181,7 +192,7 @@ def _solve(
 def _certify(
     problem: _ProblemPath,
     solution: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Solution to certify, .json or .vtu [solve first].")
+        Path | None, typer.Option(metavar="FILE", help="Solution to certify, .json or .vtu (solve first).")
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the certificate.")] = None,
     rtol: Annotated[
@@ -198,13 +209,14 @@ def _certify(
     check_solution_file(solution)
     _check_limits(rtol, None, None)
     stated = _read(problem)
-    method = _method(stated.solver.method or _DEFAULT_METHOD)
     discrete = _discretize(stated, None)
-    _print_head(stated, discrete, None)
+    _print_head(stated, discrete)
     controls = _controls(stated, None, None, None, None)
 
     def solve() -> Solution:
-        return _solve_levels([discrete], method, controls, None)
+        solver, why = _chosen(stated, discrete, None)
+        _print_method(solver, why)
+        return _solve_levels([discrete], solver, controls, None)
 
     fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve)
     return _CONVERGED if fulfilled else _NOT_CONVERGED
@@ -229,7 +241,7 @@ def _solutions(
     _check_limits(rtol, None, None)
     stated = _read(problem)
     discrete = _discretize(stated, None)
-    _print_head(stated, discrete, None)
+    _print_head(stated, discrete)
     controls = _controls(stated, rtol, None, None, None)
     found = run_solutions(
         stated.name, discrete, controls, json, starts=starts, max_solutions=max_solutions, seed=seed
@@ -271,7 +283,7 @@ def _path(
         raise ProblemError(f"quantity '{quantity}' is not known{_suggest(quantity, list(QUANTITIES))}")
     stated = _read(problem)
     discrete = _discretize(stated, None)
-    _print_head(stated, discrete, None)
+    _print_head(stated, discrete)
     line = LoadLine.of(stated.problem)
     path = run_path(stated.problem, line, load_factor, json, plot, quantity=quantity, max_points=max_points)
     written = [str(file) for file in (json, plot) if file is not None]
@@ -285,19 +297,19 @@ def _path(
 @app.command("compare")
 def _compare(
     problem: _ProblemPath,
-    methods: Annotated[
-        str | None, typer.Option(metavar="A,B,...", help="Methods to compare [all]; newton is the reference.")
-    ] = None,
+    methods: Annotated[str | None, typer.Option(metavar="A,B,...", help="Methods to compare (all).")] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the table.")] = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
     rtol: _Rtol = None,
-    max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each method in seconds [60].")] = None,
+    max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each method in seconds (60).")] = None,
     max_steps: _MaxSteps = None,
 ) -> int:
     """Solve a contact problem by several methods and compare them in one table.
 
-    Exit code 0 if the default method converged, whatever the others did.
+    The reference is newton, or multigrid where no factorisation fits into the memory. Exit code 0 if it converged,
+    whatever the others did.
     """
+    from hemivar.errors import MethodError
     from hemivar.mechanics import discretize  # noqa: F401 - imported early, so that times are those of methods
     from hemivar.report.tables import Table
     from hemivar.solvers import METHODS, condense
@@ -305,14 +317,20 @@ def _compare(
     _check_outputs({"--json": json, "--csv": csv}, problem)
     _check_limits(rtol, max_time, max_steps)
     names = list(METHODS) if methods is None else [name.strip() for name in methods.split(",")]
-    solvers = {name: _method(name) for name in [_DEFAULT_METHOD, *names]}
+    solvers = {name: _method(name) for name in names}
     stated = _read(problem)
     limit = max_time or stated.solver.max_time or _COMPARE_SECONDS
     controls = _controls(stated, rtol, limit, max_steps, None)
     discrete = _discretize(stated, None)
-    _print_head(stated, discrete, None)
-    condensed = condense(discrete)
-    print(f"condensation      {condensed.seconds:.3g} s, shared by all methods, not in the times below")
+    _print_head(stated, discrete)
+    first = _REFERENCE
+    try:
+        condensed = condense(discrete)
+        print(f"condensation      {condensed.seconds:.3g} s, shared by all methods, not in the times below")
+    except MethodError as error:
+        condensed, first = None, _REFERENCE_IF_LARGE
+        print(f"condensation      none: {error}")
+    solvers = {first: _method(first), **solvers}
     print(f"limits            {limit:g} s for each method, relative residual {controls.rtol:.0e}\n")
 
     console = _console()
@@ -408,7 +426,7 @@ def _laws(
     friction: Annotated[
         bool, typer.Option("--friction", help="A friction law: table or formula for r >= 0, or the one of two by NAME.")
     ] = False,
-    reach: Annotated[float | None, typer.Option(metavar="X", help="Draw from -X to X [chosen].")] = None,
+    reach: Annotated[float | None, typer.Option(metavar="X", help="Draw from -X to X (chosen).")] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw graph and potential (.png, .svg or .pdf).")
     ] = None,
@@ -437,18 +455,25 @@ def _methods() -> int:
         return (type(thing).__doc__ or "").strip().split("\n")[0]
 
     for name, solver in METHODS.items():
-        default = " (default)" if name == _DEFAULT_METHOD else ""
-        print(f"{name}{default}\n    {first_line(solver)}")
+        print(f"{name}\n    {first_line(solver)}")
         for option in fields(solver):  # type: ignore[arg-type]
             inner = getattr(solver, option.name)
             if is_dataclass(inner):
                 print(f"    {first_line(inner)}")
+    print("\nWhere no method is named, newton or multigrid is chosen by predicted cost and memory.")
     return _CONVERGED
 
 
 # ---- checks before anything is computed ------------------------------------------------------------------
 
-_SUFFIXES = {"--json": (".json",), "--csv": (".csv",), "--vtu": (".vtu",), "--plot": _FIGURES}
+_SUFFIXES = {
+    "--json": (".json",),
+    "--csv": (".csv",),
+    "--vtu": (".vtu",),
+    "--plot": _FIGURES,
+    "--plot-contact": _FIGURES,
+    "--render": (".png",),
+}
 
 
 def _check_outputs(outputs: Mapping[str, Path | None], source: Path | None) -> None:
@@ -480,6 +505,19 @@ def _check_parent(path: Path, what: str) -> None:
         raise ProblemError(f"{what}: the folder '{parent}' is write-protected; name another one")
 
 
+def _check_drawable(stated: ProblemFile, outputs: Mapping[str, Path | None]) -> None:
+    """Refuse pictures that this problem has not."""
+    if outputs["--plot-contact"] is not None and not stated.problem.contact:
+        raise ProblemError(f"{stated.name}: --plot-contact draws contact boundaries, and there is none; take --plot")
+    if outputs["--render"] is not None:
+        from hemivar.report.scene import check_rendering
+
+        try:
+            check_rendering(stated.problem.mesh.dim)
+        except ProblemError as error:
+            raise ProblemError(f"--render: {error}") from None
+
+
 def _check_folder(path: Path) -> None:
     """Refuse an output folder that is a file or could not be made."""
     if path.exists():
@@ -506,6 +544,17 @@ def _method(name: str) -> Solver:
     if name not in METHODS:
         raise ProblemError(f"method '{name}' is not known{_suggest(name, list(METHODS))}")
     return METHODS[name]
+
+
+def _chosen(stated: ProblemFile, discrete: DiscreteProblem, named: Solver | None) -> tuple[Solver, str]:
+    """The method of the command line, else of the file, else the one that costs least; why, in the last case."""
+    from hemivar.solvers.choice import choose
+
+    if named is not None:
+        return named, ""
+    if stated.solver.method is not None:
+        return _method(stated.solver.method), ""
+    return choose(discrete)
 
 
 def _suggest(name: str, known: Sequence[str]) -> str:
@@ -629,7 +678,7 @@ def _run(
         return _Run(name, "failed", f"{type(error).__name__}: {reason}")
     status = solution.status.value
     run = _Run(name, status, "" if status == "converged" else solution.status.remedy, solution)
-    run.seconds = sum(value for stage, value in solution.timings.items() if stage != "condense")
+    run.seconds = sum(value for stage, value in solution.timings.items() if stage != "condense" or condensed is None)
     other = solution if reference is None else reference.solution
     assert other is not None
     run.difference = energy_norm_difference(solution, other)
@@ -642,26 +691,32 @@ def _run(
 def _write(
     solution: Solution,
     stated: ProblemFile,
-    json: Path | None,
-    vtu: Path | None,
-    plot: Path | None,
+    outputs: Mapping[str, Path | None],
     certificate: Certificate | None = None,
 ) -> list[str]:
     """Write what was asked for; the names of the files."""
     written: list[Path] = []
-    if json is not None:
+    title = stated.problem.title.replace("$", r"\$") or None
+    if (path := outputs["--json"]) is not None:
         from hemivar.report.files import write_json
 
-        written.append(write_json(solution, json, certificate))
-    if vtu is not None:
+        written.append(write_json(solution, path, certificate))
+    if (path := outputs["--vtu"]) is not None:
         from hemivar.report.files import write_vtu
 
-        written += [path for path in write_vtu(solution, vtu) if path is not None]
-    if plot is not None:
+        written += [file for file in write_vtu(solution, path) if file is not None]
+    if (path := outputs["--plot"]) is not None:
         from hemivar.report.figures import plot_solution, save
 
-        title = stated.problem.title.replace("$", r"\$") or None
-        written.append(save(plot_solution(solution, scale="auto", title=title), plot))
+        written.append(save(plot_solution(solution, scale="auto", title=title), path))
+    if (path := outputs["--plot-contact"]) is not None:
+        from hemivar.report.figures import plot_contact, save
+
+        written.append(save(plot_contact(solution, title=title), path))
+    if (path := outputs["--render"]) is not None:
+        from hemivar.report.scene import render_solution
+
+        written.append(render_solution(solution, path, scale="auto", title=stated.problem.title or None))
     return [str(path) for path in written]
 
 
@@ -749,7 +804,7 @@ class _StepPrinter:
         print(f"{now.step:>6}  {now.residual:>9.2e}  {now.energy:>18.10g}  {now.changed:>14}", flush=True)
 
 
-def _print_head(stated: ProblemFile, discrete: DiscreteProblem, solver: Solver | None) -> None:
+def _print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
     mesh = stated.problem.mesh
     kind = "triangles" if mesh.dim == 2 else "tetrahedra"
     order = "" if stated.problem.order == 1 else ", quadratic elements"
@@ -759,9 +814,13 @@ def _print_head(stated: ProblemFile, discrete: DiscreteProblem, solver: Solver |
     print(f"mesh              {size}")
     print(f"unknowns          {discrete.unknowns}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
-    print(f"contact points    {discrete.contact_points}{where}")
-    if solver is not None:
-        print(f"method            {solver.name}", flush=True)
+    print(f"contact points    {discrete.contact_points}{where}", flush=True)
+
+
+def _print_method(solver: Solver, why: str) -> None:
+    print(f"method            {solver.name}")
+    if why:
+        print(f"chosen            {why}", flush=True)
 
 
 def _print_summary(console: Console, solution: Solution) -> Certificate | None:

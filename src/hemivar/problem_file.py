@@ -25,10 +25,9 @@ from hemivar.laws.bounds import CoulombBound, PenetrationBound
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.laws.tables import read_columns
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
-from hemivar.mechanics.material import Material, Plane
+from hemivar.mechanics.material import Material, PlaneState
 from hemivar.mechanics.mesh import Mesh, box, read_mesh, rectangle
-from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, SignedDistance, Sphere
-from hemivar.mechanics.obstacles import Plane as RigidPlane
+from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.problem import Contact, ContactProblem, Quadrature
 
 __all__ = [
@@ -192,6 +191,12 @@ def parse_problem_file(text: str, base_dir: str | Path = ".", name: str = "probl
     contact = reader.contacts(top.table("contact", None))
     if order == 2 and mesh.dim == 3 and contact:
         raise top.table("mesh", None).error("order", "contact in 3D needs elements of order 1; write order = 1")
+    if quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
+        raise top.table("mesh", None).error(
+            "quadrature",
+            "midpoints are for plane bodies: in 3D there are about twice as many facets as nodes, more pressures than "
+            'displacements can tell apart; write quadrature = "nodal"',
+        )
     with _context(f"{name}: [contact]"):
         problem = ContactProblem(
             mesh=mesh,
@@ -533,7 +538,7 @@ class _Reader:
                 raise table.error(key, f"goes with {' or '.join(allowed)}, not with {ways[0]}; remove it")
         if "plane" in table and self.dim == 3:
             raise table.error("plane", "is for plane meshes, but this mesh is three-dimensional; remove it")
-        plane = table.text("plane", "strain", [p.value for p in Plane])
+        plane = table.text("plane", "strain", [state.value for state in PlaneState])
         if ways[0] == "tensor":
             return self.tensor(table)
         if ways[0] == "lame":
@@ -653,7 +658,7 @@ class _Reader:
         vectors = {key: one.numbers(key, self.dim, what) for key in _OBSTACLES[shape] if key in _VECTORS}
         with _context(f"{given.where(shape)}:"):
             if shape == "plane":
-                return RigidPlane(**vectors)
+                return Plane(**vectors)
             inside = one.data.get("inside", False)
             if not isinstance(inside, bool):
                 raise one.error("inside", f"must be true or false, not {_kind(inside)}")

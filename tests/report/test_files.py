@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.gallery import beam
-from hemivar.mechanics import discretize, von_mises
+from hemivar.gallery import beam, survey_cube
+from hemivar.laws import Compliance
+from hemivar.mechanics import Contact, Sphere, discretize, von_mises
 from hemivar.report import read_json, solution_record, write_csv, write_json, write_vtu
 from hemivar.solvers import solve
 
@@ -63,7 +64,7 @@ def test_problem_of_arrays(bar, tmp_path):
     assert record["contact"]["boundary"] is None
     assert record["contact"]["slip"] is None
     assert record["resultants"]["force"] is None
-    assert write_csv(bar, tmp_path / "bar.csv").read_text().splitlines()[0] == "x,weight,penetration,pressure,state"
+    assert write_csv(bar, tmp_path / "bar.csv").read_text().splitlines()[0] == "x,weight,gap,penetration,pressure,state"
     with pytest.raises(ProblemError, match="no mesh"):
         write_vtu(bar, tmp_path / "bar.vtu")
 
@@ -126,6 +127,23 @@ def test_vtu_at_the_contact_nodes(plane, tmp_path):
     assert np.array_equal(grid.point_data["friction"][nodes, 0], plane.friction[:, 0])
     assert np.array_equal(grid.point_data["contact_force"][nodes, 1], plane.pressure)
     assert np.count_nonzero(grid.point_data["state"] >= 0) == 16
+
+
+def test_the_gap_is_the_distance_to_the_obstacle(tmp_path):
+    centre, radius = np.array([0.5, 0.4, -2.0]), 1.97
+    block = survey_cube("5.1", 3)
+    contact = {"bottom": Contact(Compliance(5.0), obstacle=Sphere(tuple(centre), radius))}
+    solution = solve(discretize(replace(block, contact=contact))).raise_for_status()
+    record = solution_record(solution)["contact"]
+    np.testing.assert_allclose(
+        record["gap"], np.linalg.norm(np.array(record["x"]) - centre, axis=1) - radius, atol=1e-14
+    )
+    with write_csv(solution, tmp_path / "a.csv").open() as stream:
+        assert [float(row["gap"]) for row in csv.DictReader(stream)] == record["gap"]
+    skin = meshio.read(write_vtu(solution, tmp_path / "a.vtu")[1])
+    known = skin.point_data["state"] >= 0
+    distance = np.linalg.norm(skin.points[known] - centre, axis=1) - radius
+    np.testing.assert_allclose(skin.point_data["gap"][known], distance, atol=1e-14)
 
 
 def test_regions_are_numbered(curved, tmp_path):

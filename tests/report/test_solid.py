@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey_cube
-from hemivar.laws import SurveyLaw, Tresca
-from hemivar.mechanics import Contact, box, discretize
+from hemivar.laws import Signorini, SurveyLaw, Tresca
+from hemivar.mechanics import Contact, Prescribed, Sphere, box, discretize
 from hemivar.report import plot_contact, plot_solution, render_solution, save
 from hemivar.report._solid import sharp_edges, viewing_direction
 from hemivar.solvers import ContactState, solve
@@ -59,6 +60,19 @@ def test_surface_is_that_of_the_deformed_body(cube, tmp_path):
     save(figure, tmp_path / "cube.png", dpi=40)
 
 
+def test_many_facets_are_drawn_without_lines_between_them(cube, tmp_path, monkeypatch):
+    from matplotlib.colors import to_hex
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    monkeypatch.setattr("hemivar.report._solid._MANY_FACETS", 10)
+    figure = plot_solution(cube)
+    save(figure, tmp_path / "cube.png", dpi=40)
+    (surface,) = figure.findobj(Poly3DCollection)
+    colours = [to_hex(colour) for colour in surface.get_facecolor()]
+    assert len(set(colours)) > 50
+    assert [to_hex(colour) for colour in surface.get_edgecolor()] == colours
+
+
 def test_maps_show_pressure_states_and_slip(cube, tmp_path):
     from matplotlib.collections import PolyCollection
     from matplotlib.quiver import Quiver
@@ -78,6 +92,27 @@ def test_maps_show_pressure_states_and_slip(cube, tmp_path):
     pressure = next(c for c in figure.findobj(PolyCollection) if c.get_array() is not None).get_array()
     assert len(pressure) == 2 * 4 * 4
     assert cube.pressure.min() <= pressure.min() <= pressure.max() <= cube.pressure.max()
+    save(figure, tmp_path / "maps.png", dpi=40)
+
+
+def test_maps_show_the_part_that_touches(tmp_path):
+    block = replace(
+        survey_cube("5.1", 12),
+        contact={"bottom": Contact(Signorini(), Tresca(0.01), obstacle=Sphere((0.3, 0.6, -4.0), 4.0))},
+        supports={"top": Prescribed((0.0, 0.0, -0.005))},
+        body_force=(0.0, 0.0, 0.0),
+    )
+    solution = solve(discretize(block)).raise_for_status()
+    figure = plot_contact(solution)
+    assert "bottom, part that touches" in texts(figure)
+    touching = solution.problem.points[solution.state != ContactState.OPEN][:, :2]
+    width = np.ptp(touching, axis=0).max()
+    assert 0.0 < width < 0.5
+    for panel in figure.findobj(Axes):
+        if panel.get_xlabel() == "x":
+            for side, values in zip((panel.get_xlim(), panel.get_ylim()), touching.T, strict=True):
+                assert side[0] < values.min() <= values.max() < side[1]
+                assert side[1] - side[0] == pytest.approx(2.0 * width)
     save(figure, tmp_path / "maps.png", dpi=40)
 
 
@@ -117,7 +152,7 @@ def test_rendering_with_pyvista(cube, tmp_path):
 
 
 def test_rendering_says_what_it_cannot_do(cube, plane, tmp_path, monkeypatch):
-    with pytest.raises(ProblemError, match="plot_solution"):
+    with pytest.raises(ProblemError, match=r"bodies in 3D.*plot_solution"):
         render_solution(plane, tmp_path / "plane.png")
     with pytest.raises(ProblemError, match=r"\.png"):
         render_solution(cube, tmp_path / "cube.svg")

@@ -60,9 +60,7 @@ def draw_solid(
     fig = Figure(figsize=(6.3, 5.0))
     ax: Any = fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d", computed_zorder=False)
     fine = len(facets) > _MANY_FACETS
-    surface = Poly3DCollection(
-        list(moved[facets]), linewidths=0.0 if fine else 0.15, edgecolors="face" if fine else "#00000060", zorder=2
-    )
+    surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060", zorder=2)
     surface.set_rasterized(fine)
     values, name = shown_on_surface(solution)
     shown = values[facets].mean(axis=1)
@@ -71,6 +69,8 @@ def draw_solid(
     bar = fig.colorbar(surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5)))
     bar.set_label(with_unit(name, unit if name == "displacement" else stress_unit))
     ax.add_collection3d(surface)
+    if fine:  # possible once the surface has axes
+        surface.set_edgecolor("face")
     dashes = (0, (4, 3))
     edges = mesh.points[sharp_edges(mesh)]
     ax.add_collection3d(Line3DCollection(list(edges), colors=GREY, linewidths=0.7, linestyles=[dashes], zorder=1))
@@ -147,7 +147,10 @@ def moved_points(solution: Solution, factor: float, moved: Array) -> Array:
 
 
 def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
-    """Pressure, friction, penetration and states of each contact boundary, projected along its mean normal."""
+    """Pressure, friction, penetration and states of each contact boundary, projected along its mean normal.
+
+    Where only a small part of a boundary touches, that part is shown, with as much again around it.
+    """
     from matplotlib.figure import Figure
 
     boundaries = contact_boundaries(solution.problem)
@@ -155,16 +158,22 @@ def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: 
     subfigures = fig.subfigures(len(boundaries), 1, squeeze=False)[:, 0]
     for part, boundary in zip(subfigures, boundaries, strict=True):
         panels = part.subplots(2, 2)
-        _maps(solution, boundary, panels, unit, stress_unit)
-        heading = [text for text in (title if part is subfigures[0] else "", boundary.name) if text]
+        name = boundary.name + _maps(solution, boundary, panels, unit, stress_unit)
+        heading = [text for text in (title if part is subfigures[0] else "", name) if text]
         part.suptitle(": ".join(heading), fontsize=10)
     return fig
 
 
-def _maps(solution: Solution, boundary: ContactBoundary, panels: Any, unit: str, stress_unit: str) -> None:
+def _maps(solution: Solution, boundary: ContactBoundary, panels: Any, unit: str, stress_unit: str) -> str:
+    """Draw the four panels; returns a remark if they show a part of the boundary only."""
+    assert solution.problem.points is not None
     axes, labels = _projection(solution.problem, boundary)
     corners = boundary.corners
     flat = boundary.mesh.points @ axes.T
+    outline = _outline(corners)
+    window = _window(solution, boundary, solution.problem.points[boundary.index] @ axes.T)
+    if window is not None:
+        corners = corners[((flat[corners] >= window[0]) & (flat[corners] <= window[1])).all(axis=2).any(axis=1)]
     quantities = [
         (panels[0, 0], solution.pressure, with_unit("pressure", stress_unit)),
         (panels[0, 1], np.linalg.norm(solution.friction, axis=1), with_unit("friction, magnitude", stress_unit)),
@@ -172,22 +181,16 @@ def _maps(solution: Solution, boundary: ContactBoundary, panels: Any, unit: str,
     ]
     place = np.searchsorted(boundary.used_nodes, corners)
     for panel, values, name in quantities:
-        if boundary.facets is None:
-            at_corners = boundary.at_nodes(values, np.nan)[place]
-            known = np.isfinite(at_corners)
-            shown = np.where(known, at_corners, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-            shown[~known.any(axis=1)] = np.nan
-        else:
-            shown = np.full(len(corners), np.nan)
-            shown[boundary.facets] = values[boundary.index]
-        seen = np.isfinite(shown)
+        at_corners = boundary.at_nodes(values, np.nan)[place]
+        known = np.isfinite(at_corners)
+        seen = known.any(axis=1)
+        shown = np.where(known, at_corners, 0.0)[seen].sum(axis=1) / known[seen].sum(axis=1)
         colours = panel.tripcolor(
-            *flat.T, corners[seen], facecolors=shown[seen], cmap="cividis", antialiased=False,
+            *flat.T, corners[seen], facecolors=shown, cmap="cividis", antialiased=False,
             rasterized=len(corners) > _MANY_FACETS,
         )  # fmt: skip
         panel.figure.colorbar(colours, ax=panel, shrink=0.85).set_label(name)
-    _state_map(solution, boundary, panels[1, 1], axes, unit)
-    outline = _outline(corners)
+    _state_map(solution, boundary, panels[1, 1], axes, unit, window)
     for panel in panels.ravel():
         for edge in outline:
             panel.plot(*flat[edge].T, color="black", lw=0.6, zorder=3)
@@ -195,9 +198,28 @@ def _maps(solution: Solution, boundary: ContactBoundary, panels: Any, unit: str,
         panel.set_xlabel(with_unit(labels[0], unit))
         panel.set_ylabel(with_unit(labels[1], unit))
         panel.spines[["top", "right"]].set_visible(False)
+        if window is not None:
+            panel.set(xlim=window[:, 0], ylim=window[:, 1])
+    return "" if window is None else ", part that touches"
 
 
-def _state_map(solution: Solution, boundary: ContactBoundary, panel: Axes, axes: Array, unit: str) -> None:
+def _window(solution: Solution, boundary: ContactBoundary, places: Array) -> Array | None:
+    """Corners (2, 2) of a square about the points that touch, or None if they take more than half of the width."""
+    index = boundary.index
+    touching = places[(solution.state[index] != ContactState.OPEN) | (solution.pressure[index] != 0.0)]
+    if len(touching) < 2:
+        return None
+    low, high = touching.min(axis=0), touching.max(axis=0)
+    half = float((high - low).max())
+    if half > 0.5 * float(np.ptp(places, axis=0).max()):
+        return None
+    middle = 0.5 * (low + high)
+    return np.array([middle - half, middle + half])
+
+
+def _state_map(
+    solution: Solution, boundary: ContactBoundary, panel: Axes, axes: Array, unit: str, window: Array | None
+) -> None:
     """States of the contact points, and the slip as arrows."""
     from matplotlib.lines import Line2D
 
@@ -205,7 +227,9 @@ def _state_map(solution: Solution, boundary: ContactBoundary, panel: Axes, axes:
     assert problem.points is not None
     places = problem.points[boundary.index] @ axes.T
     state = solution.state[boundary.index]
-    size = float(np.clip(0.5 * 150.0 / math.sqrt(len(places)), 0.7, 7.0))
+    seen = np.ones(len(places), dtype=bool) if window is None else ((places > window[0]) & (places < window[1])).all(1)
+    size = float(np.clip(0.5 * 150.0 / math.sqrt(np.count_nonzero(seen)), 0.7, 7.0))
+    extent = float(np.ptp(places if window is None else window, axis=0).max())
     handles = []
     for kind, colour in STATE_COLOURS.items():
         here = state == kind
@@ -216,9 +240,8 @@ def _state_map(solution: Solution, boundary: ContactBoundary, panel: Axes, axes:
         handles.append(Line2D([], [], ms=5.0, label=label, **style))
     slip = global_vectors(problem, solution.local, normal=False)[boundary.index] @ axes.T
     length = np.linalg.norm(slip, axis=1)
-    sliding = _thinned(places, np.flatnonzero(state == ContactState.SLIP))
+    sliding = _thinned(places, np.flatnonzero(state == ContactState.SLIP), extent)
     if len(sliding) and (largest := float(length[sliding].max())) > 0.0:
-        extent = float(np.ptp(places, axis=0).max())
         panel.quiver(
             *places[sliding].T, *slip[sliding].T, angles="xy", scale_units="xy", scale=largest / (0.14 * extent),
             width=0.006, headwidth=3.6, headlength=4.6, headaxislength=4.2, color="black", zorder=4,
@@ -230,11 +253,11 @@ def _state_map(solution: Solution, boundary: ContactBoundary, panel: Axes, axes:
     )
 
 
-def _thinned(places: Array, chosen: IntArray) -> IntArray:
-    """At most one of the chosen places in each square of a grid over all of them."""
+def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:
+    """At most one of the chosen places in each square of a grid over a width of ``extent``."""
     if len(chosen) <= _MOST_ARROWS**2:
         return chosen
-    low, extent = places.min(axis=0), float(np.ptp(places, axis=0).max())
+    low = places[chosen].min(axis=0)
     square = np.floor((places[chosen] - low) / extent * _MOST_ARROWS).astype(np.int64)
     _, first = np.unique(square[:, 0] * (_MOST_ARROWS + 2) + square[:, 1], return_index=True)
     return np.asarray(chosen[first])

@@ -53,9 +53,10 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     ``-sum_j w_j (lam_nu nu + lam_tau)``; null where the problem has no frames.
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
-    ``boundary`` (name; null if unknown), ``weight``, ``penetration``, ``slip``, ``pressure``, ``friction`` and
-    ``state`` ("open", "stick", "slip"). Slip and friction are numbers in 2D (along the normal turned by +90 degrees),
-    vectors of two local components in 3D, and null in 1D. Numbers that are not finite become null.
+    ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
+    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction`` and ``state`` ("open", "stick", "slip").
+    Slip and friction are numbers in 2D (along the normal turned by +90 degrees), vectors of two local components in
+    3D, and null in 1D. Numbers that are not finite become null.
     """
     problem = solution.problem
     residual = solution.residual
@@ -116,6 +117,7 @@ def _contact_record(solution: Solution) -> dict[str, Any]:
         "normal": None if problem.frames is None else problem.frames[:, 0],
         "boundary": _boundary_names(problem),
         "weight": problem.weights,
+        "gap": problem.gap,
         "penetration": solution.penetration,
         "slip": _tangential(solution.slip),
         "pressure": solution.pressure,
@@ -332,7 +334,7 @@ def _vtu_displacement(path: Path, problem: DiscreteProblem) -> Array:
 def contact_columns(solution: Solution) -> dict[str, list[Any]]:
     """The contact points of a solution as columns of a table.
 
-    ``boundary, x, y, (z,) normal_x, ..., weight, penetration, slip, pressure, friction, state``; in 3D slip and
+    ``boundary, x, y, (z,) normal_x, ..., weight, gap, penetration, slip, pressure, friction, state``; in 3D slip and
     friction have two columns each, ``slip_1, slip_2``. Columns that the problem does not know are left out.
     """
     problem = solution.problem
@@ -345,6 +347,7 @@ def contact_columns(solution: Solution) -> dict[str, list[Any]]:
     if problem.frames is not None:
         columns |= {f"normal_{_AXES[k]}": column.tolist() for k, column in enumerate(problem.frames[:, 0].T)}
     columns["weight"] = problem.weights.tolist()
+    columns["gap"] = problem.gap.tolist()
     columns["penetration"] = solution.penetration.tolist()
     columns |= _numbered("slip", solution.slip)
     columns["pressure"] = solution.pressure.tolist()
@@ -396,10 +399,10 @@ def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
     """Write the body as ``path`` and its contact boundaries as ``*_contact.vtu``, for ParaView and the like.
 
     Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
-    ``pressure``, ``penetration``, ``friction`` and ``slip`` (global vectors), ``contact_force`` (force per area of
-    the foundation on the body, global vector) and ``state`` (0 open, 1 stick, 2 slip). Off the contact boundary, and
-    at contact nodes that a support holds entirely, these are 0 and ``state`` is -1. A node of two contact boundaries
-    carries the values of the first.
+    ``pressure``, ``gap``, ``penetration``, ``friction`` and ``slip`` (global vectors), ``contact_force`` (force per
+    area of the foundation on the body, global vector) and ``state`` (0 open, 1 stick, 2 slip). Off the contact
+    boundary, and at contact nodes that a support holds entirely, these are 0 and ``state`` is -1. A node of two contact
+    boundaries carries the values of the first.
 
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
     models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).
@@ -463,6 +466,7 @@ def _contact_quantities(solution: Solution) -> dict[str, tuple[Array, float]]:
     friction = global_vectors(problem, solution.multiplier, normal=False)
     return {
         "pressure": (solution.pressure, 0.0),
+        "gap": (problem.gap, 0.0),
         "penetration": (solution.penetration, 0.0),
         "friction": (_three(friction), 0.0),
         "slip": (_three(global_vectors(problem, solution.local, normal=False)), 0.0),

@@ -15,7 +15,7 @@ from hemivar.report._style import STATE_COLOURS, with_unit
 from hemivar.report.figures import magnification
 from hemivar.solvers import ContactState, Solution
 
-__all__ = ["render_solution"]
+__all__ = ["check_rendering", "render_solution"]
 
 
 def render_solution(
@@ -52,12 +52,10 @@ def render_solution(
         PyVista is not installed, the problem has no three-dimensional mesh, or the suffix is not .png.
     """
     field, path = solution.problem.field, Path(path)
-    if field is None or field.mesh.dim != 3:
-        raise ProblemError("render_solution draws three-dimensional bodies; draw others with plot_solution")
     if path.suffix.lower() != ".png":
         raise ProblemError(f"'{path}': rendered pictures are written as .png, not '{path.suffix}'")
-    if importlib.util.find_spec("pyvista") is None:
-        raise ProblemError("pyvista is not installed; pip install 'hemivar[3d]', or draw with plot_solution")
+    check_rendering(2 if field is None else field.mesh.dim)
+    assert field is not None
     import pyvista
 
     mesh = field.mesh
@@ -112,6 +110,18 @@ def render_solution(
         plotter.screenshot(str(path))
         plotter.close()
     return path
+
+
+def check_rendering(dim: int) -> None:
+    """Raise a ProblemError if PyVista is missing, or a body of this dimension is not drawn by it."""
+    if dim != 3:
+        raise ProblemError(
+            "PyVista draws bodies in 3D, with a mesh; draw others by matplotlib: plot_solution, or --plot"
+        )
+    if importlib.util.find_spec("pyvista") is None:
+        raise ProblemError(
+            "pyvista is not installed; pip install 'hemivar[3d]', or draw by matplotlib: plot_solution, or --plot"
+        )
 
 
 def _with_counts(connectivity: IntArray) -> IntArray:

@@ -50,7 +50,6 @@ _SHORT = MappingProxyType(
     {"direct optimization": "Direct", "augmented Lagrangian": "AL", "primal-dual active set": "PD"}
 )
 _DEFAULT = "newton"
-_DEFAULT_LABEL = "newton (default)"
 _FIGURE_N = 32
 #: Which method the captions of the survey's Figures 1 to 4 name.
 _CAPTIONS = MappingProxyType(
@@ -310,7 +309,7 @@ class _Run:
     def table1(self) -> Table:
         columns = [level for level in self.done if 8 <= level.n <= self.max_n]
         rows: list[tuple[Any, ...]] = []
-        for label, name in (*SURVEY_METHODS.items(), (_DEFAULT_LABEL, _DEFAULT)):
+        for label, name in (*SURVEY_METHODS.items(), (_DEFAULT, _DEFAULT)):
             solutions = [level.solutions[name] for level in columns]
             paper = PAPER_TABLE_1.get(label)
             if paper is not None:

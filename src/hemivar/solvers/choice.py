@@ -25,10 +25,10 @@ def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
     Fitted to one core of 2026 and linear elements (``benchmarks/crossover.py``); only their ratio and their order of
     magnitude matter.
     """
-    n = float(problem.unknowns)
+    n, dense = float(problem.unknowns), 5e-10 * float(problem.trace.nnz) ** 3
     if problem.dim == 3:
-        return 1.5e-8 * n**2, 0.1 + 4.5e-5 * n
-    return 1.2e-6 * n * math.log2(max(n, 2.0)), 0.05 + 4.0e-6 * n
+        return 1.5e-8 * n**2 + dense, 0.1 + 4.5e-5 * n
+    return 1.2e-6 * n * math.log2(max(n, 2.0)) + dense, 0.05 + 4.0e-6 * n
 
 
 def choose(problem: DiscreteProblem) -> tuple[Solver, str]:

@@ -461,9 +461,7 @@ class NonsmoothMultigrid(Solver):
         x = system.moved(state.r, new)
         return replace(state, r=x, lam=system.multiplier(x), energy=float(state.energy or 0.0) + gain)
 
-    def _newton(
-        self, system: BodyProblem, x: Array, r: Array, force: Array, budget: Budget
-    ) -> tuple[_Found, int]:
+    def _newton(self, system: BodyProblem, x: Array, r: Array, force: Array, budget: Budget) -> tuple[_Found, int]:
         """Newton's step from ``x``, where the elastic force is ``force``, and the number of cycles."""
         equation = _Equation.at(system, r, force)
         found, bent = equation.solve(self._target, self.iterations, _Watch(equation, budget))
@@ -617,9 +615,7 @@ class _Equation:
     @staticmethod
     def at(system: BodyProblem, r: Array, force: Array) -> _Equation:
         """The equation at a point."""
-        return _Equation(
-            system, r, newton_components(system.law, r, system.active), system.law.linearise(r), force
-        )
+        return _Equation(system, r, newton_components(system.law, r, system.active), system.law.linearise(r), force)
 
     def solve(self, tolerance: float, limit: int, watch: _Watch | None = None) -> tuple[Descent, Array]:
         """By conjugate gradients, to a tolerance relative to the load; and the stiffness times the solution, (n,)."""
