@@ -787,7 +787,7 @@ def _facet_keys(facets: IntArray, count: int) -> IntArray:
     if facets.shape[1] == 2:
         return _pair_keys(facets, count)
     if count > 2_000_000:
-        raise ProblemError(f"the mesh has {count} nodes; three-dimensional meshes may have up to two million")
+        raise ProblemError(f"the mesh has {count} nodes; its boundaries can be found on up to two million")
     low, middle, high = np.sort(facets, axis=1).T
     return np.asarray((low * count + middle) * count + high)
 

@@ -208,9 +208,12 @@ class ContactProblem:
                 _check_vector(traction, dim, f"tractions['{name}']", allow_zero=True)
 
     def _check_overlaps(self) -> None:
+        used = [*{*self.contact, *self.supports}]
+        facets = [self.mesh.boundaries[name] for name in used]
+        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
-            name: _facet_keys(self.mesh.boundaries[name], self.mesh.number_of_nodes)
-            for name in {*self.contact, *self.supports}
+            name: _facet_keys(np.searchsorted(nodes, part), len(nodes))
+            for name, part in zip(used, facets, strict=True)
         }
         names = list(self.contact)
         for i, first in enumerate(names):
