@@ -35,6 +35,7 @@ _CONVERGED, _NOT_CONVERGED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
 _FIGURES = (".png", ".svg", ".pdf")
 _REFERENCE, _REFERENCE_IF_LARGE = "newton", "multigrid"
 _COMPARE_SECONDS = 60.0
+_ENGINES = ("scipy", "petsc")
 
 app = typer.Typer(
     name="hemivar",
@@ -160,9 +161,38 @@ def _solve(
     warm_start: Annotated[
         bool, typer.Option("--warm-start", help="Solve on coarser meshes first, each starting the next.")
     ] = False,
+    engine: Annotated[
+        str, typer.Option(metavar="NAME", help="'scipy', or 'petsc' for all ranks of mpirun.")
+    ] = _ENGINES[0],
+    checkpoint: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Keep the iterate here after every step (engine petsc).")
+    ] = None,
+    restart: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Go on from a checkpoint (engine petsc).")
+    ] = None,
 ) -> int:
     """Solve a contact problem."""
     outputs = {"--json": json, "--vtu": vtu, "--plot": plot, "--plot-contact": plot_contact, "--render": render}
+    if engine not in _ENGINES:
+        raise ProblemError(f"--engine {engine}: it is not known{_suggest(engine, _ENGINES)}")
+    if engine == "petsc":
+        from hemivar.commands.on_ranks import run_on_ranks
+
+        def check() -> None:
+            others = {"--method": method, "--plot": plot, "--plot-contact": plot_contact, "--render": render}
+            for option, value in others.items():
+                if value is not None:
+                    raise ProblemError(f"{option} goes with --engine scipy; leave one of the two out")
+            _check_outputs({"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}, problem)
+            _check_limits(rtol, max_time, max_steps)
+
+        return run_on_ranks(
+            problem, check, lambda stated, say: _controls(stated, rtol, max_time, max_steps, say),
+            None if quiet else _StepPrinter(), json, vtu, checkpoint, restart,
+        )  # fmt: skip
+    for option, value in {"--checkpoint": checkpoint, "--restart": restart}.items():
+        if value is not None:
+            raise ProblemError(f"{option} goes with --engine petsc; leave one of the two out")
     _check_outputs(outputs, problem)
     _check_limits(rtol, max_time, max_steps)
     named = None if method is None else _method(method)

@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -33,12 +34,14 @@ from hemivar.mechanics.problem import Contact, ContactProblem, Quadrature
 __all__ = [
     "KEYS",
     "SAMPLE",
+    "MeshRecipe",
     "ProblemFile",
     "SolverSettings",
     "parse_problem",
     "parse_problem_file",
     "read_problem",
     "read_problem_file",
+    "read_text",
 ]
 
 #: Keys of each table; tables named after boundaries or regions are written with a star.
@@ -130,9 +133,13 @@ def read_problem(path: str | Path) -> ContactProblem:
 
 def read_problem_file(path: str | Path) -> ProblemFile:
     """Like :func:`read_problem`, with the settings for the solver and the hierarchy of meshes."""
-    file = Path(path)
+    return parse_problem_file(read_text(path), Path(path).parent, str(path))
+
+
+def read_text(path: str | Path) -> str:
+    """The text of a problem file."""
     try:
-        text = file.read_text(encoding="utf-8-sig")
+        return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ProblemError(
             f"{path}: the problem file does not exist; check the path, or write one with 'hemivar new'"
@@ -144,7 +151,6 @@ def read_problem_file(path: str | Path) -> ProblemFile:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ProblemError(f"{path}: the problem file cannot be read ({reason}); check it") from None
-    return parse_problem_file(text, file.parent, str(path))
 
 
 def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:
@@ -166,8 +172,16 @@ def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") 
     return parse_problem_file(text, base_dir, name).problem
 
 
-def parse_problem_file(text: str, base_dir: str | Path = ".", name: str = "problem") -> ProblemFile:
-    """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes."""
+def parse_problem_file(
+    text: str,
+    base_dir: str | Path = ".",
+    name: str = "problem",
+    place: Callable[[MeshRecipe], Mesh] | None = None,
+) -> ProblemFile:
+    """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
+
+    ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
+    """
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -179,8 +193,9 @@ def parse_problem_file(text: str, base_dir: str | Path = ".", name: str = "probl
         if key not in data:
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
     solver = _solver(top.table("solver", KEYS["solver"]))
-    recipe, order, quadrature = _mesh(top.table("mesh", KEYS["mesh"]), Path(base_dir))
-    mesh = recipe.build()
+    most = _MOST_CELLS if place is None else math.inf
+    recipe, order, quadrature = _mesh(top.table("mesh", KEYS["mesh"]), Path(base_dir), most)
+    mesh = recipe.build() if place is None else place(recipe)
     reader = _Reader(mesh, Path(base_dir))
     material = reader.material(top.table("material", KEYS["material"]))
     with _context(f"{name}: [material]"):
@@ -394,31 +409,50 @@ def _context(where: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Recipe:
-    """How to make the mesh, and the coarser meshes of the same body."""
+class MeshRecipe:
+    """How to make the mesh, and the coarser meshes of the same body.
+
+    Attributes
+    ----------
+    start : function
+        Makes the mesh before refinement, built with numbers of cells halved so many times, unscaled.
+    halvings : int
+        How often they can be halved.
+    scale : float
+        Factor of all coordinates.
+    refine : int
+        How often the mesh is refined in the end.
+    grid : tuple or None
+        Origin, extent and numbers of cells of a built-in mesh, unscaled.
+    crossed : bool
+        Whether the triangles of a built-in mesh meet in the centres of squares, where they have their last node.
+    """
 
     start: Callable[[int], Mesh]
     halvings: int
     scale: float
     refine: int
+    grid: tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...]] | None = None
+    crossed: bool = False
 
-    def _start(self, halvings: int) -> Mesh:
+    def begin(self, halvings: int) -> Mesh:
+        """The mesh before refinement, from numbers of cells halved so many times."""
         mesh = self.start(halvings)
         return mesh if self.scale == 1.0 else mesh.scaled(self.scale)
 
     def build(self) -> Mesh:
-        return self._start(0).refined(self.refine)
+        return self.begin(0).refined(self.refine)
 
     def coarser(self) -> list[Mesh]:
-        meshes = [self._start(halvings) for halvings in range(self.halvings, 0, -1)]
+        meshes = [self.begin(halvings) for halvings in range(self.halvings, 0, -1)]
         if self.refine:
-            meshes.append(self._start(0))
+            meshes.append(self.begin(0))
             for _ in range(self.refine - 1):
                 meshes.append(meshes[-1].refined())
         return meshes
 
 
-def _mesh(table: _Table, folder: Path) -> tuple[_Recipe, int, Quadrature]:
+def _mesh(table: _Table, folder: Path, most: float) -> tuple[MeshRecipe, int, Quadrature]:
     sources = [key for key in ("rectangle", "box", "file") if key in table]
     if len(sources) != 1:
         given = f"{' and '.join(sources)} are given" if sources else "none is given"
@@ -436,13 +470,18 @@ def _mesh(table: _Table, folder: Path) -> tuple[_Recipe, int, Quadrature]:
                 raise table.error(key, "belongs to a rectangle or a box, but the mesh comes from a file; remove it")
         path = Path(table.text("file"))
         path = path if path.is_absolute() else folder / path
-        try:
-            read = read_mesh(path)
-        except ProblemError as error:
-            named = "" if f"'{path}'" in str(error) else f"'{path}': "
-            raise table.error("file", f"{named}{error}") from error
-        _check_size(table, "refine", read.number_of_cells * 2.0 ** (read.dim * refine))
-        return _Recipe(lambda _: read, 0, scale, refine), order, quadrature
+
+        @cache
+        def read(_: int) -> Mesh:
+            try:
+                mesh = read_mesh(path)
+            except ProblemError as error:
+                named = "" if f"'{path}'" in str(error) else f"'{path}': "
+                raise table.error("file", f"{named}{error}") from error
+            _check_size(table, "refine", mesh.number_of_cells * 2.0 ** (mesh.dim * refine), most)
+            return mesh
+
+        return MeshRecipe(read, 0, scale, refine), order, quadrature
 
     dim, number, axes, sides = 3, "three", "x, y and z", "lengths along x, y and z"
     if source == "rectangle":
@@ -463,8 +502,8 @@ def _mesh(table: _Table, folder: Path) -> tuple[_Recipe, int, Quadrature]:
     pattern: Any = table.text("pattern", "right", ["cross", "right", "left"])
     origin = table.numbers("origin", dim, f"a list of {number} numbers, {axes}") if "origin" in table else (0.0,) * dim
     simplices = (6.0 if dim == 3 else 4.0 if pattern == "cross" else 2.0) * math.prod(map(float, counts))
-    _check_size(table, "cells", simplices)
-    _check_size(table, "refine", simplices * 2.0 ** (dim * refine))
+    _check_size(table, "cells", simplices, most)
+    _check_size(table, "refine", simplices * 2.0 ** (dim * refine), most)
     halvings = 0
     while all(n % 2 ** (halvings + 1) == 0 and n >> (halvings + 1) >= 2 for n in counts):
         halvings += 1
@@ -475,12 +514,13 @@ def _mesh(table: _Table, folder: Path) -> tuple[_Recipe, int, Quadrature]:
             return box((size[0], size[1], size[2]), (cells[0], cells[1], cells[2]), (origin[0], origin[1], origin[2]))
         return rectangle((size[0], size[1]), (cells[0], cells[1]), pattern, (origin[0], origin[1]))
 
-    return _Recipe(start, halvings, scale, refine), order, quadrature
+    grid = (tuple(origin), tuple(size), tuple(counts))
+    return MeshRecipe(start, halvings, scale, refine, grid, pattern == "cross"), order, quadrature
 
 
-def _check_size(table: _Table, key: str, cells: float) -> None:
-    if cells > _MOST_CELLS:
-        raise table.error(key, f"makes {cells:.2g} cells; take fewer (at most {_MOST_CELLS:.0e})")
+def _check_size(table: _Table, key: str, cells: float, most: float) -> None:
+    if cells > most:
+        raise table.error(key, f"makes {cells:.2g} cells; take fewer (at most {most:.0e})")
 
 
 # ---- everything that refers to the mesh ------------------------------------------------------------------
@@ -521,6 +561,8 @@ class _Reader:
     def check_material(self, material: Material) -> None:
         """Evaluate the material in every cell, so that its errors come before everything else."""
         mesh = self.mesh
+        if not mesh.number_of_cells:  # a rank without a part of the body
+            return
         masks = {}
         for name, cells in mesh.regions.items():
             masks[name] = np.zeros(mesh.number_of_cells, dtype=bool)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -29,7 +30,14 @@ from hemivar.mechanics.mesh import Mesh
 from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.problem import ContactProblem, Quadrature
 
-__all__ = ["discretize"]
+__all__ = [
+    "JoinedContact",
+    "NodalConditions",
+    "admitted",
+    "discretize",
+    "nodal_conditions",
+    "refuse_free_motion",
+]
 
 _DEPENDENT = 1e-8
 _ZERO = 1e-12
@@ -77,25 +85,20 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     """
     mesh, order = problem.mesh, problem.order
     dim = mesh.dim
-    nodes = mesh.nodes(order)
-    supports = _Supports(nodes)
-    for name, support in problem.supports.items():
-        _impose(supports, mesh, order, name, support)
-    groups = _merge_corners([_contact_group(problem, name, supports) for name in problem.contact], supports)
-    directions, free = _free_directions(supports, groups)
-    basis = _basis(directions, free)
+    conditions = nodal_conditions(problem)
+    supports, groups, basis = conditions.supports, conditions.groups, conditions.basis
     if basis.shape[1] == 0:
         raise ProblemError("the supports leave the body no freedom; refine the mesh or remove supports")
 
     full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
-    prescribed = supports.value.ravel()
+    prescribed = conditions.prescribed
     reaction = np.zeros_like(prescribed)
     if order == 1:
         blocks = linear_stiffness(mesh, problem.material)
         if prescribed.any():
             reaction = blocks.times(supports.value).ravel()
-        blocks.turn(directions)
-        stiffness = blocks.matrix(free)
+        blocks.turn(conditions.directions)
+        stiffness = blocks.matrix(conditions.free)
         del blocks
     else:
         full_stiffness = stiffness_matrix(mesh, problem.material, order)
@@ -124,6 +127,81 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     if check_coercivity:
         _check_coercivity(supports, discrete, full_load)
     return discrete
+
+
+@dataclass(frozen=True, eq=False)
+class NodalConditions:
+    """What supports and contact make of the nodes of the boundaries; no cell takes part in it.
+
+    Attributes
+    ----------
+    supports
+        Fixed directions and prescribed displacements at every node.
+    groups
+        Contact points of each boundary, before the supports take effect.
+    directions : array, shape (nodes, d, d)
+        Orthonormal directions of the unknowns at every node.
+    free : bool array, shape (nodes, d)
+        Which of them are unknowns.
+    """
+
+    supports: _Supports
+    groups: list[_ContactGroup]
+    directions: Array
+    free: BoolArray
+
+    @cached_property
+    def basis(self) -> sp.csr_array:
+        """The matrix P, shape (nodes * d, n)."""
+        return _basis(self.directions, self.free)
+
+    @property
+    def prescribed(self) -> Array:
+        """The prescribed displacements u0, shape (nodes * d,)."""
+        return self.supports.value.ravel()
+
+    def contact(self, nodes: BoolArray) -> tuple[JoinedContact, IntArray, IntArray]:
+        """Contact points at the nodes where the mask, shape (nodes,), holds; for nodal quadrature only.
+
+        Returns
+        -------
+        contact : JoinedContact
+        node, boundary : int arrays (m,)
+            The node of each contact point, and the place of its boundary in ``groups``.
+        """
+        groups, owners = [], []
+        for number, group in enumerate(self.groups):
+            assert group.nodes is not None
+            rows = np.flatnonzero(nodes[group.nodes])
+            if rows.size:
+                owners.append(np.column_stack([group.nodes[rows], np.full(rows.size, number)]))
+                groups.append(
+                    replace(
+                        group,
+                        average=sp.csr_array(group.average[rows]),
+                        nodes=group.nodes[rows],
+                        points=group.points[rows],
+                        frames=group.frames[rows],
+                        weights=group.weights[rows],
+                        gap=group.gap[rows],
+                        law=group.law.take(rows),
+                        blocked=group.blocked[rows],
+                    )
+                )
+        contact = _join(groups, self.basis, self.prescribed, self.free.shape[1])
+        owner = np.concatenate([*owners, np.zeros((0, 2), dtype=np.int64)])[contact.kept]
+        return contact, owner[:, 0], owner[:, 1]
+
+
+def nodal_conditions(problem: ContactProblem) -> NodalConditions:
+    """Supports and contact at the nodes of a problem."""
+    mesh, order = problem.mesh, problem.order
+    supports = _Supports(mesh.nodes(order))
+    for name, support in problem.supports.items():
+        _impose(supports, mesh, order, name, support)
+    groups = _merge_corners([_contact_group(problem, name, supports) for name in problem.contact], supports)
+    directions, free = _free_directions(supports, groups)
+    return NodalConditions(supports, groups, directions, free)
 
 
 # ---- supports --------------------------------------------------------------------------------------------
@@ -454,7 +532,12 @@ def _reduce(matrix: sp.csr_array, basis: sp.csr_array) -> sp.csr_array:
 
 
 @dataclass(frozen=True, eq=False)
-class _JoinedContact:
+class JoinedContact:
+    """Contact points of all boundaries that can move.
+
+    ``kept`` are their numbers among all points; ``energy`` is that of the points that supports hold.
+    """
+
     trace: sp.csr_array
     weights: Array
     offset: Array
@@ -462,9 +545,10 @@ class _JoinedContact:
     frames: Array
     law: ContactLaw
     energy: float
+    kept: IntArray
 
 
-def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, dim: int) -> _JoinedContact:
+def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, dim: int) -> JoinedContact:
     """Contact points of all boundaries in terms of the unknowns; points held entirely are dropped."""
     if not groups:
         return _empty_contact(basis.shape[1], dim)
@@ -502,18 +586,18 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     keep = np.flatnonzero(moving)
     if len(keep) == 0:
         empty = _empty_contact(basis.shape[1], dim)
-        return _JoinedContact(empty.trace, empty.weights, empty.offset, empty.points, empty.frames, empty.law, energy)
+        return replace(empty, energy=energy)
     rows_kept = (keep[:, None] * dim + np.arange(dim)).ravel()
-    return _JoinedContact(
+    return JoinedContact(
         sp.csr_array(trace[rows_kept]), weights[keep], offset[keep], points[keep], frames[keep],
-        law if moving.all() else law.take(keep), energy,
+        law if moving.all() else law.take(keep), energy, keep,
     )  # fmt: skip
 
 
-def _empty_contact(unknowns: int, dim: int) -> _JoinedContact:
-    return _JoinedContact(
+def _empty_contact(unknowns: int, dim: int) -> JoinedContact:
+    return JoinedContact(
         sp.csr_array((0, unknowns)), np.zeros(0), np.zeros((0, dim)), np.zeros((0, dim)), np.zeros((0, dim,
-        dim)), ContactLaw(NoContact()).at(None), 0.0,
+        dim)), ContactLaw(NoContact()).at(None), 0.0, np.zeros(0, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -557,6 +641,25 @@ def _check_coercivity(supports: _Supports, discrete: DiscreteProblem, load: Arra
         total = float(np.sum(rate)) - float(work @ direction)
         return total, scale + float(np.sum(np.abs(finite)))
 
+    refuse_free_motion(admissible, names, growth)
+
+
+def refuse_free_motion(admissible: Array, names: list[str], growth: Callable[[Array], tuple[float, float]]) -> None:
+    """Refuse a body whose energy does not grow along one of its admissible rigid motions.
+
+    Parameters
+    ----------
+    admissible : array, shape (3 or 6, a)
+        Orthonormal coefficients of the motions that the supports admit.
+    names : list of str
+        What each of the 3 or 6 motions is called.
+    growth : function
+        Growth of the energy along a direction (a,), and a scale to compare it with.
+
+    Raises
+    ------
+    ProblemError
+    """
     worst, where, size = np.inf, admissible[0], 1.0
     axes = _axes(admissible)
     for number, direction in enumerate(itertools.chain(axes, _sample(axes, growth))):
@@ -581,11 +684,15 @@ def _check_coercivity(supports: _Supports, discrete: DiscreteProblem, load: Arra
     )
 
 
-def _rigid_motions(nodes: Array) -> tuple[Array, list[str]]:
-    """Translations and rotations about the middle, scaled to size one; shape (nodes * d, 3 or 6)."""
+def _rigid_motions(nodes: Array, corners: tuple[Array, Array] | None = None) -> tuple[Array, list[str]]:
+    """Translations and rotations about the middle, scaled to size one; shape (nodes * d, 3 or 6), and their names.
+
+    ``corners`` are the lowest and the highest of the body, shape (d,), where the nodes are not all of them.
+    """
     count, dim = nodes.shape
-    middle = 0.5 * (nodes.max(axis=0) + nodes.min(axis=0))
-    arm = (nodes - middle) / (0.5 * np.linalg.norm(np.ptp(nodes, axis=0)))
+    lowest, highest = (nodes.min(axis=0), nodes.max(axis=0)) if corners is None else corners
+    middle = 0.5 * (highest + lowest)
+    arm = (nodes - middle) / (0.5 * np.linalg.norm(highest - lowest))
     motions, names = [], []
     for axis in range(dim):
         motions.append(np.broadcast_to(np.eye(dim)[axis], nodes.shape).ravel())
@@ -601,11 +708,16 @@ def _rigid_motions(nodes: Array) -> tuple[Array, list[str]]:
 def _admissible(supports: _Supports, motions: Array) -> Array:
     """Orthonormal coefficients, shape (3 or 6, a), of the rigid motions that the supports admit."""
     node, slot = np.nonzero(np.arange(supports.nodes.shape[1]) < supports.count[:, None])
-    if len(node) == 0:
-        return np.eye(motions.shape[1])
     direction = supports.directions[node, slot]
     values = motions.reshape(*supports.nodes.shape, -1)[node]
     moved = np.einsum("kd,kdr->kr", direction, values)
+    return admitted(moved)
+
+
+def admitted(moved: Array) -> Array:
+    """Orthonormal coefficients of the motions that move no support: ``moved`` is (conditions, motions)."""
+    if not len(moved):
+        return np.eye(moved.shape[1])
     triangle = np.linalg.qr(moved, mode="r")
     return np.asarray(scipy.linalg.null_space(triangle, rcond=1e-9))
 

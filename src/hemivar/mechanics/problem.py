@@ -212,8 +212,7 @@ class ContactProblem:
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
-            name: _facet_keys(np.searchsorted(nodes, part), len(nodes))
-            for name, part in zip(used, facets, strict=True)
+            name: _facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
         }
         names = list(self.contact)
         for i, first in enumerate(names):

@@ -19,7 +19,8 @@ from hemivar.certify import Certificate
 from hemivar.errors import ProblemError
 from hemivar.mechanics import nodal_average, strain, stress, von_mises
 from hemivar.mechanics.assembly import region_masks
-from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.fields import FieldSource
 from hemivar.report._boundary import ContactBoundary, contact_boundaries, global_vectors
 from hemivar.solvers import ContactState, Solution
 
@@ -506,7 +507,7 @@ def _write_grid(
         grid.write(path, file_format="vtu")
 
 
-def _symmetric_stress(field: FieldMap, displacement: Array) -> Array:
+def _symmetric_stress(field: FieldSource, displacement: Array) -> Array:
     """Stress of each cell as xx, yy, zz, xy, yz, xz, shape (M, 6)."""
     sigma = stress(field, displacement)
     out = np.zeros((len(sigma), 6))
@@ -521,7 +522,7 @@ def _symmetric_stress(field: FieldMap, displacement: Array) -> Array:
     return out
 
 
-def _region_numbers(field: FieldMap) -> Array:
+def _region_numbers(field: FieldSource) -> Array:
     numbers = np.full(field.mesh.number_of_cells, -1, dtype=np.int32)
     for number, cells in enumerate(field.mesh.regions.values()):
         numbers[cells] = number

@@ -144,10 +144,14 @@ class Solution:
         return self
 
 
-def contact_state(local: Array, multiplier: Array) -> IntArray:
-    """Open (lifted, no pressure), slip (moved tangentially) or stick, for each contact point."""
-    size = float(np.abs(local).max(initial=0.0))
-    force = float(np.abs(multiplier).max(initial=0.0))
+def contact_state(local: Array, multiplier: Array, sizes: tuple[float, float] | None = None) -> IntArray:
+    """Open (lifted, no pressure), slip (moved tangentially) or stick, for each contact point.
+
+    ``sizes`` are the largest displacement and multiplier of all points, where these are not all.
+    """
+    if sizes is None:
+        sizes = float(np.abs(local).max(initial=0.0)), float(np.abs(multiplier).max(initial=0.0))
+    size, force = sizes
     small, weak = 1e-9 * size, 1e-9 * force
     is_open = (local[:, 0] <= 0.0) & (np.abs(multiplier[:, 0]) <= weak) & (local[:, 0] < -small)
     moved = np.linalg.norm(local[:, 1:], axis=1) > small

@@ -1,0 +1,259 @@
+"""Results of a run over ranks as files: the JSON of the serial run, and VTU in pieces."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hemivar._typing import Array, IntArray
+from hemivar.distributed import DistributedSolution
+from hemivar.mechanics import nodal_average, von_mises
+from hemivar.report.files import (
+    _plain,
+    _prepared,
+    _region_numbers,
+    _symmetric_stress,
+    _three,
+    _version,
+    _write_grid,
+)
+from hemivar.solvers import ContactState
+
+__all__ = ["write_json_on_ranks", "write_vtu_on_ranks"]
+
+_NODES_AT_A_TIME = 1 << 17
+
+
+def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: dict[str, Any] | None) -> Path:
+    """Write the record of :func:`hemivar.report.files.solution_record`; all ranks call this, rank 0 writes.
+
+    Contact points and nodes are in the order of the serial run. Rank 0 holds the contact points, and the
+    displacements portion by portion.
+    """
+    body, ranks = solution.body, solution.body.ranks
+    path = Path(path)
+    contact = _contact(solution)
+    sums, residual = solution.sums, solution.residual
+    friction = sums["friction_force"]
+    record = {
+        "hemivar": _version(),
+        "status": solution.status.value,
+        "remedy": solution.status.remedy,
+        "method": solution.method,
+        "unknowns": body.unknowns,
+        "contact_points": body.contact_points,
+        "dim": body.dim,
+        "energy": solution.energy,
+        "residual": residual.relative,
+        "residual_parts": {
+            "equilibrium": residual.equilibrium,
+            "inclusion": residual.inclusion,
+            "scale": residual.scale,
+            "rounding": residual.rounding,
+        },
+        "steps": solution.steps,
+        "evaluations": solution.cycles,
+        "timings": dict(solution.timings),
+        "history": [
+            {
+                "step": line.step,
+                "energy": line.energy,
+                "residual": line.residual,
+                "changed": line.changed,
+                "seconds": line.seconds,
+            }
+            for line in solution.history
+        ],
+        "error_bound": None,
+        "contact_length": sums["contact_length"],
+        "resultants": {
+            "normal_force": sums["normal_force"],
+            "friction_force": friction,
+            "force": sums["force"],
+        },
+        "contact": contact,
+    }
+    if certificate is not None:
+        record["certificate"] = certificate
+
+    stream = None
+
+    def begin() -> None:
+        nonlocal stream
+        if ranks.rank == 0:
+            stream = _prepared(path, ".json").open("w", encoding="utf-8")
+            head = json.dumps({key: _plain(value) for key, value in record.items()}, indent=1, allow_nan=False)
+            stream.write(f'{head[:-2]},\n "displacement": [')
+
+    ranks.agree(begin)
+    owned = body.piece.owned(ranks)
+    numbers, values = body.piece.numbers[owned], solution.displacement[owned]
+    order = np.argsort(numbers)
+    numbers, values = numbers[order], values[order]
+    for start in range(0, body.piece.total, _NODES_AT_A_TIME):
+        part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
+        told, _, _ = ranks.exchange(
+            np.zeros(part.stop - part.start, dtype=np.int64), np.column_stack([numbers[part], values[part]])
+        )
+        if stream is not None:
+            told = told[np.argsort(told[:, 0]), 1:]
+            stream.write((", " if start else "") + json.dumps(_plain(told))[1:-1])
+    if stream is not None:
+        stream.write("]\n}\n")
+        stream.close()
+    return path
+
+
+def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
+    """Contact points of all ranks in the order of the serial run, on rank 0; None elsewhere."""
+    body, ranks = solution.body, solution.body.ranks
+    d, contact = body.dim, body.contact
+    table = np.column_stack(
+        [
+            body.contact_boundaries,
+            body.piece.numbers[body.contact_nodes],
+            contact.points,
+            contact.frames[:, 0],
+            contact.weights,
+            contact.offset[:, 0],
+            solution.local,
+            solution.multiplier,
+            solution.state,
+        ]
+    )
+    told, _, _ = ranks.exchange(np.zeros(len(table), dtype=np.int64), table)
+    if ranks.rank:
+        return None
+    told = told[np.lexsort((told[:, 1], told[:, 0]))]
+    names = list(body.statement.contact)
+    boundary, _, x, normal, weight, gap, local, lam, state = np.split(told, np.cumsum([1, 1, d, d, 1, 1, d, d]), axis=1)
+    return {
+        "x": x,
+        "normal": normal,
+        "boundary": [names[int(number)] for number in boundary[:, 0]],
+        "weight": weight[:, 0],
+        "gap": gap[:, 0],
+        "penetration": local[:, 0],
+        "slip": local[:, 1] if d == 2 else local[:, 1:],
+        "pressure": lam[:, 0],
+        "friction": lam[:, 1] if d == 2 else lam[:, 1:],
+        "state": [ContactState(int(number)).label for number in state[:, 0]],
+    }
+
+
+# ---- VTU -----------------------------------------------------------------------------------------------------
+
+
+def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[Path]:
+    """Write each rank's cells as a VTU file of its own, ``NAME_RANK.vtu``, and ``NAME.pvtu`` that names them.
+
+    Fields are those of :func:`hemivar.report.files.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
+
+    Returns
+    -------
+    list of Path
+        The ``.pvtu`` files.
+    """
+    body, ranks, path = solution.body, solution.body.ranks, Path(path)
+    mesh = body.piece.mesh
+    fields, cell_fields = _fields(solution)
+    kind = {2: "triangle", 3: "tetra"}[mesh.dim]
+    written = [_write_pieces(solution, path, "", _three(mesh.points), kind, mesh.cells, fields, cell_fields)]
+    names = list(body.statement.contact)
+    if names:
+        facets = [mesh.boundaries[name] for name in names]
+        number = np.concatenate([np.full(len(f), k, dtype=np.int32) for k, f in enumerate(facets)])
+        used, place = np.unique(np.concatenate(facets).ravel(), return_inverse=True)
+        chosen = {name: values[used] for name, values in fields.items() if name != "stress"}
+        cells = place.reshape(-1, mesh.dim)
+        kind = {2: "line", 3: "triangle"}[mesh.dim]
+        points = _three(mesh.points[used])
+        written.append(_write_pieces(solution, path, "_contact", points, kind, cells, chosen, {"boundary": number}))
+    ranks.mpi.Barrier()
+    return written
+
+
+def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Point and cell data of this rank's piece, as in the serial file."""
+    body, ranks = solution.body, solution.body.ranks
+    piece, mesh, statement = body.piece, body.piece.mesh, body.statement
+    nodes = mesh.number_of_nodes
+    point_data = {"displacement": _three(solution.displacement)}
+    cell_data: dict[str, Array] = {"region": _region_numbers(statement)}
+    tensor, mises = np.zeros((0, 6)), np.zeros(0)
+    size: Array = np.zeros(nodes)
+    average = np.zeros((nodes, 6))
+    if mesh.number_of_cells:
+        tensor = _symmetric_stress(statement, solution.displacement)
+        mises = von_mises(statement, solution.displacement)
+        size = np.asarray(
+            np.bincount(mesh.cells.ravel(), weights=np.repeat(mesh.volumes, mesh.dim + 1), minlength=nodes), dtype=float
+        )
+        average = nodal_average(mesh, tensor) * size[:, None]
+    total = piece.summed(ranks, np.column_stack([average, size]))
+    point_data["stress"] = total[:, :6] / total[:, 6:] if nodes else average
+    cell_data |= {"stress": tensor, "von_mises": mises}
+    if not statement.contact:
+        return point_data, cell_data
+    frames, lam, r = body.contact.frames, solution.multiplier, solution.local
+    friction = np.einsum("mc,mcd->md", lam[:, 1:], frames[:, 1:])
+    values = [
+        lam[:, :1], body.contact.offset[:, :1], r[:, :1], _three(friction),
+        _three(np.einsum("mc,mcd->md", r[:, 1:], frames[:, 1:])),
+        _three(-np.einsum("mc,mcd->md", lam, frames)), solution.state[:, None],
+    ]  # fmt: skip
+    table = np.zeros((nodes, 13))
+    table[:, 12] = -1.0
+    # a node of two contact boundaries carries the values of the first
+    order = np.argsort(-body.contact_boundaries, kind="stable")
+    table[body.contact_nodes[order]] = np.column_stack(values)[order]
+    table = piece.of_owners(ranks, table)
+    names = ("pressure", "gap", "penetration", "friction", "slip", "contact_force", "state")
+    for name, part in zip(names, np.split(table, [1, 2, 3, 6, 9, 12], axis=1), strict=True):
+        point_data[name] = part[:, 0] if part.shape[1] == 1 else part
+    return point_data, cell_data
+
+
+def _write_pieces(
+    solution: DistributedSolution, path: Path, suffix: str, points: Array, kind: str, cells: IntArray,
+    point_data: dict[str, Array], cell_data: dict[str, Array],
+) -> Path:  # fmt: skip
+    """One VTU file of each rank that has cells, and the file that names them."""
+    ranks = solution.body.ranks
+    digits = len(str(ranks.size - 1))
+    pieces = ranks.mpi.allgather(bool(len(cells)))
+    whole = path.with_name(f"{path.stem}{suffix}.pvtu")
+    names = [path.with_name(f"{path.stem}{suffix}_{rank:0{digits}d}.vtu") for rank in range(ranks.size)]
+
+    def write() -> None:
+        if len(cells):
+            _write_grid(names[ranks.rank], points, {kind: cells}, point_data, cell_data)
+        if ranks.rank == pieces.index(True):
+            files = [name.name for name, there in zip(names, pieces, strict=True) if there]
+            whole.write_text(_parallel_file(files, point_data, cell_data), encoding="utf-8")
+
+    if any(pieces):
+        ranks.agree(write)
+    return whole
+
+
+def _parallel_file(files: list[str], point_data: dict[str, Array], cell_data: dict[str, Array]) -> str:
+    """The XML of a .pvtu file."""
+    lines = ['<?xml version="1.0"?>', '<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="LittleEndian">']
+    lines.append('<PUnstructuredGrid GhostLevel="0">')
+    for tag, data in (("PPointData", point_data), ("PCellData", cell_data)):
+        lines.append(f"<{tag}>")
+        for name, values in data.items():
+            kind = "Int32" if name == "state" or values.dtype == np.int32 else "Float64"
+            lines.append(f'<PDataArray type="{kind}" Name="{name}" NumberOfComponents="{_components(values)}"/>')
+        lines.append(f"</{tag}>")
+    lines.append('<PPoints><PDataArray type="Float64" Name="Points" NumberOfComponents="3"/></PPoints>')
+    lines += [f'<Piece Source="{file}"/>' for file in files]
+    return "\n".join([*lines, "</PUnstructuredGrid>", "</VTKFile>", ""])
+
+
+def _components(values: Array) -> int:
+    return int(values.shape[1]) if values.ndim == 2 else 1

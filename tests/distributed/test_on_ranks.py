@@ -1,0 +1,292 @@
+"""The engine ``petsc`` under mpirun: the serial solution, on any number of ranks."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hemivar._typing import Array
+from hemivar.mechanics import discretize
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.problem_file import read_problem
+from hemivar.solvers import Controls, Solution, Status, solve
+
+pytest.importorskip("petsc4py")
+pytest.importorskip("mpi4py")
+if shutil.which("mpirun") is None:
+    pytest.skip("mpirun is not installed", allow_module_level=True)
+
+pytestmark = pytest.mark.mpi
+
+_HERE = Path(__file__).parent
+_EXAMPLES = _HERE.parent.parent / "examples" / "problems"
+
+_BODY = """
+[material]
+lame = [4.0, 4.0]
+[loads]
+body = [-0.8, -0.8]
+[supports]
+left = "clamped"
+[contact.bottom]
+normal = {{ law = "survey", q_max = 0.3, p_const = 2.0 }}
+friction = {friction}
+"""
+_TRESCA = '{ law = "tresca", bound = 0.5 }'
+
+CASES = {
+    "crossed": '[mesh]\nrectangle = [1.0, 1.0]\ncells = [32, 32]\npattern = "cross"\n' + _BODY.format(friction=_TRESCA),
+    # several levels, and refinement after them
+    "levels": "[mesh]\nrectangle = [2.0, 1.0]\ncells = [48, 24]\norigin = [0.5, -1.0]\nscale = 0.5\nrefine = 1\n"
+    + _BODY.format(friction='{ law = "tresca", bound = "0.3 + 0.1 * x" }'),
+    "weakening": "[mesh]\nrectangle = [1.0, 1.0]\ncells = [24, 24]\n"
+    + _BODY.format(friction='{ law = "logarithmic", bound = 0.5 }'),
+    "cube": "[mesh]\nbox = [1.0, 1.0, 1.0]\ncells = [8, 8, 8]\n[material]\nlame = [4.0, 4.0]\n[loads]\n"
+    'body = [-0.8, -0.3, -0.8]\n[supports]\nleft = "clamped"\n[contact.bottom]\n'
+    'normal = { law = "survey", q_max = 0.3, p_const = 2.0 }\nfriction = { law = "tresca", bound = 0.2 }\n',
+}
+FILES = {
+    "gmsh, curved": "half_disc.toml",
+    "bound that depends on the penetration": "broken_foundation.toml",
+    "weakening in space": "cube_logarithmic.toml",
+    "downward jumps": "delamination.toml",
+}
+
+
+def _mpirun(ranks: int, *arguments: str | Path, limit: float = 120.0) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_mpi_yield_when_idle": "1",
+    }  # fmt: skip
+    command = ["mpirun", "-n", str(ranks), sys.executable, *map(str, arguments)]
+    return subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=limit, stdin=subprocess.DEVNULL, check=False
+    )
+
+
+def _solve(ranks: int, problem: Path, *options: str | Path) -> subprocess.CompletedProcess[str]:
+    return _mpirun(ranks, "-m", "hemivar", "solve", problem, "--engine", "petsc", "-q", *options)
+
+
+def _written(tmp_path: Path, name: str) -> Path:
+    path = tmp_path / "problem.toml"
+    path.write_text(CASES[name], encoding="utf-8")
+    return path
+
+
+@cache
+def _serial(path: Path) -> tuple[DiscreteProblem, Solution]:
+    problem = discretize(read_problem(path))
+    solution = solve(problem, None, Controls(rtol=1e-12))
+    assert solution.status is Status.CONVERGED
+    return problem, solution
+
+
+def _difference(problem: DiscreteProblem, reference: Solution, displacement: Array) -> float:
+    """Relative, in the energy norm."""
+    assert problem.field is not None
+    off = problem.field.restrict(displacement) - reference.unknowns
+    K = problem.stiffness
+    return float(np.sqrt(off @ (K @ off) / (reference.unknowns @ (K @ reference.unknowns))))
+
+
+def _compare(problem: Path, result: Path) -> dict[str, object]:
+    record = json.loads(result.read_text(encoding="utf-8"))
+    discrete, reference = _serial(problem)
+    assert record["status"] == "converged"
+    assert _difference(discrete, reference, np.array(record["displacement"])) < 1e-9
+    contact = record["contact"]
+    size = np.abs(reference.pressure).max()
+    np.testing.assert_allclose(contact["x"], discrete.points, atol=1e-12)
+    np.testing.assert_allclose(contact["weight"], discrete.weights, rtol=1e-12)
+    np.testing.assert_allclose(contact["pressure"], reference.pressure, atol=1e-7 * size)
+    return record  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3])
+@pytest.mark.parametrize("name", CASES)
+def test_the_serial_solution_on_any_number_of_ranks(tmp_path: Path, name: str, ranks: int) -> None:
+    problem = _written(tmp_path, name)
+    done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    assert done.returncode == 0, done.stderr
+    _compare(problem, tmp_path / "r.json")
+
+
+@pytest.mark.parametrize(("name", "ranks"), list(zip(FILES, (2, 3, 3, 2), strict=True)))
+def test_problems_of_the_examples(tmp_path: Path, name: str, ranks: int) -> None:
+    problem = _EXAMPLES / FILES[name]
+    done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    assert done.returncode == 0, done.stderr
+    _compare(problem, tmp_path / "r.json")
+
+
+def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
+    import meshio
+
+    from hemivar.certify import certify
+    from hemivar.report.files import write_json, write_vtu
+
+    problem = _EXAMPLES / "cube_logarithmic.toml"
+    done = _solve(2, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
+    assert done.returncode == 0, done.stderr
+    discrete, reference = _serial(problem)
+    certificate = certify(discrete, reference.unknowns, reference.multiplier)
+    serial = json.loads(write_json(reference, tmp_path / "s.json", certificate).read_text(encoding="utf-8"))
+    record = _compare(problem, tmp_path / "r.json")
+    assert list(record) == list(serial)
+    for key in ("contact", "certificate", "resultants", "residual_parts"):
+        assert list(record[key]) == list(serial[key])  # type: ignore[call-overload]
+    np.testing.assert_allclose(record["contact"]["friction"], serial["contact"]["friction"], atol=1e-9)  # type: ignore[index]
+    assert record["contact"]["state"] == serial["contact"]["state"]  # type: ignore[index]
+    assert record["certificate"]["margin"] == pytest.approx(certificate.margin, abs=1e-4)  # type: ignore[index]
+    assert record["certificate"]["unique"] is True  # type: ignore[index]
+
+    write_vtu(reference, tmp_path / "s.vtu")
+    for suffix in ("", "_contact"):
+        whole = meshio.read(tmp_path / f"s{suffix}.vtu")
+        text = (tmp_path / f"r{suffix}.pvtu").read_text(encoding="utf-8")
+        pieces = [tmp_path / f"r{suffix}_{rank}.vtu" for rank in range(2)]
+        pieces = [path for path in pieces if path.exists()]
+        assert all(path.name in text for path in pieces)
+        places = {tuple(np.round(point, 9)): k for k, point in enumerate(whole.points)}
+        seen, cells = set(), 0
+        for path in pieces:
+            piece = meshio.read(path)
+            index = [places[tuple(np.round(point, 9))] for point in piece.points]
+            seen |= set(index)
+            cells += len(piece.cells[0].data)
+            for name, values in piece.point_data.items():
+                expected = whole.point_data[name][index]
+                np.testing.assert_allclose(values, expected, atol=1e-8 * max(1.0, np.abs(expected).max()), err_msg=name)
+        assert len(seen) == len(whole.points)
+        assert cells == len(whole.cells[0].data)
+
+
+def _probe(ranks: int, problem: Path) -> dict[str, object]:
+    done = _mpirun(ranks, _HERE / "probe.py", problem)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])  # type: ignore[no-any-return]
+
+
+def test_no_rank_holds_the_whole_mesh_or_matrix(tmp_path: Path) -> None:
+    problem = tmp_path / "p.toml"
+    problem.write_text(CASES["cube"].replace("[8, 8, 8]", "[16, 16, 16]"), encoding="utf-8")
+    found = _probe(3, problem)["ranks"]
+    serial = discretize(read_problem(problem))
+    assert sum(rank["cells"] for rank in found) == serial.field.mesh.number_of_cells  # type: ignore[attr-defined, union-attr, misc]
+    assert sum(rank["owned"] for rank in found) == serial.field.number_of_nodes  # type: ignore[attr-defined, union-attr, misc]
+    for rank in found:  # type: ignore[attr-defined]
+        assert rank["cells"] < 0.45 * serial.field.mesh.number_of_cells  # type: ignore[union-attr]
+        assert rank["nodes"] < 0.5 * serial.field.number_of_nodes  # type: ignore[union-attr]
+        assert 0 < rank["entries"] < 0.5 * 9 * 15 * serial.field.number_of_nodes  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("size", "split"), [((4.0, 1.0), True), ((1.0, 4.0), False)])
+def test_contact_work_is_where_the_contact_is(tmp_path: Path, size: tuple[float, float], split: bool) -> None:
+    """A long body lies on both ranks with its foundation, a tall one stands on one rank alone."""
+    problem = tmp_path / "p.toml"
+    text = f"[mesh]\nrectangle = {list(size)}\ncells = {[int(16 * s) for s in size]}\n" + _BODY.format(friction=_TRESCA)
+    problem.write_text(text.replace("left = ", "top = "), encoding="utf-8")
+    probe = _probe(2, problem)
+    points = [rank["contact"] for rank in probe["ranks"]]  # type: ignore[attr-defined]
+    assert sum(points) == _serial(problem)[0].contact_points
+    assert (min(points) > 0) is split
+    assert points == [rank["laws"] for rank in probe["ranks"]]  # type: ignore[attr-defined]
+    # three reductions in each iteration of conjugate gradients, some more around them
+    counts: dict[str, int] = probe["counts"]  # type: ignore[assignment]
+    assert 3 * probe["cycles"] < counts["reductions"] < 60 * probe["cycles"]  # type: ignore[operator]
+    assert counts["exchanges"] == 0
+    done = _solve(2, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    assert done.returncode == 0, done.stderr
+    _compare(problem, tmp_path / "r.json")
+
+
+@pytest.mark.parametrize("ranks", [5, 11])
+def test_more_ranks_than_make_sense(tmp_path: Path, ranks: int) -> None:
+    """Eight triangles; some ranks have none."""
+    problem = tmp_path / "p.toml"
+    problem.write_text("[mesh]\nrectangle = [1.0, 1.0]\ncells = [2, 2]\n" + _BODY.format(friction=_TRESCA))
+    done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
+    assert done.returncode == 0, done.stderr
+    _compare(problem, tmp_path / "r.json")
+
+
+# ---- checkpoints and failure ------------------------------------------------------------------------------
+
+
+def test_restart_from_a_checkpoint(tmp_path: Path) -> None:
+    problem, kept = _written(tmp_path, "cube"), tmp_path / "kept"
+    whole = _solve(2, problem, "--json", tmp_path / "whole.json", "--rtol", "1e-12")
+    assert whole.returncode == 0, whole.stderr
+    begun = _solve(2, problem, "--checkpoint", kept, "--max-steps", "1", "--rtol", "1e-12")
+    assert begun.returncode == 1, begun.stderr
+    reference = json.loads((tmp_path / "whole.json").read_text())
+    assert reference["steps"] > 1
+    for ranks in (2, 3):
+        done = _solve(ranks, problem, "--restart", kept, "--json", tmp_path / "rest.json", "--rtol", "1e-12")
+        assert done.returncode == 0, done.stderr
+        record = _compare(problem, tmp_path / "rest.json")
+        assert record["history"][0]["step"] == 0  # type: ignore[index]
+        if ranks == 2:
+            for key in ("displacement", "contact", "energy", "residual_parts", "steps"):
+                assert record[key] == reference[key]
+
+
+def test_a_checkpoint_of_a_fixed_point(tmp_path: Path) -> None:
+    problem, kept = _EXAMPLES / "broken_foundation.toml", tmp_path / "kept"
+    begun = _solve(2, problem, "--checkpoint", kept, "--max-steps", "4", "--rtol", "1e-12")
+    assert begun.returncode == 1, begun.stderr
+    done = _solve(3, problem, "--restart", kept, "--json", tmp_path / "r.json", "--rtol", "1e-12")
+    assert done.returncode == 0, done.stderr
+    assert _compare(problem, tmp_path / "r.json")["steps"] > 4  # type: ignore[operator]
+
+
+def test_a_checkpoint_of_another_problem_is_refused(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    assert _solve(2, _written(tmp_path, "weakening"), "--checkpoint", kept).returncode == 0
+    for problem in (_EXAMPLES / "survey_5_1.toml", _EXAMPLES / "cube_friction.toml"):
+        done = _solve(2, problem, "--restart", kept)
+        assert done.returncode == 2
+        assert done.stderr.count("belongs to another problem") == 1
+    (tmp_path / "kept.vectors").write_bytes(b"")
+    done = _solve(2, tmp_path / "problem.toml", "--restart", kept)
+    assert done.returncode == 2
+    assert "damaged" in done.stderr
+
+
+def test_bad_input_is_refused_once_for_all_ranks(tmp_path: Path) -> None:
+    path = tmp_path / "p.toml"
+    bad = {
+        "clampd": CASES["cube"].replace("clamped", "clampd"),
+        "free to move": CASES["cube"].replace('left = "clamped"', 'front = "roller"'),
+        "linear elements": CASES["crossed"].replace('pattern = "cross"', "order = 2"),
+        "does not exist": '[mesh]\nfile = "nothing.msh"\n[material]\nlame = [1.0, 1.0]\n',
+        # only the ranks with a part of this boundary can see it
+        "it must be": CASES["crossed"].replace("bound = 0.5", 'bound = "0.5 - x"'),
+    }
+    for words, text in bad.items():
+        path.write_text(text, encoding="utf-8")
+        done = _solve(3, path)
+        lines = [line for line in done.stderr.splitlines() if line.startswith("hemivar:")]
+        assert done.returncode == 2, (words, done.stderr)
+        assert len(lines) == 1, lines
+        assert words in lines[0] or words == "it must be", lines
+
+
+@pytest.mark.parametrize(("how", "code", "words"), [
+    ("exit", 7, None), ("kill", 137, None), ("bug", 1, "something broke"), ("refusal", 2, "friction is negative"),
+])  # fmt: skip
+def test_a_rank_that_fails_ends_all_of_them(tmp_path: Path, how: str, code: int, words: str | None) -> None:
+    done = _mpirun(3, _HERE / "probe.py", _written(tmp_path, "crossed"), how, limit=60.0)
+    assert done.returncode == code
+    lines = [line for line in done.stderr.splitlines() if line.startswith("hemivar: error")]
+    assert len(lines) == (words is not None)
+    assert words is None or words in lines[0]
