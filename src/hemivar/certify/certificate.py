@@ -16,6 +16,7 @@ from hemivar.certify._kind import LocalStudy, PointKind, study
 from hemivar.certify._linear import Norm, energy_norm
 from hemivar.certify.smallness import Smallness, one_solution, smallness
 from hemivar.errors import ProblemError
+from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual, residual
 
@@ -174,8 +175,14 @@ def certify(
             raise ProblemError(f"the multiplier has shape {lam.shape}; this problem needs ({m}, {d})")
         if not np.isfinite(lam).all():
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
-    point = Point(problem, energy, u, lam)
-    r = problem.local(u)
+    with one_thread(not energy.factorised):
+        return _certified(Point(problem, energy, u, lam), tolerance, trace_constant, began)
+
+
+def _certified(point: Point, tolerance: float, trace_constant: bool, began: float) -> Certificate:
+    """The certificate of a point."""
+    problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
+    m, r = problem.contact_points, problem.local(point.u)
     law = problem.law.frozen(r, lam) if m else None
     constants = smallness(problem, law, factor=energy, trace_constant=trace_constant)
     found = residual(problem, u, lam)

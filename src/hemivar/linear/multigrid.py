@@ -12,6 +12,7 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.linear.algebraic import algebraic_levels
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import COARSEST, Levels, Transfer
+from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.hierarchy import Coarser, coarser
 
@@ -76,7 +77,8 @@ class ElasticMultigrid:
         cycles : int
             On the finest mesh.
         """
-        return self._solve(len(self.steps), load, tolerance, nested)
+        with one_thread():
+            return self._solve(len(self.steps), load, tolerance, nested)
 
     def _solve(self, k: int, load: Array, tolerance: float, nested: bool) -> tuple[Array, int]:
         top = self.first + k

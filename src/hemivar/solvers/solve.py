@@ -11,6 +11,7 @@ import scipy.linalg as la
 
 from hemivar._typing import Array
 from hemivar.errors import MethodError, ProblemError
+from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import residual
 from hemivar.solvers.base import Solver, State, System
@@ -81,6 +82,18 @@ def solve(
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
     if condensed is not None and condensed.problem is not problem:
         raise ProblemError("the condensation given belongs to another problem; condense this one")
+    with one_thread(not solver.condenses):
+        return _run(problem, solver, controls, initial, condensed)
+
+
+def _run(
+    problem: DiscreteProblem,
+    solver: Solver,
+    controls: Controls,
+    initial: Solution | Array | None,
+    condensed: CondensedProblem | None,
+) -> Solution:
+    """Set up, start, iterate and recover."""
     try:
         system: System = condensed if condensed is not None and solver.condenses else solver.prepare(problem)
         _check_held(system)
