@@ -782,7 +782,7 @@ def test_interrupt_exits_with_130(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "hemivar", "solve", "part.toml", "--method", "direct-powell", "--json", "a.json"],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": source}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True,
+        text=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     assert process.stdout is not None
     while process.stdout.readline().split()[:1] != ["0"]:  # the start; the one step of Powell's method takes long

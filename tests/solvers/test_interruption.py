@@ -190,6 +190,11 @@ def test_a_path_keeps_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
 # ---- in a process of its own -------------------------------------------------------------------------------------
 
 
+def heed_interrupts() -> None:
+    """A process started in the background may have been told to ignore Ctrl-C; its children should not."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(code: str, folder: Path) -> subprocess.Popen[str]:
     source = str(Path(hemivar.__file__).parents[1])
     return subprocess.Popen(
@@ -199,6 +204,7 @@ def start(code: str, folder: Path) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heed_interrupts,
     )
 
 

@@ -388,7 +388,7 @@ class NonsmoothMultigrid(Solver):
     def first_guess(self, system: BodyProblem, budget: Budget) -> tuple[Array, Status | None]:
         if system.below is None or not self.nested or depends_on_state(system.law):
             return system.start(), None
-        rough = replace(self, tolerance=0.1 * _NESTED)
+        rough = replace(self, tolerance=0.1 * _NESTED, sweeps=min(self.sweeps, 2))
         x, stopped = rough.first_guess(system.below, budget)
         if stopped is None:
             controls = Controls(rtol=_NESTED, max_steps=15, max_time=max(budget.limit - budget.spent, 0.0))
