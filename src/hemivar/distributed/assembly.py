@@ -154,10 +154,8 @@ class BodyOnRanks:
     @cached_property
     def prolongation(self) -> Any:
         """Unknowns from those of :attr:`coarser`, a petsc4py Mat."""
-        from hemivar.distributed.multigrid import prolongation
-
         assert self.coarser is not None
-        return prolongation(self.coarser, self)
+        return _prolongation(self.coarser, self)
 
     @cached_property
     def _scatter(self) -> tuple[Any, Any]:
@@ -552,3 +550,35 @@ def _check_held(body: BodyOnRanks, admissible: Array, names: list[str], moves: A
         refuse_free_motion(admissible, names, growth)
     except ProblemError as error:
         raise shared(error) from None
+
+
+def _prolongation(coarse: BodyOnRanks, fine: BodyOnRanks) -> Any:
+    """Unknowns of the finer mesh from those of the coarser one, as a petsc4py Mat; supports observed."""
+    from petsc4py import PETSc
+
+    dim = fine.dim
+    assert fine.piece.ends is not None
+    ends = fine.piece.ends[fine.owned]
+    count = len(ends)
+    rows, columns, data = [], [], []
+    for side in range(2):
+        end = ends[:, side]
+        turned = np.einsum("ncd,ned->nce", fine.directions[fine.owned], coarse.directions[end])
+        allowed = fine.free[fine.owned][:, :, None] & coarse.free[end][:, None, :]
+        entry = np.where(allowed & (np.abs(turned) > 1e-14), 0.5 * turned, 0.0)
+        # nodes of the coarser mesh keep a place for each unknown, be it held
+        keep = (entry != 0.0) | ((ends[:, :1] == ends[:, 1:])[:, :, None] & np.eye(dim, dtype=bool))
+        node, here, there = np.nonzero(keep)
+        rows.append(node * dim + here)
+        columns.append(coarse.places[end[node]] * dim + there)
+        data.append(entry[keep])
+    shape = (count * dim, coarse.f.getSize())
+    index = (np.concatenate(rows), np.concatenate(columns))
+    local = sp.coo_array((np.concatenate(data), index), shape=shape).tocsr()
+    matrix = PETSc.Mat().createAIJ(
+        ((count * dim, None), (coarse.f.getLocalSize(), None)),
+        csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
+        comm=fine.ranks.comm,
+    )
+    matrix.assemble()
+    return matrix

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.distributed.assembly import BodyOnRanks
 
-__all__ = ["Multigrid", "prolongation"]
+__all__ = ["Multigrid"]
 
 _SHIFT = 1e-6  # what is added to the diagonal of a body that supports do not hold
 _DIRECT = 6000  # unknowns of a coarsest level that every rank may factorise
@@ -166,38 +165,6 @@ def _fill_diagonal(matrix: Any, typical: float) -> None:
     diagonal = matrix.getDiagonal()
     diagonal.array_w[:] = np.where(diagonal.array_r > 1e-10 * typical, diagonal.array_r, typical)
     matrix.setDiagonal(diagonal)
-
-
-def prolongation(coarse: BodyOnRanks, fine: BodyOnRanks) -> Any:
-    """Unknowns of the finer mesh from those of the coarser one, as a petsc4py Mat; supports observed."""
-    from petsc4py import PETSc
-
-    dim = fine.dim
-    assert fine.piece.ends is not None
-    ends = fine.piece.ends[fine.owned]
-    count = len(ends)
-    rows, columns, data = [], [], []
-    for side in range(2):
-        end = ends[:, side]
-        turned = np.einsum("ncd,ned->nce", fine.directions[fine.owned], coarse.directions[end])
-        allowed = fine.free[fine.owned][:, :, None] & coarse.free[end][:, None, :]
-        entry = np.where(allowed & (np.abs(turned) > 1e-14), 0.5 * turned, 0.0)
-        # nodes of the coarser mesh keep a place for each unknown, be it held
-        keep = (entry != 0.0) | ((ends[:, :1] == ends[:, 1:])[:, :, None] & np.eye(dim, dtype=bool))
-        node, here, there = np.nonzero(keep)
-        rows.append(node * dim + here)
-        columns.append(coarse.places[end[node]] * dim + there)
-        data.append(entry[keep])
-    shape = (count * dim, coarse.f.getSize())
-    index = (np.concatenate(rows), np.concatenate(columns))
-    local = sp.coo_array((np.concatenate(data), index), shape=shape).tocsr()
-    matrix = PETSc.Mat().createAIJ(
-        ((count * dim, None), (coarse.f.getLocalSize(), None)),
-        csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
-        comm=fine.ranks.comm,
-    )
-    matrix.assemble()
-    return matrix
 
 
 def _contact_entries(body: BodyOnRanks, curvature: Array) -> tuple[IntArray, IntArray, Array]:

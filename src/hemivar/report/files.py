@@ -7,7 +7,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,9 @@ from hemivar.mechanics import nodal_average, strain, stress, von_mises
 from hemivar.mechanics.assembly import region_masks
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.fields import FieldSource
+from hemivar.mechanics.residual import Residual
 from hemivar.report._boundary import ContactBoundary, contact_boundaries, global_vectors
-from hemivar.solvers import ContactState, Solution
+from hemivar.solvers import ContactState, Progress, Solution
 
 __all__ = [
     "contact_columns",
@@ -38,6 +39,34 @@ _AXES = "xyz"
 
 
 # ---- JSON ---------------------------------------------------------------------------------------------------
+
+
+def iteration_record(
+    residual: Residual, steps: int, evaluations: int, timings: Mapping[str, float], history: Sequence[Progress]
+) -> dict[str, Any]:
+    """The part of a record that tells how the iteration went, the same in serial and on many ranks."""
+    return {
+        "residual": residual.relative,
+        "residual_parts": {
+            "equilibrium": residual.equilibrium,
+            "inclusion": residual.inclusion,
+            "scale": residual.scale,
+            "rounding": residual.rounding,
+        },
+        "steps": steps,
+        "evaluations": evaluations,
+        "timings": dict(timings),
+        "history": [
+            {
+                "step": line.step,
+                "energy": line.energy,
+                "residual": line.residual,
+                "changed": line.changed,
+                "seconds": line.seconds,
+            }
+            for line in history
+        ],
+    }
 
 
 def solution_record(solution: Solution, certificate: Certificate | None = None) -> dict[str, Any]:
@@ -70,26 +99,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "contact_points": problem.contact_points,
         "dim": problem.dim,
         "energy": solution.energy,
-        "residual": residual.relative,
-        "residual_parts": {
-            "equilibrium": residual.equilibrium,
-            "inclusion": residual.inclusion,
-            "scale": residual.scale,
-            "rounding": residual.rounding,
-        },
-        "steps": solution.steps,
-        "evaluations": solution.evaluations,
-        "timings": dict(solution.timings),
-        "history": [
-            {
-                "step": line.step,
-                "energy": line.energy,
-                "residual": line.residual,
-                "changed": line.changed,
-                "seconds": line.seconds,
-            }
-            for line in solution.history
-        ],
+        **iteration_record(residual, solution.steps, solution.evaluations, solution.timings, solution.history),
         "error_bound": solution.error_bound,
         "contact_length": solution.contact_length,
         "resultants": {

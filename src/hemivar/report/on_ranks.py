@@ -19,6 +19,7 @@ from hemivar.report.files import (
     _three,
     _version,
     _write_grid,
+    iteration_record,
 )
 from hemivar.solvers import ContactState
 
@@ -47,26 +48,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
         "contact_points": body.contact_points,
         "dim": body.dim,
         "energy": solution.energy,
-        "residual": residual.relative,
-        "residual_parts": {
-            "equilibrium": residual.equilibrium,
-            "inclusion": residual.inclusion,
-            "scale": residual.scale,
-            "rounding": residual.rounding,
-        },
-        "steps": solution.steps,
-        "evaluations": solution.cycles,
-        "timings": dict(solution.timings),
-        "history": [
-            {
-                "step": line.step,
-                "energy": line.energy,
-                "residual": line.residual,
-                "changed": line.changed,
-                "seconds": line.seconds,
-            }
-            for line in solution.history
-        ],
+        **iteration_record(residual, solution.steps, solution.cycles, solution.timings, solution.history),
         "error_bound": None,
         "contact_length": sums["contact_length"],
         "resultants": {
