@@ -44,7 +44,7 @@ def main() -> None:
     preconditioner.setHYPREType("boomeramg")
     options = PETSc.Options()
     options["pc_hypre_boomeramg_numfunctions"] = block
-    options["pc_hypre_boomeramg_strong_threshold"] = 0.5
+    options["pc_hypre_boomeramg_strong_threshold"] = 0.25
     solver.setFromOptions()
     comm.barrier()
     began = time.perf_counter()
