@@ -35,6 +35,7 @@ def algebraic_levels(problem: DiscreteProblem) -> list[tuple[sp.csr_array, Trans
     mean = float(problem.stiffness.diagonal().mean())
     filled = place @ problem.stiffness @ place.T + sp.diags_array(mean * empty)
     blocks = sp.bsr_matrix(sp.csr_array(filled).tobsr((size, size)))
+    blocks.indices, blocks.indptr = blocks.indices.astype(np.int32), blocks.indptr.astype(np.int32)
     near = np.ones((problem.unknowns, 1)) if problem.field is None else rigid_motions(problem.field)
     candidates = np.zeros((count, near.shape[1]))
     candidates[slots] = near

@@ -122,6 +122,7 @@ class _Patch:
 
     def __init__(self, rows: sp.csr_array, contact: IntArray, slots: IntArray, blocks: sp.bsr_array) -> None:
         self.rows, self.contact, self.slots, self.blocks = rows, contact, slots, blocks
+        blocks.indices, blocks.indptr = blocks.indices.astype(np.int32), blocks.indptr.astype(np.int32)
         size = blocks.blocksize[0]
         diagonal = np.zeros((blocks.shape[0] // size, size, size))
         row = np.repeat(np.arange(len(diagonal)), np.diff(blocks.indptr))

@@ -30,6 +30,8 @@ __all__ = [
 _Result = TypeVar("_Result")
 #: Matrices up to this size are factorised in less time than a thread of its own is worth.
 _QUICK = 5_000
+#: Codes by which MUMPS says that it got no memory, on this process or another.
+_NO_MEMORY = (-5, -7, -13, -19)
 #: Factorisations that were interrupted.
 _abandoned: list[threading.Thread] = []
 
@@ -151,6 +153,8 @@ class MumpsFactorisation:
             self._context.analyze(ordering="metis")
             self._context.factor(reuse_analysis=True)
         except mumps.MUMPSError as error:
+            if int(instance.infog[1]) in _NO_MEMORY:
+                raise MemoryError(str(error)) from error
             raise _singular() from error
         # MUMPS leaves one triangle of a symmetric complement.
         lower = np.tril(self._schur)
