@@ -565,14 +565,6 @@ class Refinement:
         shape = (count, self.mesh.number_of_nodes)
         return sp.csr_array((np.full(2 * count, 0.5), (rows, self.ends.ravel())), shape=shape)
 
-    @cached_property
-    def kept(self) -> IntArray:
-        """The node of the finer mesh that each node of the coarser one is, shape (N_coarse,)."""
-        kept = np.empty(self.mesh.number_of_nodes, dtype=np.int64)
-        same = np.flatnonzero(self.ends[:, 0] == self.ends[:, 1])
-        kept[self.ends[same, 0]] = same
-        return kept
-
 
 def _itself(refinement: Refinement) -> Refinement:
     return refinement
