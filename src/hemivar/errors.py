@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["HemivarError", "MethodError", "ProblemError"]
+__all__ = ["FileError", "HemivarError", "MethodError", "ProblemError"]
 
 
 class HemivarError(Exception):
@@ -15,3 +15,7 @@ class ProblemError(HemivarError, ValueError):
 
 class MethodError(HemivarError, ValueError):
     """The chosen method cannot treat this problem; the message says why and names one that can."""
+
+
+class FileError(ProblemError):
+    """A file cannot be read or written; the message names it."""

@@ -1,0 +1,110 @@
+"""The one reader and the one writer of files."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hemivar import disk
+from hemivar.errors import FileError
+
+
+def test_what_fails_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("old")
+
+    def fail() -> None:
+        with disk.whole_file(path) as name:
+            name.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.json"]
+
+
+def test_size_limit_names_the_file_and_keeps_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_text("old")
+    code = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "from hemivar import disk\n"
+        "try: disk.write_text(sys.argv[1], 'x' * 5000)\n"
+        "except Exception as error: print(type(error).__name__, error)"
+    )
+    assert resource.RLIMIT_FSIZE is not None
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f"FileError cannot write {path}: ")
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.json"]
+
+
+def test_links_are_followed_and_permissions_kept(tmp_path: Path) -> None:
+    target, link = tmp_path / "target.txt", tmp_path / "link.txt"
+    target.write_text("old")
+    target.chmod(0o640)
+    link.symlink_to(target)
+    disk.write_text(link, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+    assert target.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_new_file_obeys_the_umask(tmp_path: Path) -> None:
+    old = os.umask(0o027)
+    try:
+        disk.write_text(tmp_path / "a", "text")
+    finally:
+        os.umask(old)
+    assert (tmp_path / "a").stat().st_mode & 0o777 == 0o640
+
+
+def test_what_cannot_be_replaced_is_written_to(tmp_path: Path) -> None:
+    disk.write_text("/dev/null", "text")
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True)
+    disk.write_text(pipe, "text")
+    assert reader.communicate(timeout=10)[0] == "text"
+
+
+@pytest.mark.parametrize("name", ["nowhere/a.txt", "a\0b", "loop", "."])
+def test_names_that_cannot_be_written(tmp_path: Path, name: str) -> None:
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(FileError, match="cannot write"):
+        disk.write_text(tmp_path / name, "text")
+
+
+@pytest.mark.parametrize("name", ["nowhere", "a\0b", "loop", ".", "pipe"])
+def test_names_that_cannot_be_read(tmp_path: Path, name: str) -> None:
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(FileError, match="cannot read law table"):
+        disk.read_text(tmp_path / name, "law table")
+
+
+def test_devices_sizes_and_encodings_are_looked_at_first(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="not a regular file"):
+        disk.read_text("/dev/zero")
+    (tmp_path / "a").write_bytes(b"\xff\xfe1")
+    with pytest.raises(FileError, match="not UTF-8"):
+        disk.read_text(tmp_path / "a")
+    with pytest.raises(FileError, match="at most 0 MiB"):
+        disk.read_text(tmp_path / "a", most_bytes=2)
+    (tmp_path / "b").write_bytes("\ufeffa\r\nb".encode())
+    assert disk.read_text(tmp_path / "b") == "a\nb"
+
+
+def test_one_file_by_two_names(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    assert disk.same_file(tmp_path / "a", tmp_path / "b")
+    assert disk.same_file(tmp_path / "new", tmp_path / "." / "new")
+    assert not disk.same_file(tmp_path / "a", tmp_path / "new")
