@@ -161,7 +161,7 @@ def find_solutions(
         return SolutionSet(search.sorted(), complete, chain.combinations, 0, searched)
     combinations = chain.combinations if chain is not None else np.inf
     constants = smallness(problem, trace_constant=False)
-    proved = one_solution(problem, constants) and not constants.alpha_sampled
+    proved = one_solution(problem, constants)
     with search.stopped_cleanly():
         if proved:
             search.run(NonsmoothNewton(), None)
@@ -180,6 +180,8 @@ def find_solutions(
             f"{search.starts} starts and the load paths through what they found, where there are {combinations:.3g} "
             "combinations of pieces and kinks; there may be more"
         )
+    if constants.sampled and constants.margin > 0.0:
+        searched += f"; the margin {constants.margin:.3g} is positive, but rests on sampled constants"
     if search.full:
         searched += f"; stopped at {max_solutions} solutions"
     if search.stopped:

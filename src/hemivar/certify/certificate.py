@@ -47,7 +47,8 @@ class Certificate:
     margin : float
         ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
     error_bound : float
-        Guaranteed bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.
+        Bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.  Guaranteed unless
+        :attr:`error_bound_sampled`.
     error_bound_relative : float
         The same over ``|u|_K``.
     kind : PointKind
@@ -68,6 +69,8 @@ class Certificate:
         "factorisation", or "multigrid" for a large problem: then the constants are less accurate, on the safe side.
     seconds : float
         Spent on it.
+    error_bound_sampled : bool
+        Whether margin and error bound rest on sampled constants, and so are estimates.
     """
 
     equilibrium: float
@@ -89,6 +92,7 @@ class Certificate:
     smallness: Smallness
     method: str = "factorisation"
     seconds: float = 0.0
+    error_bound_sampled: bool = False
 
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
@@ -214,6 +218,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
         smallness=constants,
         method="factorisation" if energy.factorised else "multigrid",
         seconds=time.perf_counter() - began,
+        error_bound_sampled=constants.sampled,
     )
 
 
@@ -251,7 +256,7 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     local = study(point)
     if dependent:
         return local.kind, None, local
-    if constants.m_alpha == 0.0:
+    if constants.m_alpha == 0.0 and not constants.alpha_sampled:
         if local.kind is PointKind.LOCAL_MINIMISER:
             return PointKind.UNIQUE_MINIMISER, True, local
         return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)

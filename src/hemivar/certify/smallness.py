@@ -77,6 +77,9 @@ class Smallness:
         norm; inf if c >= 1.
     margin : float
         ``1 - c - coupling``; positive if the discrete problem has one solution.
+    m_L_sampled : bool
+        The same as ``alpha_sampled`` for m_L: the friction bound is a function, or a formula without a bound of its
+        slope.
     """
 
     alpha_normal: float
@@ -94,6 +97,12 @@ class Smallness:
     coupling: float
     contraction: float
     margin: float
+    m_L_sampled: bool = False  # noqa: N815 - the survey's name
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the margin rests on samples: then it proves nothing."""
+        return self.alpha_sampled or self.m_L_sampled
 
 
 def smallness(
@@ -128,7 +137,7 @@ def smallness(
         normal, tangential = (np.broadcast_to(alpha, (m,)) for alpha in law.weak_convexity)
         coupling_weight = np.broadcast_to(_coupling(problem.law), (m,))
         sampled = bool(
-            getattr(law.normal, "constants_sampled", False) or getattr(law.friction.profile, "constants_sampled", False)
+            getattr(law.normal, "alpha_sampled", False) or getattr(law.friction.profile, "alpha_sampled", False)
         )
     else:
         normal = tangential = coupling_weight = np.zeros(m)
@@ -192,6 +201,7 @@ def smallness(
         coupling=coupling,
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
         margin=(1.0 - c - coupling) if energy.definite else -np.inf,
+        m_L_sampled=bool(coupling > 0.0 and problem.law.lipschitz_sampled),
     )
 
 
@@ -199,10 +209,10 @@ def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
     """Whether the constants prove that the discrete problem has one solution.
 
     The alpha of friction that softens and whose bound depends on the solution belongs to one state; elsewhere it may
-    be larger, and nothing is proved.
+    be larger, and nothing is proved.  Neither is it by constants that are sampled.
     """
     dependent = bool(problem.contact_points and problem.law.state_dependent)
-    return constants.margin > 0.0 and not (dependent and constants.alpha_tangential > 0.0)
+    return constants.margin > 0.0 and not constants.sampled and not (dependent and constants.alpha_tangential > 0.0)
 
 
 def _coupling(law: ContactLaw) -> Array:
