@@ -12,6 +12,7 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound, stack_bounds
+from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.stacked import stack
 
@@ -63,6 +64,7 @@ class ContactLaw:
             raise ProblemError(f"the normal law must be a superpotential such as SurveyLaw, not {self.normal!r}")
         if not isinstance(self.friction, Friction):
             raise ProblemError(f"the friction law must be a Friction such as Tresca(0.5), not {self.friction!r}")
+        check_own(self.normal)
 
     def at(self, points: Array | None) -> ContactLaw:
         """The law with every parameter evaluated at ``points (m, d)``."""
