@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
+from hemivar.laws.scaled import ScaledLaw
 
 __all__ = ["PiecewiseQuadratic"]
 
@@ -86,16 +88,15 @@ class PiecewiseQuadratic(Superpotential):
                 raise ProblemError(f"law '{self.name}': a finite end of the domain must be one of the knots")
         if (lower > upper).any():
             raise ProblemError(f"law '{self.name}': the domain is empty (lower > upper)")
-        left = np.empty(knots.shape)
-        right = np.empty(knots.shape)
-        values = np.zeros(knots.shape)
-        left[..., 0] = start
-        right[..., 0] = start + jumps[..., 0]
-        for i in range(1, count):
-            width = knots[..., i] - knots[..., i - 1]
-            left[..., i] = right[..., i - 1] + slopes[..., i] * width
-            right[..., i] = left[..., i] + jumps[..., i]
-            values[..., i] = values[..., i - 1] + right[..., i - 1] * width + 0.5 * slopes[..., i] * width**2
+        # sums in the order of the knots: jump, rise, jump, rise, ...
+        width = np.diff(knots, axis=-1)
+        steps = np.empty((*rows, 2 * count))
+        steps[..., 0], steps[..., 1::2], steps[..., 2::2] = start, jumps, slopes[..., 1:-1] * width
+        reached = np.cumsum(steps, axis=-1)
+        left, right = reached[..., 0::2].copy(), reached[..., 1::2].copy()
+        steps = np.zeros((*rows, 2 * count - 1))
+        steps[..., 1::2], steps[..., 2::2] = right[..., :-1] * width, 0.5 * slopes[..., 1:-1] * width**2
+        values = np.cumsum(steps, axis=-1)[..., 0::2].copy()
         set_ = object.__setattr__
         for key, item in (
             ("breakpoints", knots),
@@ -173,7 +174,15 @@ class PiecewiseQuadratic(Superpotential):
         return (ends > lower) & (starts < upper), (knots > lower) & (knots < upper)
 
     @property
+    def _straight(self) -> bool:
+        return True
+
+    @property
     def weak_convexity(self) -> Array:
+        return self._alpha
+
+    @cached_property
+    def _alpha(self) -> Array:
         pieces, knots = self._inside()
         softening = np.max(np.where(pieces, -self.slopes, 0.0), axis=-1)
         falls = np.any(knots & (self.jumps < 0.0), axis=-1)
@@ -221,8 +230,10 @@ class PiecewiseQuadratic(Superpotential):
             raise ProblemError(f"law '{self.name}' is a table for {rows} contact points, but there are {len(points)}")
         return self
 
-    def scaled(self, factor: Array | float) -> PiecewiseQuadratic:
+    def scaled(self, factor: Array | float) -> Superpotential:
         factor = np.atleast_1d(np.asarray(factor, dtype=float))
+        if self._many and factor.size > 1:  # one table for all points, not one for each
+            return ScaledLaw(self, factor)
         return PiecewiseQuadratic(
             self.breakpoints,
             factor[:, None] * self.slopes,
