@@ -16,7 +16,7 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.solvers.factorisation import Factorisation, factorise
 from hemivar.solvers.memory import check_memory, shortage
 
@@ -224,8 +224,8 @@ class CondensedProblem:
         return contact_compliance(self.problem)
 
     @cached_property
-    def _load_scale(self) -> float:
-        return float(np.linalg.norm(self.problem.load))
+    def _load_scale(self) -> LoadScale:
+        return load_scale(self.problem, self._full_compliance)
 
     # ---- the same body otherwise ---------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import norm
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.laws.contact import Linearisation
@@ -21,7 +22,7 @@ from hemivar.linear.levels import COARSEST
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.hierarchy import rigid_motions
-from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
@@ -242,9 +243,9 @@ class BodyProblem:
         return replace(self, problem=problem, fixed=fixed, below=None, seconds=0.0)
 
     @cached_property
-    def load_scale(self) -> float:
-        """Size of the load, a force."""
-        return float(np.linalg.norm(self.problem.load))
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        return load_scale(self.problem, self.compliance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -625,7 +626,7 @@ class _Equation:
         right = self.force.copy()
         right[system.unknown] -= system.sign * (system.weights[:, None] * self.line.gradient)[active]
         right[system.unknown[held]] = 0.0
-        scale = max(system.load_scale, float(np.linalg.norm(self.force[system.unknown])))
+        scale = system.load_scale.of(norm(self.force[system.unknown]))
         found = conjugate_gradients(
             levels.matrix(system.top),
             levels.diagonal(system.top),
