@@ -68,6 +68,8 @@ class Certificate:
         "factorisation", or "multigrid" for a large problem: then the constants are less accurate, on the safe side.
     seconds : float
         Spent on it.
+    warnings : tuple of str
+        What it does not cover on this problem, such as locking; one sentence each.
     """
 
     equilibrium: float
@@ -89,6 +91,7 @@ class Certificate:
     smallness: Smallness
     method: str = "factorisation"
     seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
@@ -108,6 +111,8 @@ class Certificate:
         for name, value in values.items():
             if isinstance(value, StrEnum):
                 value = value.value
+            elif isinstance(value, tuple):
+                value = list(value)
             elif isinstance(value, np.ndarray):
                 value = value.tolist()
             elif isinstance(value, float) and not math.isfinite(value):
@@ -161,6 +166,8 @@ def certify(
     m, d = problem.contact_points, problem.dim
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
+    if not 0.0 <= tolerance <= 0.1:
+        raise ProblemError(f"the tolerance is {tolerance:g}; it must lie between 0 and 0.1 of the load")
     if not np.isfinite(u).all():
         raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
     began = time.perf_counter()
@@ -176,7 +183,18 @@ def certify(
         if not np.isfinite(lam).all():
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
-        return _certified(Point(problem, energy, u, lam), tolerance, trace_constant, began)
+        return _known(_certified(Point(problem, energy, u, lam), tolerance, trace_constant, began))
+
+
+def _known(certificate: Certificate) -> Certificate:
+    """The certificate, without the word unique where a number came out as nan: nothing is proved then."""
+    numbers = [getattr(certificate, item.name) for item in fields(certificate)]
+    numbers += [getattr(certificate.smallness, item.name) for item in fields(certificate.smallness)]
+    if not any(isinstance(number, float) and math.isnan(number) for number in numbers):
+        return certificate
+    proved = (PointKind.UNIQUE_MINIMISER, PointKind.UNIQUE_SOLUTION, PointKind.GLOBAL_MINIMISER)
+    kind = PointKind.DIRECTIONALLY_STATIONARY if certificate.kind in proved else certificate.kind
+    return replace(certificate, unique=None, kind=kind)
 
 
 def _certified(point: Point, tolerance: float, trace_constant: bool, began: float) -> Certificate:
@@ -214,6 +232,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
         smallness=constants,
         method="factorisation" if energy.factorised else "multigrid",
         seconds=time.perf_counter() - began,
+        warnings=problem.warnings,
     )
 
 

@@ -105,6 +105,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("distance", f"at most {size} to the exact discrete solution")
     else:
         say("distance", "no bound, for the margin is not positive")
+    for warning in certificate.warnings:
+        say("warning", warning)
     say("certified", f"in {certificate.seconds:.2g} s by {certificate.method}")
     if whole:
         say("alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}")

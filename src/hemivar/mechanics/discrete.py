@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["DiscreteProblem", "FieldMap"]
 
 _SYMMETRY_TOLERANCE = 1e-10
+#: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
+_LEAST_WORK = 1e-270
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,6 +221,7 @@ class DiscreteProblem:
             ("constant", float(self.constant)),
         ):
             object.__setattr__(self, name, value)
+        _check_size(self.stiffness, load)
         d = self.dim
         for name, shape in (("slip_offset", (m, d - 1)), ("points", None), ("frames", (m, d, d))):
             value = getattr(self, name)
@@ -298,6 +301,14 @@ class DiscreteProblem:
         if self.slip_offset is not None and self.contact_points > 0:
             offset[:, 1:] = self.slip_offset
         return offset.ravel()
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what results of this problem do not show by themselves; empty for most problems."""
+        from hemivar.mechanics.locking import locking_warning
+
+        found = None if self.field is None else locking_warning(self.field)
+        return () if found is None else (found,)
 
     def local(self, unknowns: Array) -> Array:
         """Penetration and slip at the contact points: ``r = B u - offset``.
@@ -406,6 +417,18 @@ def _check_diagonal(stiffness: sp.csr_array) -> None:
         raise ProblemError(
             f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
             f"remove unknowns that no element carries"
+        )
+
+
+def _check_size(stiffness: sp.csr_array, load: Array) -> None:
+    """Refuse a load whose work over- or underflows: no energy could be compared with another."""
+    with np.errstate(over="ignore", under="ignore"):
+        work = float(np.sum(np.abs(load) * (np.abs(load) / stiffness.diagonal())))
+    if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
+        raise ProblemError(
+            f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of "
+            f"{np.max(stiffness.diagonal()):.3g}: energies of that size {'over' if work > 1.0 else 'under'}flow; "
+            "state the problem in units that fit it"
         )
 
 

@@ -84,10 +84,15 @@ class Solution:
         """Nodal displacement (nodes, d) of the mesh, or the unknowns (n,) of a problem made of arrays."""
         return self.unknowns if self.problem.field is None else self.problem.field.displacement(self.unknowns)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the numbers do not show by themselves, such as locking; one sentence each."""
+        return self.problem.warnings
+
     @cached_property
     def energy(self) -> float:
-        """E(u), in units of work."""
-        return self.problem.energy(self.unknowns)
+        """E(u), in units of work; a friction bound that depends on the state is taken at this very pair."""
+        return self.problem.energy(self.unknowns, self.multiplier)
 
     @cached_property
     def local(self) -> Array:
