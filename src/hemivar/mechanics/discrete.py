@@ -153,7 +153,7 @@ class DiscreteProblem(Portable):
         a diagonal entry that is not positive, or a weight is not positive.
     """
 
-    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid",)
+    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
 
     stiffness: sp.csr_array
     load: Array
