@@ -20,3 +20,6 @@ __all__ = [
     "smallness",
     "trace_constants",
 ]
+
+# ``hemivar.certify`` is the function: it leads to what is in this package of the same name.
+vars(certify).update({name: value for name, value in globals().items() if not name.startswith("__")})

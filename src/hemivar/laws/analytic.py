@@ -17,6 +17,7 @@ from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula, SmoothFormula
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.scaled import ScaledLaw
+from hemivar.portable import Portable
 
 __all__ = ["FormulaLaw", "FunctionLaw"]
 
@@ -25,7 +26,7 @@ _FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _Piece(Portable):
     """Value, derivative and curvature on one piece."""
 
     value: _Scalar

@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
+from hemivar.portable import Portable
 
 if TYPE_CHECKING:
     from hemivar.laws import ContactLaw
@@ -27,7 +28,7 @@ _LEAST_WORK = 1e-270
 
 
 @dataclass(frozen=True, eq=False)
-class FieldMap:
+class FieldMap(Portable):
     """How the unknowns of a discrete problem become a displacement field.
 
     The full vector of nodal displacements is ``U = P u + u0``: the columns of ``P`` are orthonormal and span
@@ -112,7 +113,7 @@ class FieldMap:
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteProblem:
+class DiscreteProblem(Portable):
     """Energy of a discrete contact problem.
 
     ``E(u) = 1/2 u'K u - f'u + sum_j w_j j_j(r_j) + constant``, ``r = (B u - offset)`` reshaped to (m, d):
@@ -153,6 +154,8 @@ class DiscreteProblem:
         If shapes disagree, numbers are not finite, the stiffness is unsymmetric (relative to 1e-10) or has
         a diagonal entry that is not positive, or a weight is not positive.
     """
+
+    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
 
     stiffness: sp.csr_array
     load: Array

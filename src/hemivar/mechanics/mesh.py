@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.portable import Portable
 
 __all__ = ["Mesh", "Refinement", "box", "read_mesh", "rectangle"]
 
@@ -30,7 +31,7 @@ _PORTION = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Portable):
     """A conforming mesh of triangles (2D) or tetrahedra (3D).
 
     Attributes
@@ -542,7 +543,7 @@ def _rectangle_parent(
 
 
 @dataclass(frozen=True, eq=False)
-class Refinement:
+class Refinement(Portable):
     """How a mesh stems from a coarser one.
 
     Attributes

@@ -19,6 +19,7 @@ from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.mesh import Mesh, _facet_keys
 from hemivar.mechanics.obstacles import Normals, Obstacle
+from hemivar.portable import Portable
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
 
@@ -34,7 +35,7 @@ class Quadrature(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Portable):
     """What the foundation does along one contact boundary.
 
     Attributes
@@ -97,7 +98,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem:
+class ContactProblem(Portable):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes

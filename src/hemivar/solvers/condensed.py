@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
+from hemivar.portable import Portable
 from hemivar.solvers.factorisation import Factorisation, factorise
 from hemivar.solvers.memory import check_memory, shortage
 
@@ -29,7 +31,7 @@ def depends_on_state(law: ContactLaw) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class CondensedProblem:
+class CondensedProblem(Portable):
     """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
 
     ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
@@ -65,6 +67,12 @@ class CondensedProblem:
     seconds: float
     _recovery: _Recovery
     _body: _Body
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return condense, (self.problem,)  # factors cannot travel: they are made again on arrival
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> CondensedProblem:
+        return condense(copy.deepcopy(self.problem, memo))
 
     # ---- views -----------------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual
+from hemivar.portable import Portable
 from hemivar.solvers.controls import Progress
 from hemivar.solvers.status import Status
 
@@ -33,7 +34,7 @@ class ContactState(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Portable):
     """Displacement and multiplier of a discrete problem, with how they were obtained.
 
     Attributes

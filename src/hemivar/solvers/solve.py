@@ -11,6 +11,7 @@ import scipy.linalg as la
 
 from hemivar._typing import Array
 from hemivar.errors import MethodError, ProblemError
+from hemivar.linear.multigrid import sole_use
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import residual
@@ -85,7 +86,7 @@ def solve(
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
     if condensed is not None and condensed.problem is not problem:
         raise ProblemError("the condensation given belongs to another problem; condense this one")
-    with one_thread(not solver.condenses):
+    with one_thread(not solver.condenses), sole_use(problem, not solver.condenses):
         return _run(problem, solver, controls, initial, condensed)
 
 
