@@ -537,7 +537,7 @@ def _check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
     local = np.stack([body.spread(column[body.unknown]) for column in columns.T], axis=2)
     totals = ranks.total(*(columns.T @ load), float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0)))
     own = growth_along(body.law, local, body.weights, totals[:-1], float(totals[-1]))
-    slack = geometric_slack(body.points, body.weights)
+    slack = geometric_slack(body.contact.points, body.contact.weights)
     everywhere = ranks.mpi.gather((own.rows, own.up, own.down, own.cones, own.rates, slack), root=0)
     hold = None
     if ranks.rank == 0:
