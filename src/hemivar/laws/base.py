@@ -56,8 +56,18 @@ class Superpotential(Portable, ABC):
     #: Short name used in messages, files and tables.
     name: str = "law"
 
-    #: Whether alpha and the growth constants come from sampling, not from a formula.
+    #: Whether alpha or the growth constants come from sampling, so that they may be too small.
     constants_sampled: bool = False
+
+    @property
+    def alpha_sampled(self) -> bool:
+        """Whether alpha comes from sampling."""
+        return self.constants_sampled
+
+    @property
+    def growth_sampled(self) -> bool:
+        """Whether the growth constants come from sampling."""
+        return self.constants_sampled
 
     # ---- what a law supplies -------------------------------------------------------------------------
 
@@ -383,7 +393,8 @@ class Superpotential(Portable, ABC):
             c1=c1,
             recession=(rates[0], rates[1]),
             coercive_above=max(0.0, -outward),
-            constants_sampled=law.constants_sampled,
+            alpha_sampled=law.alpha_sampled,
+            growth_sampled=law.growth_sampled,
         )
 
     @cached_property
