@@ -202,7 +202,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
     problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
     m, r = problem.contact_points, problem.local(point.u)
     law = problem.law.frozen(r, lam) if m else None
-    constants = smallness(problem, law, factor=energy, trace_constant=trace_constant)
+    constants = smallness(problem, displacement=u, multiplier=lam, factor=energy, trace_constant=trace_constant)
     found = residual(problem, u, lam)
     equilibrium = point.imbalance[1] if energy.definite else np.inf
     load_norm = energy.least_dual_norm(problem.load) if energy.definite else np.inf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -260,6 +260,18 @@ class CondensedProblem(Portable):
         """All unknowns u (n,) in equilibrium with the local displacements ``r (m, d)``."""
         return self._recovery(r)
 
+    def follow(self, change: Array) -> Array:
+        """Change of all unknowns (n,) that goes with a change (m, d) of the local displacements alone."""
+        return self._recovery.linear(change)
+
+    def spread_force(self, force: Array, reaction: Callable[[DiscreteProblem, Array], Array]) -> tuple[Array, Array]:
+        """A small force (n,) taken up by the unknowns that no contact point sees: their change (n,), and what is left.
+
+        ``reaction`` gives the contact forces (m, d) of a force (n,).
+        """
+        inner = self._recovery.factor.solve_interior(force)
+        return inner, reaction(self.problem, force - self.problem.stiffness @ inner)
+
     def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
         """All unknowns u (n,) from the local displacements, with the residual of the full problem."""
         u = self._recovery(r)
@@ -286,6 +298,12 @@ class _Recovery:
         u = np.zeros(self.load.size)
         u[self.kept] = self.spread @ (r.ravel() + self.offset) + self.shift
         return u + self.factor.solve_interior(self.load - self.stiffness @ u)
+
+    def linear(self, change: Array) -> Array:
+        """The same for a change of the local displacements, without load and shift."""
+        u = np.zeros(self.load.size)
+        u[self.kept] = self.spread @ change.ravel()
+        return u - self.factor.solve_interior(self.stiffness @ u)
 
     def refine(self, u: Array, problem: DiscreteProblem, lam: Array) -> Array:
         rest = self.load - self.stiffness @ u - problem.contact_force(lam)

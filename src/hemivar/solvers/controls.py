@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from hemivar.deadline import Budget, OutOfTime
 from hemivar.errors import ProblemError
 
 __all__ = ["Budget", "Controls", "OutOfTime", "Progress"]
@@ -78,25 +78,3 @@ class Controls:
             raise ProblemError("Controls.atol is infinite; it must be a force that counts as nothing")
         if self.max_steps is not None and self.max_steps < 1:
             raise ProblemError(f"Controls.max_steps is {self.max_steps}; it must be at least 1")
-
-
-class OutOfTime(Exception):  # noqa: N818 - a signal, not an error
-    """Raised inside a method when the time limit is reached."""
-
-
-@dataclass(frozen=True)
-class Budget:
-    """The time that is left."""
-
-    limit: float
-    started: float = field(default_factory=time.perf_counter)
-
-    @property
-    def spent(self) -> float:
-        """Seconds since the start."""
-        return time.perf_counter() - self.started
-
-    def check(self) -> None:
-        """Raise :class:`OutOfTime` once the limit is passed."""
-        if self.spent > self.limit:
-            raise OutOfTime
