@@ -16,6 +16,7 @@ from hemivar.certify._kind import LocalStudy, PointKind, study
 from hemivar.certify._linear import Norm, energy_norm
 from hemivar.certify.smallness import Smallness, one_solution, smallness
 from hemivar.errors import ProblemError
+from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual, residual
@@ -155,7 +156,7 @@ def certify(
     Raises
     ------
     ProblemError
-        Wrong shapes, or numbers that are not finite.
+        Wrong shapes, numbers that are not finite, or a stiffness with a negative eigenvalue.
 
     Notes
     -----
@@ -174,6 +175,8 @@ def certify(
     energy = energy_norm(problem) if factor is None else factor
     if energy.stiffness is not problem.stiffness and energy.stiffness.shape != problem.stiffness.shape:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
+    if not energy.definite:
+        refuse_indefinite(energy.indefinite)
     if multiplier is None:
         lam = _multiplier(problem, u)
     else:

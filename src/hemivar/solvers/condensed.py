@@ -16,13 +16,20 @@ import scipy.sparse as sp
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
+from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, refuse_indefinite, rounding
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.portable import Portable
+from hemivar.mechanics.free_motion import free_growth
+from hemivar.mechanics.hold import Growth, growth_along
+from hemivar.mechanics.parts import free_motions
 from hemivar.solvers.factorisation import Factorisation, factorise
 from hemivar.solvers.memory import check_memory, shortage
 
 __all__ = ["CondensedProblem", "condense", "depends_on_state"]
+
+#: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
+_ROUNDED = 1e-9
 
 
 def depends_on_state(law: ContactLaw) -> bool:
@@ -125,7 +132,13 @@ class CondensedProblem(Portable):
 
     @cached_property
     def rigid_modes(self) -> Array:
-        """Directions of the free components in which the body moves without deforming, (k, free.size)."""
+        """Directions of the free components in which the body moves without deforming, (k, free.size).
+
+        Those of mesh and supports; of a stiffness without a mesh, its eigenvectors with eigenvalue zero up to rounding.
+        """
+        known = free_unknowns(self.problem)
+        if known is not None:
+            return np.asarray((self.problem.trace[self.free] @ known).T)
         A = self.matrix[np.ix_(self.free, self.free)]
         if self.free.size == 0:
             return np.zeros((0, 0))
@@ -140,13 +153,19 @@ class CondensedProblem(Portable):
         values, vectors = la.eigh(scaled)
         return np.asarray((scale[:, None] * vectors[:, values < 1e-11]).T)
 
-    def rigid_directions(self) -> Iterator[tuple[Array, float, float]]:
-        """Local displacements (m, d) of each rigid motion, the work of the load along it, and the size of that work."""
-        for mode in self.rigid_modes:
-            direction = np.zeros(self.shape)
-            direction.ravel()[self.free] = mode
-            size = float(np.abs(self.force) @ np.abs(direction).ravel())
-            yield direction, float(self.force @ direction.ravel()), size
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
+        if free_unknowns(self.problem) is not None:
+            assert self.problem.field is not None
+            return free_growth(self.problem, free_motions(self.problem.field))
+        modes = self.rigid_modes
+        if not len(modes):
+            return []
+        local = np.zeros((*self.shape, len(modes)))
+        local.reshape(-1, len(modes))[self.free] = modes.T
+        flat = local.reshape(-1, len(modes))
+        size = float(np.abs(self.force) @ np.abs(flat).max(axis=1))
+        return [growth_along(self.law, local, self.weights, flat.T @ self.force, size, _ROUNDED)]
 
     @cached_property
     def length_scale(self) -> float:
@@ -320,7 +339,8 @@ def condense(problem: DiscreteProblem) -> CondensedProblem:
     Raises
     ------
     ProblemError
-        The interior is singular (part of the body can move freely), or contact rows depend on one another.
+        The interior is singular (part of the body can move freely), the stiffness has a negative eigenvalue, or contact
+        rows depend on one another.
     MethodError
         The memory that is free does not suffice.
     """
@@ -357,6 +377,8 @@ def _condense_body(problem: DiscreteProblem) -> _Body:
     trace = sp.csr_array(B[rows][:, kept])
     select = trace.nnz == rows.size == kept.size and np.all(trace.data == 1.0)
     S = factor.schur
+    if free_unknowns(problem) is None:
+        _check_semidefinite(problem, factor, kept)
     matrix = np.zeros((m * d, m * d))
     drift: Array | None = None
     if select:
@@ -377,6 +399,25 @@ def _condense_body(problem: DiscreteProblem) -> _Body:
         block = local.T @ S @ local
         matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
     return _Body(factor, kept, matrix, active, spread, drift)
+
+
+def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: IntArray) -> None:
+    """Refuse a stiffness without a mesh along which the energy falls: shown by a displacement, free of doubt."""
+    K, scale = problem.stiffness, problem.diagonal[kept]
+    if factor.interior_positive:
+        root = np.sqrt(scale)
+        scaled = factor.schur / np.outer(root, root)
+        try:
+            la.cho_factor(scaled + 1e-13 * np.eye(kept.size))
+            return
+        except la.LinAlgError:
+            u = np.zeros(problem.unknowns)
+            u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
+            u += factor.solve_interior(-(K @ u))
+            lowest = quotient(K, u, problem.diagonal)
+    else:
+        lowest = lowest_quotient(K, 200)
+    refuse_indefinite(lowest if lowest < -rounding(K, problem.diagonal) else None)
 
 
 def _load(body: _Body, problem: DiscreteProblem, began: float) -> CondensedProblem:
