@@ -48,7 +48,8 @@ class Certificate:
     margin : float
         ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
     error_bound : float
-        Guaranteed bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.
+        Bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.  Guaranteed unless
+        :attr:`error_bound_sampled`.
     error_bound_relative : float
         The same over ``|u|_K``.
     kind : PointKind
@@ -71,6 +72,8 @@ class Certificate:
         Spent on it.
     warnings : tuple of str
         What it does not cover on this problem, such as locking; one sentence each.
+    error_bound_sampled : bool
+        Whether margin and error bound rest on sampled constants, and so are estimates.
     """
 
     equilibrium: float
@@ -93,6 +96,7 @@ class Certificate:
     method: str = "factorisation"
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
+    error_bound_sampled: bool = False
 
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
@@ -236,6 +240,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
         method="factorisation" if energy.factorised else "multigrid",
         seconds=time.perf_counter() - began,
         warnings=problem.warnings,
+        error_bound_sampled=constants.sampled,
     )
 
 
@@ -273,7 +278,7 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     local = study(point)
     if dependent:
         return local.kind, None, local
-    if constants.m_alpha == 0.0:
+    if constants.m_alpha == 0.0 and not constants.alpha_sampled:
         if local.kind is PointKind.LOCAL_MINIMISER:
             return PointKind.UNIQUE_MINIMISER, True, local
         return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)

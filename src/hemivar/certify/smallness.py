@@ -84,6 +84,9 @@ class Smallness:
         norm; inf if c >= 1.
     margin : float
         ``1 - c - coupling``, less the rounding in it; positive if the discrete problem has one solution.
+    m_L_sampled : bool
+        The same as ``alpha_sampled`` for m_L: the friction bound is a function, or a formula without a bound of its
+        slope.
     """
 
     alpha_normal: float
@@ -101,6 +104,12 @@ class Smallness:
     coupling: float
     contraction: float
     margin: float
+    m_L_sampled: bool = False  # noqa: N815 - the survey's name
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the margin rests on samples: then it proves nothing."""
+        return self.alpha_sampled or self.m_L_sampled
 
 
 def smallness(
@@ -185,7 +194,7 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
                 tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
         coupling_weight = np.broadcast_to(_coupling(law), (m,))
         sampled = bool(
-            getattr(law.normal, "constants_sampled", False) or getattr(law.friction.profile, "constants_sampled", False)
+            getattr(law.normal, "alpha_sampled", False) or getattr(law.friction.profile, "alpha_sampled", False)
         )
     else:
         normal = tangential = coupling_weight = np.zeros(m)
@@ -249,6 +258,7 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
         coupling=coupling,
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
         margin=_margin(energy, c, coupling),
+        m_L_sampled=bool(coupling > 0.0 and problem.law.lipschitz_sampled),
     )
 
 
@@ -265,7 +275,7 @@ def _margin(energy: Norm, c: float, coupling: float) -> float:
 
 def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
     """Whether the constants prove that the discrete problem has one solution: nothing sampled, nothing unknown."""
-    return bool(constants.margin > 0.0 and not constants.alpha_sampled)
+    return bool(constants.margin > 0.0 and not constants.sampled)
 
 
 def _coupling(law: ContactLaw) -> Array:
