@@ -127,8 +127,8 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
     point : Point
     margin : float
     ceiling : array (m,), optional
-        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None if it
-        holds for all solutions, and so for all pairs.
+        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None
+        if it holds for all solutions, and so for all pairs.
     """
     if not (margin > 0.0 and point.energy.definite):
         return np.inf
