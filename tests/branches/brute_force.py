@@ -103,12 +103,18 @@ class Case:
         def F(x: Array) -> Array:
             return np.array([float(v) for v in self.F(list(x))])
 
-        # the size of what F is made of
-        size = np.abs(self.g) + 1e-300
+        # the size of what F is made of: between two corners of a graph, that of their numbers
+        sums = [np.abs(self.g), np.abs(self.A).sum(axis=1)]
+        sums += [
+            np.array([np.abs(np.interp(t + s * w, c.corners, c.lam)) * weight for c, t, w, weight in rows])
+            for s in (-40.0, 0.0, 40.0)
+            for rows in [list(zip(self.curves, theta, width, self.weights, strict=True))]
+        ]
+        allowed = 1e-11 * np.abs(self.g) + 1e-13 * np.maximum.reduce(sums)
         start = theta
         for _ in range(40):
             value = F(theta)
-            if np.all(np.abs(value) <= 1e-11 * size):
+            if np.all(np.abs(value) <= allowed):
                 return theta
             J = np.empty((n, n))
             for j in range(n):
@@ -162,10 +168,61 @@ def random_friction(random: np.random.Generator) -> tuple[Friction, Curve, tuple
     return SlipTable(given, slips, values), polyline(r, np.concatenate([-values[::-1], values]), (0.0, 0.0)), bound, scale
 
 
-def random_case(seed: int, friction: bool | None = None) -> Case:
+def gentle_case(random: np.random.Generator) -> Case:
+    """One point that hardly softens by itself, on friction with a small bound that grows with the penetration."""
+    A = np.diag(random.uniform(0.5, 2.0, size=2))
+    A[0, 1] = A[1, 0] = random.choice([0.0, 0.2])
+    k = float(random.uniform(0.2, 2.0))
+    slope = float(random.uniform(0.02, 0.4))
+    s, h = np.array([0.0, 5.0]), np.array([0.0, 5.0 * slope])
+    static, kinetic = 1.0, float(random.uniform(0.3, 0.9))
+    rate = float(10.0 ** random.uniform(-1.0, 2.5))
+    load = np.array([random.uniform(-0.5, 2.0), 0.0])
+    # about what the friction can bear
+    load[1] = slope * max(load[0], 0.1) / (A[0, 0] + k) * random.uniform(0.3, 1.2)
+    law = ContactLaw(
+        table_law([-1.0, 0.0, 1.0], [0.0, 0.0, k], extend="linear"),
+        SlipWeakening(PenetrationBound((s, h)), static, kinetic, rate),
+    )
+    normal = polyline(np.array([-1.0, 0.0, 1.0]), np.array([0.0, 0.0, k]), (0.0, k))
+    curve = Curve(np.array([-1.0 - _FAR, -1.0, 1.0, 1.0 + _FAR]), np.zeros(4), np.zeros(4), (static, kinetic, rate))
+    problem = DiscreteProblem(A, load, np.eye(2), np.ones(1), np.zeros(1), law)
+    return Case(problem, A, load, np.ones(2), (normal, curve), (s, h))
+
+
+def steep_case(random: np.random.Generator) -> Case:
+    """Laws whose knots carry forces that are large against the load, loads of nothing, and knots at rest."""
+    n = int(random.integers(1, 4))
+    A = np.diag(random.uniform(0.5, 2.0, size=n))
+    A += 0.2 * (random.normal(size=n) @ random.normal(size=n)) ** 2 * np.ones((n, n))
+    load = random.normal(size=n) * random.choice([0.0, 1.0])
+    gap = random.uniform(0.0, 0.3, size=n) * float(random.integers(0, 2))
+    laws, curves = [], []
+    for _ in range(n):
+        size = float(10.0 ** random.uniform(2.0, 9.0))
+        places = np.sort(random.uniform(0.0, 0.5, size=2)) + np.array([0.0, 0.05])
+        kind = int(random.integers(0, 3))
+        if kind == 0:  # a wedge up and down again
+            r, lam = np.array([0.0, *places]), np.array([0.0, size, 0.0])
+        elif kind == 1:  # a large jump at rest, as that of a friction bound
+            r, lam = np.array([0.0, 0.0]), np.array([-size, size])
+        else:
+            r, lam = np.array([-places[0], 0.0, places[1], places[1]]), np.array([-1.0, 0.0, size, 0.5])
+        laws.append((ContactLaw(table_law(r, lam)), 1))
+        curves.append(polyline(r, lam, (0.0, 0.0)))
+    weights = random.uniform(0.5, 2.0, size=n)
+    problem = DiscreteProblem(A, load, np.eye(n), weights, gap, ContactLaw.concatenate(laws))
+    return Case(problem, A, load - A @ gap, weights, tuple(curves), None)
+
+
+def random_case(seed: int) -> Case:
     """One to three points in one dimension, or one point with friction in two."""
     random = np.random.default_rng(seed)
-    slides = bool(random.integers(0, 2)) if friction is None else friction
+    if seed % 4 == 2:
+        return gentle_case(random)
+    if seed % 4 == 3:
+        return steep_case(random)
+    slides = bool(random.integers(0, 2))
     n = 2 if slides else int(random.integers(1, 4))
     root = random.normal(size=(n, n))
     A = root @ root.T / n * random.choice([0.3, 1.0]) + np.diag(random.uniform(0.2, 1.5, size=n))
