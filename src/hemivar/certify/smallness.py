@@ -52,8 +52,8 @@ class Smallness:
     ----------
     alpha_normal, alpha_tangential : float
         Largest weak convexity constant of the normal law and of the friction law over the contact boundary (force per
-        area and length); inf where a derivative jumps down. Where the friction bound depends on the penetration, that of
-        the profile times the largest bound that any solution can have; inf if that is not known.
+        area and length); inf where a derivative jumps down. Where the friction bound depends on the penetration, that
+        of the profile times the largest bound that any solution can have; inf if that is not known.
     alpha_sampled : bool
         True if a law knows its alpha from samples only; what follows then holds as far as the samples do.
     m_alpha : float
@@ -126,8 +126,9 @@ def smallness(
     ----------
     problem : DiscreteProblem
     displacement : array (n,), optional
-        Unknowns near a solution, from which the reach of all solutions is bounded: needed where friction weakens with the
-        slip and its bound depends on the penetration.  Without them, or where they bound nothing, its alpha is infinite.
+        Unknowns near a solution, from which the reach of all solutions is bounded: needed where friction weakens with
+        the slip and its bound depends on the penetration.  Without them, or where they bound nothing, its alpha is
+        infinite.
     multiplier : array (m, d), optional
         That in equilibrium with ``displacement`` by default.
     factor : EnergyNorm or MultigridNorm, optional
@@ -154,8 +155,8 @@ def smallness(
 def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) -> Array:
     """What the friction bound of each contact point is at most in any solution, (m,); inf where that is not known.
 
-    Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is in
-    docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair.
+    Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is
+    in docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair.
     """
     m, d = problem.contact_points, problem.dim
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
@@ -181,7 +182,7 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
 
 
 def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, trace_constant: bool) -> Smallness:
-    """The constants, the friction bound of each contact point being at most ``bounds`` where it depends on the state."""
+    """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state."""
     m, d = problem.contact_points, problem.dim
     if m:
         law = problem.law
