@@ -146,7 +146,7 @@ def test_import_is_quick(module: str, absent: tuple[str, ...]) -> None:
     assert done.stdout.split() == []
 
 
-#: Calls that write a file, as the names of methods; only a temporary name from :func:`hemivar.disk.whole_file` may get it.
+#: Methods that write or read a file; a temporary name of ``whole_file`` may be written to.
 WRITING = {"write_text", "write_bytes", "savefig", "screenshot", "to_csv", "tofile", "savez", "savetxt", "touch"}
 READING = {"read_text", "read_bytes", "loadtxt", "genfromtxt"}
 #: Where files are opened otherwise: descriptors of the process, files of the system, parallel writers of one file.
@@ -168,9 +168,9 @@ def opened(path: Path) -> Iterator[tuple[str, int]]:
             elif isinstance(node.func, ast.Name) and node.func.id == "open":
                 name = "open"
             keywords = {keyword.arg for keyword in node.keywords}
-            if (owner != "disk" and name in {"open", *WRITING, *READING}) or (
-                name in ("write", "save") and "file_format" in keywords
-            ):
+            direct = owner != "disk" and name in {"open", *WRITING, *READING}
+            by_meshio = name in ("write", "save") and "file_format" in keywords
+            if direct or by_meshio:
                 yield name, node.lineno
         for child in ast.iter_child_nodes(node):
             yield from search(child, inside)

@@ -164,7 +164,7 @@ _WHOLE: dict[str, Callable[[bytes], Any]] = {
     ".png": lambda data: _ends(data, b"IEND\xaeB`\x82"),
     ".pdf": lambda data: _ends(data, b"%%EOF"),
     ".html": lambda data: _ends(data, b"</html>"),
-    ".toml": lambda data: _ends(data, SAMPLE.rstrip().encode()),
+    ".toml": lambda data: _ends(data, SAMPLE[-200:].rstrip().encode()),
 }
 
 
@@ -285,10 +285,10 @@ def test_kill_the_survey_at_random_moments(driver: Driver, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("rounds", [1, pytest.param(30, marks=pytest.mark.slow)])
-def test_two_writers_of_one_file(rounds: int, tmp_path: Path) -> None:
+def test_two_writers_of_one_file(rounds: int, driver: Driver, tmp_path: Path) -> None:
     arguments, files = COMMANDS["solve"]
     arguments, files = arguments[:6], files[:3]
-    drivers = [Driver(), Driver()]
+    drivers = [driver, Driver()]
     folder = prepared(tmp_path, files)
     try:
         for _ in range(rounds):
@@ -302,8 +302,7 @@ def test_two_writers_of_one_file(rounds: int, tmp_path: Path) -> None:
                 assert json.loads(one.process.stdout.readline())[0] == 0
             assert all(whole(folder / file) for file in files)
     finally:
-        for one in drivers:
-            one.close()
+        drivers[1].close()
     assert not [name for name in os.listdir(folder) if name.startswith(".")]
 
 
