@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify._kind import LocalStudy, PointKind, study
 from hemivar.certify._linear import Norm, energy_norm
@@ -167,7 +168,7 @@ def certify(
     The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is another matter.
     """
-    u = np.asarray(displacement, dtype=float)
+    u = real_array(displacement, "the displacement", finite=False)
     m, d = problem.contact_points, problem.dim
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
@@ -184,7 +185,7 @@ def certify(
     if multiplier is None:
         lam = _multiplier(problem, u)
     else:
-        lam = np.asarray(multiplier, dtype=float)
+        lam = real_array(multiplier, "the multiplier", finite=False)
         if lam.shape != (m, d):
             raise ProblemError(f"the multiplier has shape {lam.shape}; this problem needs ({m}, {d})")
         if not np.isfinite(lam).all():
