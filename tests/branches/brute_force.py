@@ -158,14 +158,17 @@ def random_friction(random: np.random.Generator) -> tuple[Friction, Curve, tuple
     if random.integers(0, 2):
         static, kinetic = random.uniform(0.3, 1.2), random.uniform(0.1, 0.9)
         rate = float(10.0 ** random.uniform(-1.0, 2.5))
-        curve = Curve(
-            np.array([-1.0 - _FAR, -1.0, 1.0, 1.0 + _FAR]), np.zeros(4), np.zeros(4), (static, kinetic, rate)
-        )
+        curve = Curve(np.array([-1.0 - _FAR, -1.0, 1.0, 1.0 + _FAR]), np.zeros(4), np.zeros(4), (static, kinetic, rate))
         return SlipWeakening(given, static, kinetic, rate), curve, bound, scale
     slips = np.concatenate([[0.0], np.sort(random.uniform(0.01, 1.0, size=2)) + np.array([0.0, 0.05])])
     values = random.uniform(0.0, 1.2, size=3)
     r = np.concatenate([-slips[::-1], slips])
-    return SlipTable(given, slips, values), polyline(r, np.concatenate([-values[::-1], values]), (0.0, 0.0)), bound, scale
+    return (
+        SlipTable(given, slips, values),
+        polyline(r, np.concatenate([-values[::-1], values]), (0.0, 0.0)),
+        bound,
+        scale,
+    )
 
 
 def gentle_case(random: np.random.Generator) -> Case:

@@ -103,7 +103,7 @@ def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
 
 
 def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
-    """r, or the knot of least ``hypot((r - knot) / tau, distance of lam to dj(knot))`` if that is below ``distance(r)``.
+    """r, or the knot of least ``hypot((r - knot)/tau, distance of lam to dj(knot))`` if below ``distance(r)``.
 
     Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
     """

@@ -17,7 +17,7 @@ from hemivar.formula import ScalarFormula
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.scaled import ScaledLaw
 from hemivar.portable import Portable
-from hemivar.smooth import SmoothFormula, Supremum
+from hemivar.smooth import SmoothFormula, Supremum, supremum_of_pieces
 
 __all__ = ["FormulaLaw", "FunctionLaw"]
 

@@ -15,7 +15,7 @@ from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
 from hemivar.mechanics._mesh_arrays import _facet_keys
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
+from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData, plain_data
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.mesh import Mesh

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar._typing import Array
-from hemivar.arrays import norm
+from hemivar.arrays import norm, real_array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 
