@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
-from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, refuse_indefinite, rounding
+from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
@@ -154,9 +154,10 @@ class CondensedProblem:
             return []
         local = np.zeros((*self.shape, len(modes)))
         local.reshape(-1, len(modes))[self.free] = modes.T
-        flat = local.reshape(-1, len(modes))
-        size = float(np.abs(self.force) @ np.abs(flat).max(axis=1))
-        return [growth_along(self.law, local, self.weights, flat.T @ self.force, size, _ROUNDED)]
+        moved = self._recovery.motions(local.reshape(-1, len(modes)))
+        load = self.problem.load
+        size = float(np.abs(load) @ np.abs(moved).max(axis=1))
+        return [growth_along(self.law, local, self.weights, moved.T @ load, size, _ROUNDED)]
 
     @cached_property
     def length_scale(self) -> float:
@@ -297,6 +298,12 @@ class _Recovery:
         u[self.kept] = self.spread @ (r.ravel() + self.offset) + self.shift
         return u + self.factor.solve_interior(self.load - self.stiffness @ u)
 
+    def motions(self, r: Array) -> Array:
+        """Unknowns (n, k) of a body without load whose local displacements are the columns of ``r (m d, k)``."""
+        u = np.zeros((self.load.size, r.shape[1]))
+        u[self.kept] = self.spread @ r
+        return u + np.stack([self.factor.solve_interior(b) for b in -(self.stiffness @ u).T], axis=1)
+
     def refine(self, u: Array, problem: DiscreteProblem, lam: Array) -> Array:
         rest = self.load - self.stiffness @ u - problem.contact_force(lam)
         return u + self.factor.solve_interior(rest)
@@ -387,10 +394,9 @@ def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: I
             u = np.zeros(problem.unknowns)
             u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
             u += factor.solve_interior(-(K @ u))
-            lowest = quotient(K, u, problem.diagonal)
+        refuse_indefinite(below_zero(problem, quotient(K, u, problem.diagonal)))
     else:
-        lowest = lowest_quotient(K, 200)
-    refuse_indefinite(lowest if lowest < -rounding(K, problem.diagonal) else None)
+        refuse_indefinite(indefinite(K))
 
 
 def _load(body: _Body, problem: DiscreteProblem, began: float) -> CondensedProblem:

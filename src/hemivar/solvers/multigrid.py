@@ -16,7 +16,14 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.laws.contact import Linearisation
-from hemivar.linear.definite import free_unknowns, lowest_quotient, refuse_indefinite, rounding
+from hemivar.linear.definite import (
+    below_zero,
+    free_unknowns,
+    lowest_quotient,
+    quotient,
+    refuse_indefinite,
+    rounding,
+)
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.linear.levels import COARSEST
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
@@ -474,6 +481,9 @@ class NonsmoothMultigrid(Solver):
             best = self._search(line, [0.5**k for k in range(self.halvings)])
         if found.negative is not None:
             # No curvature holds the energy back that way: as far as its laws let it fall.
+            if free_unknowns(system.problem) is None:
+                curvature = quotient(system.problem.stiffness, found.negative, system.problem.diagonal)
+                refuse_indefinite(below_zero(system.problem, curvature))
             line = _Line.of(equation, x, found.negative, system.problem.stiffness @ found.negative)
             unit = line.slope / max(float(np.vdot(line.along**2, system.stiffness)), np.finfo(float).tiny)
             other = self._search(line, [unit * 2.0**k for k in range(_FURTHEST, -20, -1)], every=True)
@@ -682,8 +692,7 @@ def set_up(problem: DiscreteProblem) -> BodyProblem:
     """The body of a problem on its mesh and on every coarser one."""
     began = time.perf_counter()
     if free_unknowns(problem) is None:
-        lowest = lowest_quotient(problem.stiffness)
-        refuse_indefinite(lowest if lowest < -rounding(problem.stiffness, problem.diagonal) else None)
+        refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
     hierarchy = ElasticMultigrid.of(problem)
     body: BodyProblem | None = None
     coarser = [step.problem for step in hierarchy.steps] if hierarchy.poses(problem) else []
