@@ -25,6 +25,8 @@ from hemivar.solvers.memory import check_memory, shortage
 
 __all__ = ["CondensedProblem", "condense", "depends_on_state"]
 
+#: Gaps this many times larger than the displacements are far.
+_FAR = 1e4
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
 _ROUNDED = 1e-9
 
@@ -278,7 +280,42 @@ class CondensedProblem:
         # One step of iterative refinement where rounding in the elimination shows.
         u_refined = self._recovery.refine(u, self.problem, lam)
         refined = residual(self.problem, u_refined, lam)
-        return (u_refined, refined) if refined.total < found.total else (u, found)
+        if refined.total < found.total:
+            u, found = u_refined, refined
+        sharper = self._sharpened(u, r, lam)
+        if sharper is not None and sharper[1] < found.total:
+            return sharper[0], residual(self.problem, sharper[0], lam)
+        return u, found
+
+    def _sharpened(self, u: Array, r: Array, lam: Array) -> tuple[Array, float] | None:
+        """Equilibrium of the contact points that are far from the foundation, where r is the gap and u is lost in it.
+
+        With its residual for the multiplier of the law, which must not depend on r there.  None where no gap is that
+        large, or where the points are not held.
+        """
+        offset = self.problem.offset.reshape(self.shape)
+        far = self.active & (np.abs(offset) > _FAR * np.abs(r + offset))
+        if not far.any():
+            return None
+        law = self.law_at(r, lam)
+        lam = np.where(self.active, law.nearest_multiplier(r, lam), lam)
+        smooth = law.linearise(r)
+        flat = smooth.smooth[:, [0] + [1] * (self.shape[1] - 1)]
+        flat &= np.abs(smooth.hessian).sum(axis=2) == 0.0
+        free = np.flatnonzero((self.active & flat).ravel())
+        if not far.ravel()[free].any():
+            return None
+        rest = self.problem.load - self.problem.stiffness @ u - self.problem.contact_force(lam)
+        inner = self._recovery.factor.solve_interior(rest)
+        reduced = (rest - self.problem.stiffness @ inner)[self._recovery.kept]
+        try:
+            factor = la.cho_factor(self.matrix[np.ix_(free, free)])
+        except la.LinAlgError:
+            return None
+        change = np.zeros(self.active.size)
+        change[free] = la.cho_solve(factor, np.asarray(self._recovery.spread.T @ reduced)[free])
+        u = u + inner + self._recovery.motions(change[:, None])[:, 0]
+        return u, residual(self.problem, u, lam).total
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,6 +44,8 @@ __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 _NESTED = 1e-3
 _PATIENCE = 0.5
 _TIGHTEST = 1e-13
+#: Gaps this many times larger than the displacements are far.
+_FAR = 1e4
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
 _ROUNDED = 1e-9
 #: How far, in powers of two of the length that the stiffness of the contact points suggests, a direction without
@@ -179,6 +181,14 @@ class BodyProblem:
         out = x.copy()
         offset = self.problem.offset.reshape(self.shape)
         out[self.unknown] = self.sign * (r + offset)[self.active]
+        # Far from the foundation r is the gap, and has the digits of u no more: what differs by rounding stays.
+        far = np.abs(offset) > _FAR * np.abs(r + offset)
+        if far.any():
+            now = self.local(x)
+            same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(offset))
+            same[:, 0] &= ~self.law.normal.at_kink(r[:, 0])
+            kept = self.unknown[same[self.active]]
+            out[kept] = x[kept]
         return out
 
     def force(self, x: Array) -> Array:
