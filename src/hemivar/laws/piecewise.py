@@ -257,7 +257,7 @@ class PiecewiseQuadratic(Superpotential):
 
 
 def _added(x: Array, y: Array) -> Array:
-    """x + y, and zero where they cancel up to rounding: a force that should vanish must not be the only one there is."""
+    """x + y, and zero where they cancel up to rounding: what should vanish must not be the only force there is."""
     total = x + y
     return np.where(np.abs(total) <= 4.0 * np.finfo(float).eps * np.maximum(np.abs(x), np.abs(y)), 0.0, total)
 
