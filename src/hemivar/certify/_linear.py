@@ -6,9 +6,10 @@ cycles where a factorisation would cost more than the solve.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import ClassVar
+from functools import cached_property, wraps
+from typing import Any, ClassVar, ParamSpec, TypeVar
 
 import numpy as np
 import scipy.linalg as la
@@ -18,7 +19,7 @@ import scipy.sparse.linalg as spla
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.linear.definite import free_unknowns, indefinite, lowest_quotient, positive_pivots, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
+from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects, sole_use
 from hemivar.mechanics.discrete import DiscreteProblem
 
 __all__ = [
@@ -32,6 +33,9 @@ __all__ = [
     "lift",
     "symmetric_inverse",
 ]
+
+_Arguments = ParamSpec("_Arguments")
+_Answer = TypeVar("_Answer")
 
 #: Unknowns up to which K is factorised, in two dimensions and in three: a moment's work.
 _FACTORISED = (30_000, 6_000)
@@ -201,6 +205,28 @@ class EnergyNorm:
         return Mode(float(top), float(top * (1.0 + _EIGEN_TOLERANCE)))
 
 
+def _alone(method: Callable[_Arguments, _Answer]) -> Callable[_Arguments, _Answer]:
+    """A method that no other thread disturbs at the levels of its problem."""
+
+    @wraps(method)
+    def run(*arguments: _Arguments.args, **options: _Arguments.kwargs) -> _Answer:
+        norm: Any = arguments[0]
+        with sole_use(norm.problem):
+            return method(*arguments, **options)
+
+    return run
+
+
+class _alone_once(cached_property[_Answer]):  # noqa: N801 - used as cached_property is
+    """A cached property that is computed while no other thread is at the levels; this lock is taken first of all."""
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        if instance is None:
+            return self
+        with sole_use(instance.problem):
+            return super().__get__(instance, owner)
+
+
 class MultigridNorm:
     """The same by multigrid: a few cycles for each question, to the accuracy that certificates need.
 
@@ -235,7 +261,7 @@ class MultigridNorm:
         if self._known is False:
             return False
         guard = rounding(self.stiffness, self.problem.diagonal)
-        return self.lowest > (guard if self._known else max(guard, _ESTIMATED))
+        return bool(self.lowest > (guard if self._known else max(guard, _ESTIMATED)))
 
     @cached_property
     def indefinite(self) -> float | None:
@@ -293,7 +319,7 @@ class MultigridNorm:
         """Bound of ``|b|_{K^-1}`` over all b with ``|D^-1/2 b|_2 <= weighted``, as good as :attr:`lowest` is."""
         return float(weighted / np.sqrt(self.lowest))
 
-    @cached_property
+    @_alone_once
     def lowest(self) -> float:
         """The smallest eigenvalue of K scaled to a unit diagonal, by half; from the coarser levels."""
         levels = self._levels
@@ -318,7 +344,7 @@ class MultigridNorm:
             X, lowest = subspace.X, 1.0 / (float(subspace.values[0]) + added)
         return _SAFETY * lowest
 
-    @cached_property
+    @_alone_once
     def quality(self) -> float:
         """The smallest eigenvalue of C K, by half: how good a cycle C is, on a coarser level.
 
@@ -364,6 +390,7 @@ class MultigridNorm:
         """Whether work on a level is for nothing."""
         return k <= 1 or self._levels.sizes[k] <= _CHEAP * self._levels.sizes[self._top]
 
+    @_alone
     def _descend(self, k: int, b: Array, before: float = 0.0) -> tuple[Array, float, float]:
         """Conjugate gradients on a level: x near ``K^-1 b``, ``b'x``, and a bound of what ``b'K^-1 b`` has above it.
 
@@ -388,6 +415,7 @@ class MultigridNorm:
         x = conjugate_gradients(levels.matrix(k), levels.diagonal(k), b, precondition, 0.0, _CYCLES, gained).solution
         return x, max(found, 0.0), left
 
+    @_alone
     def largest_eigenvalue(self, trace: sp.csr_array, weight: Array, near: float | None = None) -> Mode:
         """Largest eigenvalue of ``(B' diag(weight) B, K)``, by locally optimal conjugate gradients from coarse to fine.
 
@@ -423,6 +451,7 @@ class MultigridNorm:
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0])
 
+    @_alone
     def constrained_eigenvalue(self, rows: sp.csr_array, weight: Array, held: BoolArray) -> Mode | None:
         """Largest eigenvalue of ``(C' diag(weight) C, K)`` on the displacements that leave the held components at rest.
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,6 +14,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite
@@ -19,7 +22,8 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
 from hemivar.mechanics.parts import free_motions
-from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
+from hemivar.portable import Portable
 from hemivar.solvers.factorisation import Factorisation, factorise
 from hemivar.solvers.memory import check_memory, shortage
 
@@ -37,7 +41,7 @@ def depends_on_state(law: ContactLaw) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class CondensedProblem:
+class CondensedProblem(Portable):
     """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
 
     ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
@@ -73,6 +77,12 @@ class CondensedProblem:
     seconds: float
     _recovery: _Recovery
     _body: _Body
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return condense, (self.problem,)  # factors cannot travel: they are made again on arrival
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> CondensedProblem:
+        return condense(copy.deepcopy(self.problem, memo))
 
     # ---- views -----------------------------------------------------------------------------------------
 
@@ -156,7 +166,7 @@ class CondensedProblem:
             return []
         local = np.zeros((*self.shape, len(modes)))
         local.reshape(-1, len(modes))[self.free] = modes.T
-        moved = self._recovery.motions(local.reshape(-1, len(modes)))
+        moved = np.stack([self._recovery.linear(r) for r in local.transpose(2, 0, 1)], axis=1)
         load = self.problem.load
         size = float(np.abs(load) @ np.abs(moved).max(axis=1))
         return [growth_along(self.law, local, self.weights, moved.T @ load, size, _ROUNDED)]
@@ -201,7 +211,9 @@ class CondensedProblem:
     def start(self, guess: Array | None = None) -> Array:
         """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
         m, d = self.shape
-        r = -self.problem.offset.reshape(m, d) if guess is None else np.array(guess, dtype=float)
+        if guess is None:
+            guess = -self.problem.offset.reshape(m, d)
+        r = real_array(guess, "the starting point", finite=False)
         return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
 
     def energy(self, r: Array) -> float:
@@ -245,8 +257,8 @@ class CondensedProblem:
         return contact_compliance(self.problem)
 
     @cached_property
-    def _load_scale(self) -> float:
-        return float(np.linalg.norm(self.problem.load))
+    def _load_scale(self) -> LoadScale:
+        return load_scale(self.problem, self._full_compliance)
 
     # ---- the same body otherwise ---------------------------------------------------------------------------
 
@@ -273,6 +285,18 @@ class CondensedProblem:
         """All unknowns u (n,) in equilibrium with the local displacements ``r (m, d)``."""
         return self._recovery(r)
 
+    def follow(self, change: Array) -> Array:
+        """Change of all unknowns (n,) that goes with a change (m, d) of the local displacements alone."""
+        return self._recovery.linear(change)
+
+    def spread_force(self, force: Array, reaction: Callable[[DiscreteProblem, Array], Array]) -> tuple[Array, Array]:
+        """A small force (n,) taken up by the unknowns that no contact point sees: their change (n,), and what is left.
+
+        ``reaction`` gives the contact forces (m, d) of a force (n,).
+        """
+        inner = self._recovery.factor.solve_interior(force)
+        return inner, reaction(self.problem, force - self.problem.stiffness @ inner)
+
     def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
         """All unknowns u (n,) from the local displacements, with the residual of the full problem."""
         u = self._recovery(r)
@@ -294,8 +318,9 @@ class CondensedProblem:
         large, or where the points are not held.
         """
         offset = self.problem.offset.reshape(self.shape)
-        far = self.active & (np.abs(offset) > _FAR * np.abs(r + offset))
-        if not far.any():
+        moved = float(np.abs(r + offset)[self.active].max(initial=0.0))
+        far = self.active & (np.abs(offset) > _FAR * moved)
+        if moved == 0.0 or not far.any():
             return None
         law = self.law_at(r, lam)
         lam = np.where(self.active, law.nearest_multiplier(r, lam), lam)
@@ -314,7 +339,7 @@ class CondensedProblem:
             return None
         change = np.zeros(self.active.size)
         change[free] = la.cho_solve(factor, np.asarray(self._recovery.spread.T @ reduced)[free])
-        u = u + inner + self._recovery.motions(change[:, None])[:, 0]
+        u = u + inner + self._recovery.linear(change)
         return u, residual(self.problem, u, lam).total
 
 
@@ -335,11 +360,11 @@ class _Recovery:
         u[self.kept] = self.spread @ (r.ravel() + self.offset) + self.shift
         return u + self.factor.solve_interior(self.load - self.stiffness @ u)
 
-    def motions(self, r: Array) -> Array:
-        """Unknowns (n, k) of a body without load whose local displacements are the columns of ``r (m d, k)``."""
-        u = np.zeros((self.load.size, r.shape[1]))
-        u[self.kept] = self.spread @ r
-        return u + np.stack([self.factor.solve_interior(b) for b in -(self.stiffness @ u).T], axis=1)
+    def linear(self, change: Array) -> Array:
+        """The same for a change of the local displacements, without load and shift."""
+        u = np.zeros(self.load.size)
+        u[self.kept] = self.spread @ change.ravel()
+        return u - self.factor.solve_interior(self.stiffness @ u)
 
     def refine(self, u: Array, problem: DiscreteProblem, lam: Array) -> Array:
         rest = self.load - self.stiffness @ u - problem.contact_force(lam)

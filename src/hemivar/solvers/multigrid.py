@@ -13,6 +13,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import norm
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.laws.contact import Linearisation
@@ -31,7 +32,7 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
 from hemivar.mechanics.parts import free_motions
-from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
@@ -182,7 +183,7 @@ class BodyProblem:
         offset = self.problem.offset.reshape(self.shape)
         out[self.unknown] = self.sign * (r + offset)[self.active]
         # Far from the foundation r is the gap, and has the digits of u no more: what differs by rounding stays.
-        far = np.abs(offset) > _FAR * np.abs(r + offset)
+        far = np.abs(offset) > _FAR * np.abs(r + offset)[self.active].max(initial=0.0)
         if far.any():
             now = self.local(x)
             same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(offset))
@@ -262,9 +263,9 @@ class BodyProblem:
         return replace(self, problem=problem, fixed=fixed, below=None, seconds=0.0)
 
     @cached_property
-    def load_scale(self) -> float:
-        """Size of the load, a force."""
-        return float(np.linalg.norm(self.problem.load))
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        return load_scale(self.problem, self.compliance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -648,7 +649,7 @@ class _Equation:
         right = self.force.copy()
         right[system.unknown] -= system.sign * (system.weights[:, None] * self.line.gradient)[active]
         right[system.unknown[held]] = 0.0
-        scale = max(system.load_scale, float(np.linalg.norm(self.force[system.unknown])))
+        scale = system.load_scale.of(norm(self.force[system.unknown]))
         found = conjugate_gradients(
             levels.matrix(system.top),
             levels.diagonal(system.top),

@@ -10,7 +10,9 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.errors import MethodError, ProblemError
+from hemivar.linear.multigrid import sole_use
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import known_to_be_held
@@ -28,6 +30,9 @@ from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 
 __all__ = ["solve", "suited"]
+
+#: Relative residual above which a method's own bound of its error is not believed.
+_EXCUSED = 1e-6
 
 
 def solve(
@@ -84,7 +89,7 @@ def solve(
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
     if condensed is not None and condensed.problem is not problem:
         raise ProblemError("the condensation given belongs to another problem; condense this one")
-    with one_thread(not solver.condenses):
+    with one_thread(not solver.condenses), sole_use(problem, not solver.condenses):
         return _run(problem, solver, controls, initial, condensed)
 
 
@@ -147,7 +152,7 @@ def _solution(system: System, end: _End) -> Solution:
             multiplier, found = exact, with_exact
     if found.below(controls.atol, controls.rtol):
         status = Status.CONVERGED
-    elif status is Status.CONVERGED and state.error_bound is None:
+    elif status is Status.CONVERGED and not (state.error_bound is not None and found.below(0.0, _EXCUSED)):
         status = Status.INACCURATE
     return Solution(
         problem=problem,
@@ -180,7 +185,7 @@ def _start(system: System, solver: Solver, initial: Solution | Array | None, bud
         r, stopped = solver.first_guess(system, budget)
         return State(r, system.multiplier(r), ended=stopped)
     problem = system.problem
-    u = initial.unknowns if isinstance(initial, Solution) else np.asarray(initial, dtype=float)
+    u = initial.unknowns if isinstance(initial, Solution) else real_array(initial, "the initial guess", finite=False)
     if u.shape != problem.load.shape:
         raise ProblemError(
             f"the initial guess has shape {u.shape}, the problem {problem.load.shape}; "
