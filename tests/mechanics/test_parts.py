@@ -22,7 +22,7 @@ from hemivar.mechanics import (
     rectangle,
 )
 from hemivar.mechanics.parts import free_motions, parts
-from hemivar.solvers import NonsmoothMultigrid, Status, solve
+from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
 
 MATERIAL = Material.lame(4.0, 4.0)
 DOWN = (0.0, -0.5)
@@ -126,6 +126,18 @@ def test_a_part_on_a_hinge_is_named_with_its_joint() -> None:
     edge = ContactProblem(joined(cube(0, 0, 0), cube(1, 1, 0)), MATERIAL, {}, {"left0": Clamped()})
     with pytest.raises(ProblemError, match=r"joined to others at x = .* only.*rotation.*in balance"):
         discretize(edge)
+
+
+@pytest.mark.parametrize("method", [*METHODS.values()])
+def test_a_mechanism_that_no_contact_point_sees_is_refused_before_any_work(method: hv.Solver) -> None:
+    """Even where discretisation was told to let it pass, at any angle: pivots of rounding size do not count."""
+    for angle in (0.0, 0.05, 0.7):
+        mesh = joined(square(0, 0), square(1, 1)).rotated(angle)
+        contact = {"right0": Contact(Compliance(1.0))}
+        statement = ContactProblem(mesh, MATERIAL, contact, {"left0": Clamped()}, body_force=DOWN)
+        problem = discretize(statement, check_coercivity=False)
+        with pytest.raises(ProblemError, match=r"no lower bound|can move freely"):
+            solve(problem, method)
 
 
 def resultant(problem: DiscreteProblem, solution: hv.Solution, part: int) -> np.ndarray:

@@ -23,6 +23,7 @@ __all__ = [
     "positive_pivots",
     "quotient",
     "refuse_indefinite",
+    "refuse_unseen",
     "rounding",
 ]
 
@@ -142,6 +143,24 @@ def indefinite(matrix: sp.csr_array) -> float | None:
 def below_zero(problem: DiscreteProblem, eigenvalue: float) -> float | None:
     """An eigenvalue of the stiffness that is below zero by more than rounding, or None."""
     return eigenvalue if eigenvalue < -rounding(problem.stiffness, problem.diagonal) else None
+
+
+def refuse_unseen(problem: DiscreteProblem) -> None:
+    """Refuse a body that can move without deforming and without any contact point noticing it.
+
+    Raises
+    ------
+    ProblemError
+    """
+    free = free_unknowns(problem)
+    if free is None or not free.shape[1]:
+        return
+    seen = np.linalg.qr(problem.trace @ free, mode="r") if problem.contact_points else np.zeros((0, free.shape[1]))
+    if np.linalg.matrix_rank(seen, tol=_RESISTED) < free.shape[1]:
+        raise ProblemError(
+            "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
+            "fix it with a support (hemivar.discretize names the part unless check_coercivity = False)"
+        )
 
 
 def refuse_indefinite(lowest: float | None) -> None:

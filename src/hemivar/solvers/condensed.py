@@ -17,7 +17,7 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
-from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite
+from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
@@ -408,6 +408,7 @@ class _Body:
 
 
 def _condense_body(problem: DiscreteProblem) -> _Body:
+    refuse_unseen(problem)
     K, B = problem.stiffness, problem.trace
     m, d = problem.contact_points, problem.dim
     B = sp.csr_array(B)

@@ -23,6 +23,7 @@ from hemivar.linear.definite import (
     lowest_quotient,
     quotient,
     refuse_indefinite,
+    refuse_unseen,
     rounding,
 )
 from hemivar.linear.krylov import Descent, conjugate_gradients
@@ -702,6 +703,7 @@ def _curvature(system: BodyProblem, hessian: Array, moving: BoolArray) -> sp.csr
 def set_up(problem: DiscreteProblem) -> BodyProblem:
     """The body of a problem on its mesh and on every coarser one."""
     began = time.perf_counter()
+    refuse_unseen(problem)
     if free_unknowns(problem) is None:
         refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
     hierarchy = ElasticMultigrid.of(problem)
