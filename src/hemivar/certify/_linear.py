@@ -40,6 +40,8 @@ _Answer = TypeVar("_Answer")
 #: Unknowns up to which K is factorised, in two dimensions and in three: a moment's work.
 _FACTORISED = (30_000, 6_000)
 
+#: An estimate of the smallest eigenvalue of K, scaled to a unit diagonal, that stands for zero if no mesh says more.
+_ESTIMATED = 1e-9
 #: A pivot of the coarsest matrix this small against the diagonal entry of its row means that the matrix is singular.
 _SINGULAR = 1e-13
 #: Relative accuracy asked of an eigenvalue; what is returned is raised by as much.
@@ -258,7 +260,8 @@ class MultigridNorm:
         """Whether K is positive definite: by mesh and supports, and as far as :attr:`lowest` is an estimate."""
         if self._known is False:
             return False
-        return bool(self.lowest > rounding(self.stiffness, self.problem.diagonal))
+        guard = rounding(self.stiffness, self.problem.diagonal)
+        return bool(self.lowest > (guard if self._known else max(guard, _ESTIMATED)))
 
     @cached_property
     def indefinite(self) -> float | None:
@@ -329,15 +332,16 @@ class MultigridNorm:
         for k in range(1, self._top + 1):
             X = levels.transfers[k - 1].prolongation @ X
             subspace = _Subspace(self, k, roots[k], np.ones(roots[k].shape[0]), X)
-            if self.problem.field is None:  # the coarse levels may know nothing of its rigid motions
-                subspace.improve(_STEPS, 0.1)
+            added = 0.0
+            if self._known is None:  # the coarse levels may know nothing of its rigid motions
+                added = subspace.improve(_STEPS, 0.1)
             elif self._cheap(k):
                 subspace.improve(2, 0.1)
             if subspace.negative is not None:
                 if k == self._top:
                     self._negative = quotient(self.stiffness, subspace.negative, self.problem.diagonal)
                 return 0.0
-            X, lowest = subspace.X, 1.0 / float(subspace.values[0])
+            X, lowest = subspace.X, 1.0 / (float(subspace.values[0]) + added)
         return _SAFETY * lowest
 
     @_alone_once

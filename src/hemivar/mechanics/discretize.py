@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -58,7 +59,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     normal row, and the dependent tangential row is set to zero (no friction in that direction). A node where
     two contact boundaries meet smoothly is one contact point, with the law and gap of the boundary named
     first, the weights added and the normals averaged; where they meet at more than 45 degrees it is a point of
-    both, with their normal laws and without friction.
+    both, with their normal laws and without friction. Where friction is left out so, ``without_friction`` and
+    ``warnings`` of the discrete problem say it, with the points.
 
     Parameters
     ----------
@@ -117,8 +119,11 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         frames=contact.frames,
         field=field,
         statement=problem,
+        without_friction=contact.without_friction,
     )
     if check_coercivity:
+        for warning in discrete.warnings:
+            logging.getLogger("hemivar").info("%s", warning)
         refuse_free_motion(discrete, full_load)
     return discrete
 
@@ -529,7 +534,8 @@ def _reduce(matrix: sp.csr_array, basis: sp.csr_array) -> sp.csr_array:
 class JoinedContact:
     """Contact points of all boundaries that can move.
 
-    ``kept`` are their numbers among all points; ``energy`` is that of the points that supports hold.
+    ``kept`` are their numbers among all points; ``energy`` is that of the points that supports hold;
+    ``without_friction`` tells where friction of the law had to be left out.
     """
 
     trace: sp.csr_array
@@ -540,6 +546,7 @@ class JoinedContact:
     law: ContactLaw
     energy: float
     kept: IntArray
+    without_friction: BoolArray
 
 
 def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, dim: int) -> JoinedContact:
@@ -550,6 +557,8 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     frames = np.concatenate([group.frames for group in groups])
     points = np.concatenate([group.points for group in groups])
     blocked = np.concatenate([group.blocked for group in groups])
+    rough = np.concatenate([_rough(group.law, len(group.weights)) for group in groups])
+    without = rough & blocked[:, 1:].any(axis=1)
     law = ContactLaw.concatenate([(group.law, len(group.weights)) for group in groups])
     average = sp.csr_array(sp.vstack([group.average for group in groups]))
     full = _local_components(average, frames)
@@ -584,14 +593,21 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     rows_kept = (keep[:, None] * dim + np.arange(dim)).ravel()
     return JoinedContact(
         sp.csr_array(trace[rows_kept]), weights[keep], offset[keep], points[keep], frames[keep],
-        law if moving.all() else law.take(keep), energy, keep,
+        law if moving.all() else law.take(keep), energy, keep, without[keep],
     )  # fmt: skip
+
+
+def _rough(law: ContactLaw, count: int) -> BoolArray:
+    """Where a law has friction, or may have it in some state."""
+    if law.state_dependent:
+        return np.ones(count, dtype=bool)
+    return np.broadcast_to(law.friction.bounds > 0.0, (count,))
 
 
 def _empty_contact(unknowns: int, dim: int) -> JoinedContact:
     return JoinedContact(
         sp.csr_array((0, unknowns)), np.zeros(0), np.zeros((0, dim)), np.zeros((0, dim)), np.zeros((0, dim,
-        dim)), ContactLaw(NoContact()).at(None), 0.0, np.zeros(0, dtype=np.int64),
+        dim)), ContactLaw(NoContact()).at(None), 0.0, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool),
     )  # fmt: skip
 
 
