@@ -24,8 +24,8 @@ from hemivar import disk
 from hemivar.errors import FileError, ProblemError
 from hemivar.formula import VARIABLES, Formula, FormulaArray, ScalarFormula
 from hemivar.laws.bounds import CoulombBound, PenetrationBound
+from hemivar.laws.columns import BOUND_COLUMNS, read_columns
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
-from hemivar.laws.tables import read_columns
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
 from hemivar.mechanics.material import Material, PlaneState
 from hemivar.mechanics.mesh import Mesh, box, read_mesh, rectangle
@@ -802,7 +802,7 @@ class _Reader:
             with _context(f"{inner.where('formula')}:"):
                 return PenetrationBound(formula)
         with _context(f"{inner.where('table')}:"):
-            return PenetrationBound(read_columns(self.file(inner, "table")))
+            return PenetrationBound(read_columns(self.file(inner, "table"), BOUND_COLUMNS))
 
 
 _OBSTACLES = {
