@@ -282,7 +282,7 @@ $EndElements
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (b"3 0.0 0.0 0", b"3 1e 0.0 0", r"'1e' is not a number \(\$Nodes, line 11\)"),
+        (b"3 0.0 0.0 0", b"3 1e 0.0 0", r"'1e' is not a number \(\$Nodes, line 12\)"),
         (b"3 0.0 0.0 0", b"3 nan 0.0 0", "node 3 has the coordinates .nan.*finite"),
         (b"3 0.0 0.0 0", b"3 1e999 0.0 0", "node 3 has the coordinates .inf.*finite"),
         (b"3 0.0 0.0 0", b"3 0.0 0.0", r"says 6 nodes and holds 5\.75"),
@@ -318,7 +318,7 @@ $EndElements
         (b"2.2 0 8", b"2.2 0 8 8", "MeshFormat is not"),
         (b"2.2 0 8", b"2.2 1 8", "byte order|counts are wrong"),
         (b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", b"", "states no version"),
-        (b"$Nodes", b"garbage\n$Nodes", "a section should begin at 'garbage' \\(line 9\\)"),
+        (b"$Nodes", b"garbage\n$Nodes", "a section should begin at 'garbage' \\(line 10\\)"),
         (b"$Nodes", b"$Nodes\n0\n$EndNodes\n$Nodes", "section \\$Nodes stands in it twice"),
     ],
 )

@@ -686,7 +686,9 @@ def _count(value: Any, name: str, least: int = 0) -> int:
 
 def _signed(values: NDArray[Any]) -> IntArray:
     """Sizes as signed integers, clipped."""
-    return np.minimum(values, np.iinfo(np.int64).max).astype(np.int64)
+    if values.dtype.itemsize < 8:
+        return values.astype(np.int64)
+    return np.minimum(values, np.uint64(np.iinfo(np.int64).max)).astype(np.int64)
 
 
 def _is_integer(word: str) -> bool:
