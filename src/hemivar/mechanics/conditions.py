@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 
 __all__ = ["Clamped", "Fixed", "Prescribed", "Pressure", "Roller", "Support", "Traction", "VectorData"]
@@ -51,7 +52,7 @@ class Fixed:
         for name in ("x", "y", "z"):
             value = getattr(self, name)
             if value is not None and not callable(value):
-                _check_finite(value, f"Fixed({name}=...)")
+                _check_finite(value, f"Fixed({name}=...)", LARGEST)
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Prescribed:
 
     def __post_init__(self) -> None:
         if not callable(self.value):
-            _check_finite(self.value, "Prescribed(...)")
+            _check_finite(self.value, "Prescribed(...)", LARGEST)
 
 
 @dataclass(frozen=True)
@@ -90,17 +91,19 @@ class Pressure:
                 raise ProblemError(f"Pressure(...) takes one number or a callable, not shape {np.shape(self.value)}")
 
 
+#: Lengths and material constants are smaller, so that their products are numbers.
+LARGEST = 1e100
+
 Support = Clamped | Roller | Fixed | Prescribed
 Traction = VectorData | Pressure
 
 
-def _check_finite(value: Any, name: str) -> Array:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: {value!r} is not a number or vector of numbers") from error
+def _check_finite(value: Any, name: str, most: float = np.inf) -> Array:
+    array = real_array(value, name, finite=False)
     if not np.all(np.isfinite(array)):
         raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
+    if not (np.abs(array) <= most).all():
+        raise ProblemError(f"{name}: {value!r} is beyond the range of numbers ({most:.0e}); take other units")
     return array
 
 
@@ -129,10 +132,7 @@ def evaluate_scalar(value: Any, points: Array, name: str) -> Array:
 
 
 def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str, constant: tuple[int, ...]) -> Array:
-    try:
-        result = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: the callable does not return numbers ({error})") from error
+    result = real_array(value, f"{name}: what the callable returned", finite=False)
     if result.shape == constant and shape != constant:
         result = np.broadcast_to(result, shape)
     if result.shape != shape:

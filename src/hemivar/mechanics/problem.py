@@ -15,7 +15,7 @@ from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
 from hemivar.mechanics._mesh_arrays import _facet_keys
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
+from hemivar.mechanics.conditions import LARGEST, Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.mesh import Mesh
@@ -69,7 +69,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         _ = self.law
-        if not callable(self.gap) and check_finite(self.gap, "gap").ndim != 0:
+        if not callable(self.gap) and check_finite(self.gap, "gap", LARGEST).ndim != 0:
             raise ProblemError(f"gap has shape {np.shape(self.gap)}; give one number or a callable of the points")
         self._check_obstacle()
 
