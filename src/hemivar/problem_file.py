@@ -492,7 +492,7 @@ def _mesh(table: _Table, folder: Path, whole: bool) -> tuple[MeshRecipe, int, Qu
             try:
                 mesh = read_mesh(path)
             except ProblemError as error:
-                named = "" if f"'{path}'" in str(error) else f"'{path}': "
+                named = "" if _printable(path) in str(error) else f"'{_printable(path)}': "
                 raise table.error("file", f"{named}{error}") from error
             if whole:
                 _check_size(table, "refine", mesh.dim, refined_cells(mesh.dim, mesh.number_of_cells, refine), order)

@@ -1,4 +1,4 @@
-"""Numbers beyond the range, complex numbers, obstacles inside the body, pressures without displacements: refused when stated."""
+"""What is refused when it is stated: numbers beyond the range, obstacles inside the body, dependent midpoints."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def test_complex_and_infinite_numbers_are_refused(make, number: complex) -> None
     [
         (rectangle(cells=4), Sphere((0.4, 0.3), 0.1), r"centre \(0\.4, 0\.3\) of the obstacle lies inside the body"),
         (rectangle(cells=4), Sphere((0.4, 0.3), 1e-3), "lies inside the body"),
-        (rectangle(cells=4), Sphere((0.5, 0.5), 0.5), "lies inside the body"),
+        (rectangle(cells=4), Sphere((0.5, 0.5), 0.5), "lies inside the body|wrong side"),
         (rectangle(cells=4).rotated(1.0), Sphere((0.0, 0.5), 0.1), "lies inside the body"),
         (rectangle(cells=4), Sphere((0.5, -3.0), 10.0), "wrong side|whole body lies inside"),
         (rectangle(cells=4), Plane((0.0, 5.0), (0.0, 1.0)), "the whole body lies inside the obstacle"),
@@ -181,10 +181,8 @@ def test_obstacles_that_overlap_the_boundary_are_not(mesh: Mesh, obstacle: Obsta
 
 
 def test_an_obstacle_in_a_hole_or_a_notch_is_outside() -> None:
-    """A ring around a circle, and a body with a corner cut out: the centre of the box is in no cell."""
-    angle, radius = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 25), [0.5, 0.75, 1.0])
+    """A ring around a circle, whose centre is in no cell."""
     grid = rectangle((2.0 * np.pi, 1.0), (24, 2))
-    del angle, radius
     turn, out = grid.points[:, 0], 0.5 + 0.5 * grid.points[:, 1]
     places = np.column_stack([out * np.cos(-turn), out * np.sin(-turn)])
     first = np.arange(len(places))
@@ -207,7 +205,7 @@ def test_midpoints_between_held_ends_are_refused_when_discretised(law, support) 
     """Eight facets, seven free nodes."""
     supports = {"left": support, "right": support, "top": Roller()}
     problem = stated(rectangle(cells=8), Contact(law), supports=supports, quadrature=Quadrature.MIDPOINT)
-    with pytest.raises(ProblemError, match="contact 'bottom': its midpoints have more pressures.*'nodal'"):
+    with pytest.raises(ProblemError, match=r"contact 'bottom': its midpoints have more pressures.*'nodal'"):
         discretize(problem)
     assert discretize(stated(rectangle(cells=8), Contact(law), supports=supports)).contact_points
     discretize(stated(rectangle(cells=8), Contact(law), supports={"left": support, "top": Clamped()},
@@ -217,7 +215,7 @@ def test_midpoints_between_held_ends_are_refused_when_discretised(law, support) 
 def test_midpoints_of_a_closed_boundary_are_refused() -> None:
     """All sides, an even number of facets: pressures that alternate do no work on a bulk motion of the boundary."""
     sides = {name: Contact(Compliance(1.0)) for name in ("left", "right", "bottom", "top")}
-    for cells, closed in ((4, True), (32, True)):
+    for cells in (4, 32):
         problem = ContactProblem(rectangle(cells=cells), Material.lame(4.0, 4.0), sides, quadrature=Quadrature.MIDPOINT)
         mesh = problem.mesh
         joined = mesh.with_boundaries({"all": mesh.boundary_facets})
@@ -225,9 +223,8 @@ def test_midpoints_of_a_closed_boundary_are_refused() -> None:
             joined, Material.lame(4.0, 4.0), {"all": Contact(Compliance(1.0))}, quadrature=Quadrature.MIDPOINT
         )
         for one in (problem, whole):
-            if closed:
-                with pytest.raises(ProblemError, match="midpoints have more pressures"):
-                    discretize(one, check_coercivity=False)
+            with pytest.raises(ProblemError, match="midpoints have more pressures"):
+                discretize(one, check_coercivity=False)
 
 
 @pytest.mark.parametrize("cells", [1, 3, 64, 1000])

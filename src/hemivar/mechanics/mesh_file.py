@@ -13,7 +13,7 @@ from hemivar._typing import IntArray
 from hemivar.disk import read_bytes, regular_file
 from hemivar.errors import FileError, ProblemError
 from hemivar.mechanics.mesh import Mesh
-from hemivar.mechanics.msh import RawMesh, is_msh, parse_msh
+from hemivar.mechanics.msh import RawMesh, _printable, is_msh, parse_msh
 from hemivar.memory import require
 
 __all__ = ["mesh_from_file"]
@@ -29,22 +29,26 @@ def mesh_from_file(path: str | Path) -> Mesh:
         name = regular_file(path, "mesh file", 2**62)
     except FileError as error:
         if isinstance(error.__cause__, FileNotFoundError):
-            raise FileError(f"mesh file '{path}' does not exist; check the path") from error
+            raise FileError(f"{_named(path)} does not exist; check the path") from error
         raise
     size = name.stat().st_size
-    require(_FACTOR * size, f"reading the mesh file '{path}' of {size / 2**20:.0f} MiB", "take a coarser mesh")
+    require(
+        _FACTOR * size,
+        f"reading {_named(path)} of {size / 2**20:.0f} MiB",
+        "take a coarser mesh",
+    )
     with name.open("rb") as stream:
         head = stream.read(64)
     if is_msh(head):
-        raw = parse_msh(read_bytes(name, "mesh file", max(size, 1)), path)
+        raw = parse_msh(read_bytes(name, "mesh file", max(size, 1)), _printable(str(path)))
     elif name.suffix == ".msh" and not head.lstrip().startswith(b"("):
-        raise ProblemError(f"mesh file '{path}' cannot be read: it does not begin like a file of Gmsh ($MeshFormat)")
+        raise ProblemError(f"{_named(path)} cannot be read: it does not begin like a file of Gmsh ($MeshFormat)")
     else:
         raw = _by_meshio(name)
     try:
         return _mesh(raw)
     except ProblemError as error:
-        raise ProblemError(f"mesh file '{path}': {error}") from error
+        raise ProblemError(f"{_named(path)}: {error}") from error
 
 
 def _mesh(raw: RawMesh) -> Mesh:
@@ -91,19 +95,19 @@ def _by_meshio(path: Path) -> RawMesh:
     foreign = sorted({block.type for block in found.cells} - set(_DIMENSION))
     if foreign:
         raise ProblemError(
-            f"mesh file '{path}': it holds cells of type {', '.join(foreign)}; only straight-sided triangles and "
+            f"{_named(path)}: it holds cells of type {', '.join(foreign)}; only straight-sided triangles and "
             f"tetrahedra are supported: mesh with simplices of order 1 (no recombination)"
         )
     try:
         points = np.asarray(found.points, dtype=np.float64)
         if points.ndim != 2 or not np.isfinite(points).all():
-            raise ProblemError(f"mesh file '{path}': its points are not finite coordinates; save it again")
+            raise ProblemError(f"{_named(path)}: its points are not finite coordinates; save it again")
         cells: dict[int, IntArray] = {}
         starts = []
         for block in found.cells:
             dim, data = _DIMENSION[block.type], np.asarray(block.data)
             if data.dtype.kind not in "iu" or data.ndim != 2 or (data.size and not _within(data, len(points))):
-                raise ProblemError(f"mesh file '{path}': a cell refers to a node that is not in it; save it again")
+                raise ProblemError(f"{_named(path)}: a cell refers to a node that is not in it; save it again")
             starts.append(len(cells.get(dim, ())))
             if dim:
                 known = cells.get(dim, np.zeros((0, dim + 1), dtype=np.int64))
@@ -112,7 +116,7 @@ def _by_meshio(path: Path) -> RawMesh:
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         if isinstance(error, ProblemError):
             raise
-        raise ProblemError(f"mesh file '{path}' cannot be read: what it holds does not fit together") from error
+        raise ProblemError(f"{_named(path)} cannot be read: what it holds does not fit together") from error
 
 
 def _within(data: Any, count: int) -> bool:
@@ -128,15 +132,21 @@ def _read_silently(path: Path) -> Any:
         with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise), np.errstate(all="ignore"):
             return meshio.read(path)
     except MemoryError as error:
-        raise ProblemError(f"mesh file '{path}' needs more memory than there is; take a coarser mesh") from error
+        raise ProblemError(f"{_named(path)} needs more memory than there is; take a coarser mesh") from error
     except (Exception, SystemExit) as error:
         raise ProblemError(
-            f"mesh file '{path}' cannot be read as {_format(path)}; save it as Gmsh 2.2 or 4.1 or VTU"
+            f"{_named(path)} cannot be read as {_format(path)}; save it as Gmsh 2.2 or 4.1 or VTU"
         ) from error
 
 
 def _format(path: Path) -> str:
-    return f"a mesh of the format that '{path.suffix}' stands for" if path.suffix else "a mesh: its name has no suffix"
+    if not path.suffix:
+        return "a mesh: its name has no suffix"
+    return f"a mesh of the format that '{_printable(path.suffix)}' stands for"
+
+
+def _named(path: str | Path) -> str:
+    return f"mesh file '{_printable(str(path))}'"
 
 
 def _groups(found: Any, starts: list[int]) -> dict[tuple[int, str], IntArray]:

@@ -688,7 +688,7 @@ def _signed(values: NDArray[Any]) -> IntArray:
     """Sizes as signed integers, clipped."""
     if values.dtype.itemsize < 8:
         return values.astype(np.int64)
-    return np.minimum(values, np.uint64(np.iinfo(np.int64).max)).astype(np.int64)
+    return np.asarray(np.minimum(values, np.uint64(np.iinfo(np.int64).max)).astype(np.int64))
 
 
 def _is_integer(word: str) -> bool:

@@ -226,7 +226,12 @@ class SignedDistance(Obstacle):
         return None
 
     def distance(self, points: Array) -> Array:
-        return evaluate_scalar(self.function, points, "distance of the obstacle")
+        with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is checked
+            distance = evaluate_scalar(self.function, points, "distance of the obstacle")
+        if not (np.abs(distance) < LARGEST).all():
+            worst = float(distance[np.argmax(np.abs(distance))])
+            raise ProblemError(f"distance of the obstacle: {worst:g} is beyond the range of numbers; take other units")
+        return distance
 
     def normals(self, points: Array) -> Array:
         slope, distance = self._slope(points), self.distance(points)
@@ -302,8 +307,7 @@ def obstacle_contact(
                 f"where its distance is positive), move it, or take normals = 'obstacle'"
             )
         return body_normals, gap
-    with np.errstate(over="ignore", invalid="ignore"):  # a distance function may overflow: its values are checked
-        gap, contact_normals = obstacle.distance(points), -obstacle.normals(points)
+    gap, contact_normals = obstacle.distance(points), -obstacle.normals(points)
     facing = np.einsum("kd,kd->k", contact_normals, body_normals)
     wrong = (gap <= 1e-9 * _extent(points)) & (facing <= 0.0)
     if wrong.any():
