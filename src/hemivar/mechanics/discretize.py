@@ -83,7 +83,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     ------
     ProblemError
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
-        positive definite, or the body is free to move.
+        positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
+        depend on one another, or the body is free to move.
     """
     mesh, order = problem.mesh, problem.order
     dim = mesh.dim

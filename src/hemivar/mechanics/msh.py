@@ -444,7 +444,8 @@ class _Reader:
             bad = int(np.argmax(infinite))
             raise ProblemError(f"node {ids[bad]} has the coordinates {points[bad].tolist()}; all must be finite")
         number = _numbering(ids)
-        cells, groups = {}, {}
+        cells: dict[int, IntArray] = {}
+        groups: dict[tuple[int, str], IntArray] = {}
         for dim in (1, 2, 3):
             blocks = [block for block in self.blocks if block.dim == dim and len(block.nodes)]
             if not blocks:

@@ -50,7 +50,8 @@ class Contact:
     obstacle : Obstacle or None
         A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
         :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
-        (an interference fit, or an indentation stated by the place of the obstacle).
+        (an interference fit, or an indentation stated by the place of the obstacle). One that lies inside the body is
+        refused by :func:`discretize`.
     normals : Normals or None
         Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
         default, and all there is, without one).
