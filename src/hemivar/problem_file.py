@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -149,7 +150,7 @@ def read_text(path: str | Path) -> str:
         if isinstance(error.__cause__, FileNotFoundError):
             what = "the problem file does not exist; check the path, or write one with 'hemivar new'"
             raise FileError(f"{_printable(path)}: {what}") from error
-        if Path(path).is_dir():
+        if os.path.isdir(path):
             raise FileError(f"{_printable(path)}: this is a folder; name the problem file in it") from error
         raise
 
@@ -491,7 +492,7 @@ def _mesh(table: _Table, folder: Path, whole: bool) -> tuple[MeshRecipe, int, Qu
             try:
                 mesh = read_mesh(path)
             except ProblemError as error:
-                named = "" if f"'{path}'" in str(error) else f"'{path}': "
+                named = "" if _printable(path) in str(error) else f"'{_printable(path)}': "
                 raise table.error("file", f"{named}{error}") from error
             if whole:
                 _check_size(table, "refine", mesh.dim, refined_cells(mesh.dim, mesh.number_of_cells, refine), order)

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from hemivar._typing import Array, BoolArray
-from hemivar.disk import read_text
-from hemivar.errors import FileError, ProblemError
 from hemivar.arrays import real_array
+from hemivar.errors import ProblemError
 from hemivar.laws.columns import read_columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 

@@ -14,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.assembly import linear_stiffness, load_vector, stiffness_matrix
 from hemivar.mechanics.conditions import (
+    LARGEST,
     Clamped,
     Fixed,
     Prescribed,
@@ -25,7 +26,7 @@ from hemivar.mechanics.conditions import (
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.free_motion import refuse_free_motion
 from hemivar.mechanics.mesh import Mesh
-from hemivar.mechanics.obstacles import obstacle_contact
+from hemivar.mechanics.obstacles import obstacle_contact, refuse_inside
 from hemivar.mechanics.problem import ContactProblem, Quadrature
 
 __all__ = [
@@ -77,7 +78,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     ------
     ProblemError
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
-        positive definite, or the body is free to move.
+        positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
+        depend on one another, or the body is free to move.
     """
     mesh, order = problem.mesh, problem.order
     dim = mesh.dim
@@ -104,7 +106,14 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     load = basis.T @ (full_load - reaction)
     constant = float(prescribed @ (0.5 * reaction - full_load))
 
+    if check_coercivity:
+        for name, stated in problem.contact.items():
+            if stated.obstacle is not None:
+                at = mesh.points[np.unique(mesh.boundaries[name])]
+                refuse_inside(stated.obstacle, mesh, at, f"contact '{name}'")
     contact = _join(groups, basis, prescribed, dim)
+    if problem.quadrature is Quadrature.MIDPOINT:
+        _refuse_dependent(contact, groups, list(problem.contact))
     field = FieldMap(mesh, order, basis, prescribed, problem.material)
     discrete = DiscreteProblem._assembled(
         stiffness=stiffness,
@@ -361,6 +370,10 @@ def _contact_group(problem: ContactProblem, name: str, supports: _Supports) -> _
         normal, weights, points = _unit(normals), measures, mesh.points[facets].mean(axis=1)
     if contact.obstacle is None:
         gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
+        if not (np.abs(gap) < LARGEST).all():
+            raise ProblemError(
+                f"gap of contact '{name}': {gap[np.argmax(np.abs(gap))]:g} is beyond the range of numbers"
+            )
     else:
         assert contact.normals is not None
         normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
@@ -602,6 +615,39 @@ def _rough(law: ContactLaw, count: int) -> BoolArray:
     if law.state_dependent:
         return np.ones(count, dtype=bool)
     return np.broadcast_to(law.friction.bounds > 0.0, (count,))
+
+
+def _refuse_dependent(contact: JoinedContact, groups: list[_ContactGroup], names: list[str]) -> None:
+    """Refuse contact points whose displacements depend on one another, as midpoints between held ends do."""
+    rows = np.flatnonzero(np.diff(contact.trace.indptr))
+    if not rows.size:
+        return
+    trace = sp.csr_array(contact.trace[rows])
+    _, part = sp.csgraph.connected_components(sp.csr_array(abs(trace) @ abs(trace).T), directed=False)
+    count = np.bincount(part)
+    used = sp.csc_array(trace)
+    owner = part[used.indices[used.indptr[:-1][np.diff(used.indptr) > 0]]]
+    short = np.bincount(owner, minlength=len(count)) < count
+    first = int(np.argmax(short[part])) if short.any() else _singular_row(sp.csc_array(trace @ trace.T))
+    if first < 0:
+        return
+    point = int(contact.kept[rows[first] // contact.points.shape[1]])
+    group = int(np.searchsorted(np.cumsum([len(one.weights) for one in groups]), point, side="right"))
+    raise ProblemError(
+        f"contact '{names[group]}': its midpoints have more pressures than displacements can tell apart, for both ends "
+        f"of the boundary are held, or it is closed; take quadrature 'nodal', or leave the facets at one end out"
+    )
+
+
+def _singular_row(gram: sp.csc_array) -> int:
+    """A row at which a Gram matrix is singular, -1 if it is not."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        pivots = np.abs(splu(gram, diag_pivot_thresh=0.0, options={"SymmetricMode": True}).U.diagonal())
+    except RuntimeError:
+        return 0
+    return int(np.argmin(pivots)) if pivots.min() <= 1e-12 * pivots.max() else -1
 
 
 def _empty_contact(unknowns: int, dim: int) -> JoinedContact:
