@@ -51,6 +51,7 @@ _ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The 
 _Rtol = Annotated[
     float | None, typer.Option(metavar="X", help="Tolerance of the residual, relative to the load (1e-9).")
 ]
+_MaxTime = Annotated[float | None, typer.Option(metavar="S", help="Limit of each stage in seconds (none).")]
 _MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps (set by the method).")]
 
 
@@ -153,9 +154,7 @@ def _solve(
         Path | None, typer.Option(metavar="FILE.png", help="Draw a body in 3D shaded, by PyVista.")
     ] = None,
     rtol: _Rtol = None,
-    max_time: Annotated[
-        float | None, typer.Option(metavar="S", help="Limit of the iteration in seconds (none).")
-    ] = None,
+    max_time: _MaxTime = None,
     max_steps: _MaxSteps = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No line for each step.")] = False,
     warm_start: Annotated[
@@ -211,7 +210,7 @@ def _solve(
     solver, why = _chosen(stated, discrete[-1], named)
     _print_method(solver, why)
     solution = _solve_levels(discrete, solver, controls, trace)
-    certificate = _print_summary(console, solution)
+    certificate = _print_summary(console, solution, controls.max_time)
     written = _write(solution, stated, outputs, certificate)
     if written:
         print(f"written           {', '.join(written)}")
@@ -228,6 +227,7 @@ def _certify(
     rtol: Annotated[
         float, typer.Option(metavar="X", help="Residual, relative to the load, up to which it is a solution.")
     ] = 1e-8,
+    max_time: _MaxTime = None,
 ) -> int:
     """Certify a solution: residuals, uniqueness, a guaranteed error bound, what kind of point it is.
 
@@ -237,18 +237,18 @@ def _certify(
 
     _check_outputs({"--json": json}, problem)
     check_solution_file(solution)
-    _check_limits(rtol, None, None)
+    _check_limits(rtol, max_time, None)
     stated = _read(problem)
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
-    controls = _controls(stated, None, None, None, None)
+    controls = _controls(stated, None, max_time, None, None)
 
     def solve() -> Solution:
         solver, why = _chosen(stated, discrete, None)
         _print_method(solver, why)
         return _solve_levels([discrete], solver, controls, None)
 
-    fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve)
+    fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve, controls.max_time)
     return _CONVERGED if fulfilled else _NOT_CONVERGED
 
 
@@ -260,6 +260,7 @@ def _solutions(
     max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many.")] = 100,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
     rtol: _Rtol = None,
+    max_time: _MaxTime = None,
 ) -> int:
     """Find all solutions of a problem, with their energies and kinds; says how far it searched.
 
@@ -268,11 +269,11 @@ def _solutions(
     from hemivar.commands.solutions import run_solutions, solutions_table
 
     _check_outputs({"--json": json}, problem)
-    _check_limits(rtol, None, None)
+    _check_limits(rtol, max_time, None)
     stated = _read(problem)
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
-    controls = _controls(stated, rtol, None, None, None)
+    controls = _controls(stated, rtol, max_time, None, None)
     found = run_solutions(
         stated.name, discrete, controls, json, starts=starts, max_solutions=max_solutions, seed=seed
     )  # fmt: skip
@@ -299,6 +300,7 @@ def _path(
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the path.")] = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
     max_points: Annotated[int, typer.Option(metavar="N", min=2, help="Limit of points.")] = 2000,
+    max_time: _MaxTime = None,
 ) -> int:
     """Follow the equilibria while the load grows, through folds: stable and unstable branches, folds, jumps.
 
@@ -311,11 +313,15 @@ def _path(
     _check_outputs({"--json": json, "--plot": plot}, problem)
     if quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{_suggest(quantity, list(QUANTITIES))}")
+    _check_limits(None, max_time, None)
     stated = _read(problem)
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
+    limit = _controls(stated, None, max_time, None, None).max_time
     line = LoadLine.of(stated.problem)
-    path = run_path(stated.problem, line, load_factor, json, plot, quantity=quantity, max_points=max_points)
+    path = run_path(
+        stated.problem, line, load_factor, json, plot, quantity=quantity, max_points=max_points, max_time=limit
+    )
     written = [str(file) for file in (json, plot) if file is not None]
     if written:
         print(f"written           {', '.join(written)}")
@@ -853,7 +859,7 @@ def _print_method(solver: Solver, why: str) -> None:
         print(f"chosen            {why}", flush=True)
 
 
-def _print_summary(console: Console, solution: Solution) -> Certificate | None:
+def _print_summary(console: Console, solution: Solution, max_time: float) -> Certificate | None:
     """Print what was found; returns the certificate that goes with it."""
     import numpy as np
 
@@ -871,7 +877,7 @@ def _print_summary(console: Console, solution: Solution) -> Certificate | None:
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
     if not good:
         print(f"what to do        {solution.status.remedy}")
-    certificate = certificate_of(solution)
+    certificate = certificate_of(solution, max_time)
     for line in [] if certificate is None else certificate_lines(certificate):
         print(line)
     if solution.problem.contact_points == 0:

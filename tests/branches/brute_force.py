@@ -1,7 +1,7 @@
 """Small random problems of every kind, and all their solutions by brute force: grids over the graphs of the laws.
 
-Nothing here asks the library for anything but to build the laws: graphs are polylines (or a formula) of this module, a
-solution is where ``F = A r + w lambda - g`` changes sign in all components within a cell, made sharp by Newton's method.
+Nothing here asks the library for anything but to build the laws: graphs are polylines (or a formula) of this module; a
+solution is where ``F = A r + w lambda - g`` changes sign in all components within a cell, made sharp by Newton steps.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Case:
     def _newton(self, theta: Array, width: Array) -> Array | None:
         n = theta.size
 
-        def F(x: Array) -> Array:
+        def F(x: Array) -> Array:  # noqa: N802
             return np.array([float(v) for v in self.F(list(x))])
 
         # the size of what F is made of: between two corners of a graph, that of their numbers
@@ -158,14 +158,17 @@ def random_friction(random: np.random.Generator) -> tuple[Friction, Curve, tuple
     if random.integers(0, 2):
         static, kinetic = random.uniform(0.3, 1.2), random.uniform(0.1, 0.9)
         rate = float(10.0 ** random.uniform(-1.0, 2.5))
-        curve = Curve(
-            np.array([-1.0 - _FAR, -1.0, 1.0, 1.0 + _FAR]), np.zeros(4), np.zeros(4), (static, kinetic, rate)
-        )
+        curve = Curve(np.array([-1.0 - _FAR, -1.0, 1.0, 1.0 + _FAR]), np.zeros(4), np.zeros(4), (static, kinetic, rate))
         return SlipWeakening(given, static, kinetic, rate), curve, bound, scale
     slips = np.concatenate([[0.0], np.sort(random.uniform(0.01, 1.0, size=2)) + np.array([0.0, 0.05])])
     values = random.uniform(0.0, 1.2, size=3)
     r = np.concatenate([-slips[::-1], slips])
-    return SlipTable(given, slips, values), polyline(r, np.concatenate([-values[::-1], values]), (0.0, 0.0)), bound, scale
+    return (
+        SlipTable(given, slips, values),
+        polyline(r, np.concatenate([-values[::-1], values]), (0.0, 0.0)),
+        bound,
+        scale,
+    )
 
 
 def gentle_case(random: np.random.Generator) -> Case:

@@ -16,6 +16,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.deadline import check_time
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
 from hemivar.mechanics.discrete import DiscreteProblem
@@ -121,6 +122,7 @@ class EnergyNorm:
     def solve(self, rhs: Array) -> Array:
         """``K^-1 rhs`` for one (n,) or several (n, k) right-hand sides."""
         assert self._factor is not None
+        check_time()
         return np.asarray(self._factor.solve(np.asarray(rhs, dtype=float)))
 
     def norm(self, v: Array) -> float:
@@ -333,6 +335,7 @@ class MultigridNorm:
 
         def precondition(rest: Array) -> Array:
             nonlocal found, left
+            check_time()
             z = levels.cycle(k, rest)
             left = max(float(rest @ z), 0.0) / quality
             # A step of length one gains at most what is left.
@@ -490,6 +493,7 @@ class _Subspace:
         quality = self._norm.quality
         P = KP = SP = None
         for step in range(limit + 1):
+            check_time()
             R = self._S.T @ (self._sign[:, None] * self._SX) - self._KX * self.values
             if self._held is not None:
                 R[self._held] = 0.0

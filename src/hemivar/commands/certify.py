@@ -26,6 +26,7 @@ def run_certify(
     output: Path | None,
     tolerance: float,
     solve: Callable[[], Solution],
+    max_time: float = math.inf,
 ) -> bool:
     """Certify what a file holds, or a solve; print it, write it, and say whether it fulfils the tolerance."""
     from hemivar.certify import certify
@@ -40,7 +41,7 @@ def run_certify(
 
         unknowns, multiplier = read_solution(solution_file, discrete)
         source = str(solution_file)
-    certificate = certify(discrete, unknowns, multiplier, tolerance=tolerance)
+    certificate = certify(discrete, unknowns, multiplier, tolerance=tolerance, max_time=max_time)
     print(f"solution          {source}")
     if solution_file is not None:
         origin = "recomputed from equilibrium" if multiplier is None else "read from the file"
@@ -59,8 +60,8 @@ def run_certify(
     return certificate.stationary
 
 
-def certificate_of(solution: Solution) -> Certificate | None:
-    """The certificate of a solve; None if it ended with numbers that are not finite.
+def certificate_of(solution: Solution, max_time: float = math.inf) -> Certificate | None:
+    """The certificate of a solve, in its own time; None if the solve ended with numbers that are not finite.
 
     Where multigrid serves, it leaves out the survey's trace constant, which needs a hierarchy of its own.
     """
@@ -71,7 +72,9 @@ def certificate_of(solution: Solution) -> Certificate | None:
     if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.multiplier).all()):
         return None
     problem = solution.problem
-    return certify(problem, solution.unknowns, solution.multiplier, trace_constant=factorises(problem))
+    return certify(
+        problem, solution.unknowns, solution.multiplier, trace_constant=factorises(problem), max_time=max_time
+    )
 
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
@@ -103,8 +106,12 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
     if math.isfinite(certificate.error_bound):
         size = f"{certificate.error_bound:.2e}, relative {certificate.error_bound_relative:.1e},"
         say("distance", f"at most {size} to the exact discrete solution")
+    elif "margin" in certificate.left_out or "error bound" in certificate.left_out:
+        say("distance", "no bound, for lack of time")
     else:
         say("distance", "no bound, for the margin is not positive")
+    if certificate.left_out:
+        say("left out", f"{', '.join(certificate.left_out)}: the time limit was reached")
     say("certified", f"in {certificate.seconds:.2g} s by {certificate.method}")
     if whole:
         say("alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}")
