@@ -17,6 +17,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.deadline import check_time
 from hemivar.linear.definite import free_unknowns, indefinite, lowest_quotient, positive_pivots, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects, sole_use
@@ -139,6 +140,7 @@ class EnergyNorm:
     def solve(self, rhs: Array) -> Array:
         """``K^-1 rhs`` for one (n,) or several (n, k) right-hand sides."""
         assert self._factor is not None
+        check_time()
         return np.asarray(self._factor.solve(np.asarray(rhs, dtype=float)))
 
     def norm(self, v: Array) -> float:
@@ -402,6 +404,7 @@ class MultigridNorm:
 
         def precondition(rest: Array) -> Array:
             nonlocal found, left
+            check_time()
             z = levels.cycle(k, rest)
             left = max(float(rest @ z), 0.0) / quality
             # A step of length one gains at most what is left.
@@ -568,6 +571,7 @@ class _Subspace:
         quality = self._norm.quality
         P = KP = SP = None
         for step in range(limit + 1):
+            check_time()
             R = self._S.T @ (self._sign[:, None] * self._SX) - self._KX * self.values
             if self._held is not None:
                 R[self._held] = 0.0

@@ -103,8 +103,8 @@ def table_law(
     x, y = check_points(r, derivative, where, friction=friction)
     if friction and extend == Extension.LINEAR and y[-1] < y[-2]:
         raise ProblemError(
-            f"{where}, row {y.size}: the friction falls, and with extend = linear it would be negative farther out; let "
-            f"the table end with a constant or rising friction, or write extend = constant"
+            f"{where}, row {y.size}: the friction falls, and with extend = linear it would be negative farther out; "
+            f"let the table end with a constant or rising friction, or write extend = constant"
         )
     if friction:
         return even_table(x, y, extend=extend, name=name)
