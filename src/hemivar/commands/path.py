@@ -8,6 +8,8 @@ from pathlib import Path
 
 from hemivar.branches import Path as EquilibriumPath
 from hemivar.branches import follow_path
+from hemivar.commands.outputs import Writer
+from hemivar.disk import write_text
 from hemivar.mechanics.problem import ContactProblem
 from hemivar.report.figures import save
 from hemivar.report.path import path_record, plot_path
@@ -22,12 +24,14 @@ def run_path(
     load_factor: tuple[float, float],
     json: Path | None,
     plot: Path | None,
+    writer: Writer,
     *,
     quantity: str,
     max_points: int,
+    max_time: float = math.inf,
 ) -> EquilibriumPath:
     """Follow the path, print what it meets, write what was asked for."""
-    path = follow_path(line.loaded, load_factor, unloaded=line.unloaded, max_points=max_points)
+    path = follow_path(line.loaded, load_factor, unloaded=line.unloaded, max_points=max_points, max_time=max_time)
     record = path_record(path, quantity)
     print(f"\npath              {len(path)} points, {len(path.folds)} folds; {path.ended}")
     if path.perturbed:
@@ -42,11 +46,13 @@ def run_path(
     if max(len(path.folds), len(path.jumps)) > shown:
         print(f"                  (of {len(path.folds)} folds and {len(path.jumps)} jumps; all are in the --json file)")
     print(f"max penetration   {path.max_penetration.min():.6g} to {path.max_penetration.max():.6g}")
-    if json is not None:
-        for point in record["points"]:
-            point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
-        json.write_text(json_module.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    if plot is not None:
-        title = problem.title.replace("$", r"\$") or None
-        save(plot_path(path, quantity=quantity, title=title), plot)
+    for point in record["points"]:
+        point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
+    title = problem.title.replace("$", r"\$") or None
+
+    def write(file: Path) -> None:
+        write_text(file, json_module.dumps(record, indent=1, allow_nan=False) + "\n")
+
+    writer.write("--json", json, write)
+    writer.write("--plot", plot, lambda file: save(plot_path(path, quantity=quantity, title=title), file), picture=True)
     return path

@@ -17,6 +17,7 @@ from hemivar.formula import ScalarFormula
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.consistency import check_consistency
 from hemivar.laws.scaled import ScaledLaw
+from hemivar.portable import Portable
 from hemivar.smooth import SmoothFormula, Supremum, supremum_of_pieces
 
 __all__ = ["FormulaLaw", "FunctionLaw"]
@@ -29,7 +30,7 @@ _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _Piece(Portable):
     """Value, derivative and curvature on one piece."""
 
     value: _Scalar

@@ -19,6 +19,7 @@ import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.laws.description import LawDescription, LawKink
+from hemivar.portable import Portable
 
 __all__ = ["Interval", "Superpotential"]
 
@@ -46,7 +47,7 @@ class Interval:
         return self.distance(x) <= tolerance
 
 
-class Superpotential(ABC):
+class Superpotential(Portable, ABC):
     """A scalar law j, one for each contact point.
 
     Pieces are numbered 0..K: piece ``i`` lies between knot ``i - 1`` and knot ``i`` (the first and the last one

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 from weakref import WeakSet
 
 import numpy as np
@@ -16,6 +16,7 @@ from hemivar.laws.bounds import StateBound
 from hemivar.laws.consistency import check_own
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.portable import Portable
 
 __all__ = ["ABSOLUTE_VALUE", "Friction", "NoFriction", "Tresca"]
 
@@ -31,7 +32,7 @@ _MOST_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Friction:
+class Friction(Portable):
     """Friction h_tau j_tau(|u_tau|).
 
     Parameters
@@ -55,6 +56,15 @@ class Friction:
             raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
         check_own(self.profile)
         _check_profile(self.profile)
+
+    def _stated(self) -> dict[str, Any]:
+        state = super()._stated()
+        if self.profile is ABSOLUTE_VALUE:  # the same object wherever the law arrives
+            del state["profile"]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__({"profile": ABSOLUTE_VALUE} | state)
 
     @property
     def name(self) -> str:

@@ -14,6 +14,9 @@ from hemivar.laws.scaled import ScaledLaw
 
 __all__ = ["PiecewiseQuadratic"]
 
+#: Knots up to which slopes that cancel are told one by one.
+_FEW = 40
+
 
 @dataclass(frozen=True, eq=False)
 class PiecewiseQuadratic(Superpotential):
@@ -88,15 +91,7 @@ class PiecewiseQuadratic(Superpotential):
                 raise ProblemError(f"law '{self.name}': a finite end of the domain must be one of the knots")
         if (lower > upper).any():
             raise ProblemError(f"law '{self.name}': the domain is empty (lower > upper)")
-        # sums in the order of the knots: jump, rise, jump, rise, ...
-        width = np.diff(knots, axis=-1)
-        steps = np.empty((*rows, 2 * count))
-        steps[..., 0], steps[..., 1::2], steps[..., 2::2] = start, jumps, slopes[..., 1:-1] * width
-        reached = np.cumsum(steps, axis=-1)
-        left, right = reached[..., 0::2].copy(), reached[..., 1::2].copy()
-        steps = np.zeros((*rows, 2 * count - 1))
-        steps[..., 1::2], steps[..., 2::2] = right[..., :-1] * width, 0.5 * slopes[..., 1:-1] * width**2
-        values = np.cumsum(steps, axis=-1)[..., 0::2].copy()
+        left, right, values = _summed(knots, slopes, jumps, start)
         set_ = object.__setattr__
         for key, item in (
             ("breakpoints", knots),
@@ -265,6 +260,33 @@ class PiecewiseQuadratic(Superpotential):
         valid = admissible & (stiffness > 0.0)
         root = t + (b - a * t - slope) / np.where(valid, stiffness, 1.0)
         return np.clip(np.where(valid, root, 0.0), np.where(valid, low, 0.0), np.where(valid, high, 0.0)), valid
+
+
+def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Array, Array, Array]:
+    """j' to the left and to the right of each knot, and j there from the first knot on, (m, K) each."""
+    width, count = np.diff(knots, axis=-1), knots.shape[-1]
+    if count > _FEW:  # sums in the order of the knots: jump, rise, jump, rise, ...
+        steps = np.empty((*knots.shape[:-1], 2 * count))
+        steps[..., 0], steps[..., 1::2], steps[..., 2::2] = start, jumps, slopes[..., 1:-1] * width
+        reached = np.cumsum(steps, axis=-1)
+        tiny = 4.0 * np.finfo(float).eps * np.abs(reached).max(axis=-1, keepdims=True)
+        reached = np.where(np.abs(reached) <= tiny, 0.0, reached)
+        left, right = reached[..., 0::2].copy(), reached[..., 1::2].copy()
+    else:
+        left, right = np.empty(knots.shape), np.empty(knots.shape)
+        left[..., 0], right[..., 0] = start, _added(start, jumps[..., 0])
+        for i in range(1, count):
+            left[..., i] = _added(right[..., i - 1], slopes[..., i] * width[..., i - 1])
+            right[..., i] = _added(left[..., i], jumps[..., i])
+    parts = np.zeros((*knots.shape[:-1], 2 * count - 1))
+    parts[..., 1::2], parts[..., 2::2] = right[..., :-1] * width, 0.5 * slopes[..., 1:-1] * width**2
+    return left, right, np.cumsum(parts, axis=-1)[..., 0::2].copy()
+
+
+def _added(x: Array, y: Array) -> Array:
+    """x + y, and zero where they cancel up to rounding: what should vanish must not be the only force there is."""
+    total = x + y
+    return np.where(np.abs(total) <= 4.0 * np.finfo(float).eps * np.maximum(np.abs(x), np.abs(y)), 0.0, total)
 
 
 def _rate(slope: Array, derivative: Array, limited: BoolArray) -> Array:

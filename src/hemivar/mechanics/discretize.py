@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
+import logging
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
@@ -17,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.assembly import linear_stiffness, load_vector, stiffness_matrix
 from hemivar.mechanics.conditions import (
+    LARGEST,
     Clamped,
     Fixed,
     Prescribed,
@@ -26,23 +24,21 @@ from hemivar.mechanics.conditions import (
     evaluate_vector,
 )
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
+from hemivar.mechanics.free_motion import refuse_free_motion
 from hemivar.mechanics.mesh import Mesh
-from hemivar.mechanics.obstacles import obstacle_contact
+from hemivar.mechanics.obstacles import obstacle_contact, refuse_inside
 from hemivar.mechanics.problem import ContactProblem, Quadrature
 
 __all__ = [
     "JoinedContact",
     "NodalConditions",
-    "admitted",
     "discretize",
     "nodal_conditions",
-    "refuse_free_motion",
 ]
 
 _DEPENDENT = 1e-8
 _ZERO = 1e-12
 _CORNER = np.cos(np.pi / 4)
-_BALANCE = 1e-10
 
 
 def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> DiscreteProblem:
@@ -64,7 +60,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     normal row, and the dependent tangential row is set to zero (no friction in that direction). A node where
     two contact boundaries meet smoothly is one contact point, with the law and gap of the boundary named
     first, the weights added and the normals averaged; where they meet at more than 45 degrees it is a point of
-    both, with their normal laws and without friction.
+    both, with their normal laws and without friction. Where friction is left out so, ``without_friction`` and
+    ``warnings`` of the discrete problem say it, with the points.
 
     Parameters
     ----------
@@ -81,7 +78,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     ------
     ProblemError
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
-        positive definite, or the body is free to move.
+        positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
+        depend on one another, or the body is free to move.
     """
     mesh, order = problem.mesh, problem.order
     dim = mesh.dim
@@ -108,7 +106,14 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     load = basis.T @ (full_load - reaction)
     constant = float(prescribed @ (0.5 * reaction - full_load))
 
+    if check_coercivity:
+        for name, stated in problem.contact.items():
+            if stated.obstacle is not None:
+                at = mesh.points[np.unique(mesh.boundaries[name])]
+                refuse_inside(stated.obstacle, mesh, at, f"contact '{name}'")
     contact = _join(groups, basis, prescribed, dim)
+    if problem.quadrature is Quadrature.MIDPOINT:
+        _refuse_dependent(contact, groups, list(problem.contact))
     field = FieldMap(mesh, order, basis, prescribed, problem.material)
     discrete = DiscreteProblem._assembled(
         stiffness=stiffness,
@@ -123,9 +128,12 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         frames=contact.frames,
         field=field,
         statement=problem,
+        without_friction=contact.without_friction,
     )
     if check_coercivity:
-        _check_coercivity(supports, discrete, full_load)
+        for warning in discrete.warnings:
+            logging.getLogger("hemivar").info("%s", warning)
+        refuse_free_motion(discrete, full_load)
     return discrete
 
 
@@ -362,6 +370,10 @@ def _contact_group(problem: ContactProblem, name: str, supports: _Supports) -> _
         normal, weights, points = _unit(normals), measures, mesh.points[facets].mean(axis=1)
     if contact.obstacle is None:
         gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
+        if not (np.abs(gap) < LARGEST).all():
+            raise ProblemError(
+                f"gap of contact '{name}': {gap[np.argmax(np.abs(gap))]:g} is beyond the range of numbers"
+            )
     else:
         assert contact.normals is not None
         normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
@@ -535,7 +547,8 @@ def _reduce(matrix: sp.csr_array, basis: sp.csr_array) -> sp.csr_array:
 class JoinedContact:
     """Contact points of all boundaries that can move.
 
-    ``kept`` are their numbers among all points; ``energy`` is that of the points that supports hold.
+    ``kept`` are their numbers among all points; ``energy`` is that of the points that supports hold;
+    ``without_friction`` tells where friction of the law had to be left out.
     """
 
     trace: sp.csr_array
@@ -546,6 +559,7 @@ class JoinedContact:
     law: ContactLaw
     energy: float
     kept: IntArray
+    without_friction: BoolArray
 
 
 def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, dim: int) -> JoinedContact:
@@ -556,6 +570,8 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     frames = np.concatenate([group.frames for group in groups])
     points = np.concatenate([group.points for group in groups])
     blocked = np.concatenate([group.blocked for group in groups])
+    rough = np.concatenate([_rough(group.law, len(group.weights)) for group in groups])
+    without = rough & blocked[:, 1:].any(axis=1)
     law = ContactLaw.concatenate([(group.law, len(group.weights)) for group in groups])
     average = sp.csr_array(sp.vstack([group.average for group in groups]))
     full = _local_components(average, frames)
@@ -590,14 +606,54 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     rows_kept = (keep[:, None] * dim + np.arange(dim)).ravel()
     return JoinedContact(
         sp.csr_array(trace[rows_kept]), weights[keep], offset[keep], points[keep], frames[keep],
-        law if moving.all() else law.take(keep), energy, keep,
+        law if moving.all() else law.take(keep), energy, keep, without[keep],
     )  # fmt: skip
+
+
+def _rough(law: ContactLaw, count: int) -> BoolArray:
+    """Where a law has friction, or may have it in some state."""
+    if law.state_dependent:
+        return np.ones(count, dtype=bool)
+    return np.broadcast_to(law.friction.bounds > 0.0, (count,))
+
+
+def _refuse_dependent(contact: JoinedContact, groups: list[_ContactGroup], names: list[str]) -> None:
+    """Refuse contact points whose displacements depend on one another, as midpoints between held ends do."""
+    rows = np.flatnonzero(np.diff(contact.trace.indptr))
+    if not rows.size:
+        return
+    trace = sp.csr_array(contact.trace[rows])
+    _, part = sp.csgraph.connected_components(sp.csr_array(abs(trace) @ abs(trace).T), directed=False)
+    count = np.bincount(part)
+    used = sp.csc_array(trace)
+    owner = part[used.indices[used.indptr[:-1][np.diff(used.indptr) > 0]]]
+    short = np.bincount(owner, minlength=len(count)) < count
+    first = int(np.argmax(short[part])) if short.any() else _singular_row(sp.csc_array(trace @ trace.T))
+    if first < 0:
+        return
+    point = int(contact.kept[rows[first] // contact.points.shape[1]])
+    group = int(np.searchsorted(np.cumsum([len(one.weights) for one in groups]), point, side="right"))
+    raise ProblemError(
+        f"contact '{names[group]}': its midpoints have more pressures than displacements can tell apart, for both ends "
+        f"of the boundary are held, or it is closed; take quadrature 'nodal', or leave the facets at one end out"
+    )
+
+
+def _singular_row(gram: sp.csc_array) -> int:
+    """A row at which a Gram matrix is singular, -1 if it is not."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        pivots = np.abs(splu(gram, diag_pivot_thresh=0.0, options={"SymmetricMode": True}).U.diagonal())
+    except RuntimeError:
+        return 0
+    return int(np.argmin(pivots)) if pivots.min() <= 1e-12 * pivots.max() else -1
 
 
 def _empty_contact(unknowns: int, dim: int) -> JoinedContact:
     return JoinedContact(
         sp.csr_array((0, unknowns)), np.zeros(0), np.zeros((0, dim)), np.zeros((0, dim)), np.zeros((0, dim,
-        dim)), ContactLaw(NoContact()).at(None), 0.0, np.zeros(0, dtype=np.int64),
+        dim)), ContactLaw(NoContact()).at(None), 0.0, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool),
     )  # fmt: skip
 
 
@@ -611,172 +667,6 @@ def _local_components(average: sp.csr_array, frames: Array) -> sp.csr_array:
     data = entries.data[:, None, None] * frames[entries.row]
     shape = (count * dim, average.shape[1] * dim)
     return sp.csr_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
-
-
-# ---- coercivity ------------------------------------------------------------------------------------------
-
-
-def _check_coercivity(supports: _Supports, discrete: DiscreteProblem, load: Array) -> None:
-    """Refuse a body that is free to move.
-
-    For every rigid motion s that the supports admit, ``-F.s + sum_j w_j j_j^inf(B s) > 0`` is required, where
-    ``j^inf`` is the asymptotic slope of the law; then the energy grows along s.
-    """
-    nodes = supports.nodes
-    motions, names = _rigid_motions(nodes)
-    admissible = _admissible(supports, motions)
-    if admissible.shape[1] == 0 or discrete.field is None:
-        return
-    rigid = motions @ admissible
-    work = rigid.T @ load
-    local = (discrete.trace @ (discrete.field.basis.T @ rigid)).reshape(-1, nodes.shape[1], admissible.shape[1])
-    scale = float(np.abs(load) @ np.abs(motions).max(axis=1))
-
-    def growth(direction: Array) -> tuple[float, float]:
-        """Growth of the energy along a direction, and a scale to compare it with."""
-        shift = local @ direction
-        shift[np.abs(shift) < 1e-10] = 0.0
-        rate = discrete.weights * discrete.law.recession(shift) if len(shift) else np.zeros(0)
-        finite = rate[np.isfinite(rate)]
-        total = float(np.sum(rate)) - float(work @ direction)
-        return total, scale + float(np.sum(np.abs(finite)))
-
-    refuse_free_motion(admissible, names, growth)
-
-
-def refuse_free_motion(admissible: Array, names: list[str], growth: Callable[[Array], tuple[float, float]]) -> None:
-    """Refuse a body whose energy does not grow along one of its admissible rigid motions.
-
-    Parameters
-    ----------
-    admissible : array, shape (3 or 6, a)
-        Orthonormal coefficients of the motions that the supports admit.
-    names : list of str
-        What each of the 3 or 6 motions is called.
-    growth : function
-        Growth of the energy along a direction (a,), and a scale to compare it with.
-
-    Raises
-    ------
-    ProblemError
-    """
-    worst, where, size = np.inf, admissible[0], 1.0
-    axes = _axes(admissible)
-    for number, direction in enumerate(itertools.chain(axes, _sample(axes, growth))):
-        if number == len(axes) and worst < -_BALANCE:
-            break  # a plain motion makes the better message
-        value, reference = growth(direction)
-        relative = value / reference if reference > 0 else (0.0 if value == 0.0 else value)
-        if relative < worst:
-            worst, where, size = relative, direction, value
-    if worst > _BALANCE:
-        return
-    motion = _describe(admissible @ where, names)
-    if worst < -_BALANCE:
-        raise ProblemError(
-            f"the body is free to move: the loads push it along the rigid motion {motion} with more than "
-            f"supports and laws can resist (energy falls by {-size:.3g} per unit of motion); add a support "
-            f"or a law that holds it"
-        )
-    raise ProblemError(
-        f"the body is free to move: nothing holds it against the rigid motion {motion} (along it the loads "
-        f"are in balance with what supports and laws can resist); add a support or a law that holds it"
-    )
-
-
-def _rigid_motions(nodes: Array, corners: tuple[Array, Array] | None = None) -> tuple[Array, list[str]]:
-    """Translations and rotations about the middle, scaled to size one; shape (nodes * d, 3 or 6), and their names.
-
-    ``corners`` are the lowest and the highest of the body, shape (d,), where the nodes are not all of them.
-    """
-    count, dim = nodes.shape
-    lowest, highest = (nodes.min(axis=0), nodes.max(axis=0)) if corners is None else corners
-    middle = 0.5 * (highest + lowest)
-    arm = (nodes - middle) / (0.5 * np.linalg.norm(highest - lowest))
-    motions, names = [], []
-    for axis in range(dim):
-        motions.append(np.broadcast_to(np.eye(dim)[axis], nodes.shape).ravel())
-        names.append(_vector(np.eye(dim)[axis]))
-    for i, j in itertools.combinations(range(dim), 2):
-        turn = np.zeros((count, dim))
-        turn[:, i], turn[:, j] = -arm[:, j], arm[:, i]
-        motions.append(turn.ravel())
-        names.append("" if dim == 2 else f" about the {'zyx'[i + j - 1]} axis")
-    return np.column_stack(motions), names
-
-
-def _admissible(supports: _Supports, motions: Array) -> Array:
-    """Orthonormal coefficients, shape (3 or 6, a), of the rigid motions that the supports admit."""
-    node, slot = np.nonzero(np.arange(supports.nodes.shape[1]) < supports.count[:, None])
-    direction = supports.directions[node, slot]
-    values = motions.reshape(*supports.nodes.shape, -1)[node]
-    moved = np.einsum("kd,kdr->kr", direction, values)
-    return admitted(moved)
-
-
-def admitted(moved: Array) -> Array:
-    """Orthonormal coefficients of the motions that move no support: ``moved`` is (conditions, motions)."""
-    if not len(moved):
-        return np.eye(moved.shape[1])
-    triangle = np.linalg.qr(moved, mode="r")
-    return np.asarray(scipy.linalg.null_space(triangle, rcond=1e-9))
-
-
-def _axes(admissible: Array) -> Array:
-    """Admissible motions next to translations along and rotations about the axes, and their opposites."""
-    count = admissible.shape[1]
-    axes = np.vstack([np.eye(count), admissible])
-    size = np.linalg.norm(axes, axis=1)
-    axes = axes[size > 1e-6] / size[size > 1e-6, None]
-    axes[np.abs(axes) < 1e-14] = 0.0
-    return np.vstack([axes, -axes])
-
-
-def _sample(axes: Array, growth: Callable[[Array], tuple[float, float]]) -> Array:
-    """Unit directions among which the energy of a rigid motion grows least."""
-    count = axes.shape[1]
-    if count == 1:
-        return axes
-    if count == 2:
-        angle = 2 * np.pi * np.arange(720) / 720
-        cloud = np.column_stack([np.cos(angle), np.sin(angle)])
-    else:
-        cloud = np.random.default_rng(20210314).standard_normal((1500, count))
-        cloud /= np.linalg.norm(cloud, axis=1, keepdims=True)
-    candidates = np.vstack([axes, cloud])
-    values = np.array([growth(direction)[0] for direction in candidates])
-    refined = []
-    for start in candidates[np.argsort(values, kind="stable")[:3]]:
-        found = scipy.optimize.minimize(
-            lambda s: min(growth(s / np.linalg.norm(s))[0], 1e300),
-            start,
-            method="Nelder-Mead",
-            options={
-                "xatol": 1e-10,
-                "fatol": 1e-14,
-                "maxiter": 150 * count,
-                "initial_simplex": _simplex(start),
-            },
-        ).x
-        refined.append(found / np.linalg.norm(found))
-    return np.vstack([candidates, refined])
-
-
-def _simplex(start: Array) -> Array:
-    return np.vstack([start, start + 0.02 * np.eye(len(start))])
-
-
-def _describe(coefficients: Array, names: list[str]) -> str:
-    """A rigid motion in words."""
-    dim = 2 if len(names) == 3 else 3
-    coefficients = np.where(np.abs(coefficients) < 1e-6 * np.abs(coefficients).max(), 0.0, coefficients)
-    parts = []
-    if np.any(coefficients[:dim]):
-        parts.append(f"translation {_vector(coefficients[:dim])}")
-    turns = [name for name, value in zip(names[dim:], coefficients[dim:], strict=True) if value]
-    if turns:
-        parts.append("rotation" + " and".join(turns))
-    return "(" + " with ".join(parts) + ")"
 
 
 def _vector(values: Array) -> str:

@@ -14,11 +14,23 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
+from hemivar.mechanics._mesh_arrays import _facet_keys
+from hemivar.mechanics.conditions import (
+    LARGEST,
+    Clamped,
+    Fixed,
+    Prescribed,
+    Pressure,
+    Support,
+    Traction,
+    VectorData,
+    plain_data,
+)
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.mesh import Mesh, _facet_keys
+from hemivar.mechanics.mesh import Mesh
 from hemivar.mechanics.obstacles import Normals, Obstacle
+from hemivar.portable import Portable
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
 
@@ -34,7 +46,7 @@ class Quadrature(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Portable):
     """What the foundation does along one contact boundary.
 
     Attributes
@@ -49,7 +61,8 @@ class Contact:
     obstacle : Obstacle or None
         A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
         :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
-        (an interference fit, or an indentation stated by the place of the obstacle).
+        (an interference fit, or an indentation stated by the place of the obstacle). One that lies inside the body is
+        refused by :func:`discretize`.
     normals : Normals or None
         Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
         default, and all there is, without one).
@@ -68,8 +81,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         _ = self.law
-        if not callable(self.gap) and check_finite(self.gap, "gap").ndim != 0:
-            raise ProblemError(f"gap has shape {np.shape(self.gap)}; give one number or a callable of the points")
+        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
         self._check_obstacle()
 
     def _check_obstacle(self) -> None:
@@ -97,7 +109,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem:
+class ContactProblem(Portable):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes
@@ -164,6 +176,12 @@ class ContactProblem:
             for boundary in value:
                 self._check_name(name, boundary)
         self._check_values()
+        object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
+        forces = {
+            name: value if isinstance(value, Pressure) else plain_data(value, f"tractions['{name}']")
+            for name, value in self.tractions.items()
+        }
+        object.__setattr__(self, "tractions", MappingProxyType(forces))
         self._check_overlaps()
 
     def on(self, mesh: Mesh) -> ContactProblem:

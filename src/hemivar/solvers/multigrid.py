@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -13,15 +13,27 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import norm
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.laws.contact import Linearisation
+from hemivar.linear.definite import (
+    below_zero,
+    free_unknowns,
+    lowest_quotient,
+    quotient,
+    refuse_indefinite,
+    refuse_unseen,
+    rounding,
+)
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.linear.levels import COARSEST
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.hierarchy import rigid_motions
-from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.mechanics.free_motion import free_growth
+from hemivar.mechanics.hold import Growth, growth_along
+from hemivar.mechanics.parts import free_motions
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
@@ -34,6 +46,10 @@ __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 _NESTED = 1e-3
 _PATIENCE = 0.5
 _TIGHTEST = 1e-13
+#: Gaps this many times larger than the displacements are far.
+_FAR = 1e4
+#: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
+_ROUNDED = 1e-9
 #: How far, in powers of two of the length that the stiffness of the contact points suggests, a direction without
 #: curvature is followed.
 _FURTHEST = 60
@@ -123,28 +139,26 @@ class BodyProblem:
         r[self.active] = self.sign * x[self.unknown] - self.problem.offset.reshape(self.shape)[self.active]
         return r
 
-    def rigid_directions(self) -> Iterator[tuple[Array, float, float]]:
-        """Local displacements (m, d) of each rigid motion, the work of the load along it, and the size of that work.
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
 
-        A large problem without a mesh does not tell its rigid motions.
+        A large problem without a mesh does not tell its motions.
         """
-        problem, bottom = self.problem, self
-        while bottom.below is not None:
-            bottom = bottom.below
-        if bottom is not self and not any(True for _ in bottom.rigid_directions()):
-            return  # what holds the body on the coarsest mesh holds it here
-        if problem.field is not None:
-            motions = rigid_motions(problem.field)
-        elif problem.unknowns <= COARSEST:
-            motions = np.eye(problem.unknowns)
-        else:
-            return
-        energy = motions.T @ (problem.stiffness @ motions)
-        size = motions.T @ (self.hierarchy.levels.diagonal(self.top)[:, None] * motions)
-        values, vectors = la.eigh(energy, size + 1e-12 * np.trace(size) * np.eye(len(size)))
-        for mode in (motions @ vectors[:, values < 1e-12]).T:
-            work = problem.load * mode
-            yield self.spread(mode[self.unknown]), float(work.sum()), float(np.abs(work).sum())
+        problem = self.problem
+        if free_unknowns(problem) is not None:
+            assert problem.field is not None
+            return free_growth(problem, free_motions(problem.field))
+        if problem.unknowns > COARSEST:
+            return []
+        root = np.sqrt(problem.diagonal)
+        values, vectors = la.eigh(problem.stiffness.toarray() / np.outer(root, root))
+        modes = vectors[:, values < rounding(problem.stiffness, problem.diagonal)] / root[:, None]
+        if not modes.shape[1]:
+            return []
+        modes /= np.abs(modes).max(axis=0)
+        local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
+        size = float(np.abs(problem.load) @ np.abs(modes).max(axis=1))
+        return [growth_along(self.law, local, self.weights, modes.T @ problem.load, size, _ROUNDED)]
 
     def of_unknowns(self, unknowns: Array) -> Array:
         """The unknowns (n,) themselves."""
@@ -169,6 +183,14 @@ class BodyProblem:
         out = x.copy()
         offset = self.problem.offset.reshape(self.shape)
         out[self.unknown] = self.sign * (r + offset)[self.active]
+        # Far from the foundation r is the gap, and has the digits of u no more: what differs by rounding stays.
+        far = np.abs(offset) > _FAR * np.abs(r + offset)[self.active].max(initial=0.0)
+        if far.any():
+            now = self.local(x)
+            same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(offset))
+            same[:, 0] &= ~self.law.normal.at_kink(r[:, 0])
+            kept = self.unknown[same[self.active]]
+            out[kept] = x[kept]
         return out
 
     def force(self, x: Array) -> Array:
@@ -242,9 +264,9 @@ class BodyProblem:
         return replace(self, problem=problem, fixed=fixed, below=None, seconds=0.0)
 
     @cached_property
-    def load_scale(self) -> float:
-        """Size of the load, a force."""
-        return float(np.linalg.norm(self.problem.load))
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        return load_scale(self.problem, self.compliance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -471,6 +493,9 @@ class NonsmoothMultigrid(Solver):
             best = self._search(line, [0.5**k for k in range(self.halvings)])
         if found.negative is not None:
             # No curvature holds the energy back that way: as far as its laws let it fall.
+            if free_unknowns(system.problem) is None:
+                curvature = quotient(system.problem.stiffness, found.negative, system.problem.diagonal)
+                refuse_indefinite(below_zero(system.problem, curvature))
             line = _Line.of(equation, x, found.negative, system.problem.stiffness @ found.negative)
             unit = line.slope / max(float(np.vdot(line.along**2, system.stiffness)), np.finfo(float).tiny)
             other = self._search(line, [unit * 2.0**k for k in range(_FURTHEST, -20, -1)], every=True)
@@ -625,7 +650,7 @@ class _Equation:
         right = self.force.copy()
         right[system.unknown] -= system.sign * (system.weights[:, None] * self.line.gradient)[active]
         right[system.unknown[held]] = 0.0
-        scale = max(system.load_scale, float(np.linalg.norm(self.force[system.unknown])))
+        scale = system.load_scale.of(norm(self.force[system.unknown]))
         found = conjugate_gradients(
             levels.matrix(system.top),
             levels.diagonal(system.top),
@@ -678,6 +703,9 @@ def _curvature(system: BodyProblem, hessian: Array, moving: BoolArray) -> sp.csr
 def set_up(problem: DiscreteProblem) -> BodyProblem:
     """The body of a problem on its mesh and on every coarser one."""
     began = time.perf_counter()
+    refuse_unseen(problem)
+    if free_unknowns(problem) is None:
+        refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
     hierarchy = ElasticMultigrid.of(problem)
     body: BodyProblem | None = None
     coarser = [step.problem for step in hierarchy.steps] if hierarchy.poses(problem) else []
