@@ -222,7 +222,9 @@ def _joined(where: str, knots: Array, pieces: Sequence[_Piece], reach: float, st
             left = float(pieces[i].value(np.array([knot - step]))[0])
             right = float(pieces[i + 1].value(np.array([knot + step]))[0])
             slopes = [abs(float(pieces[k].derivative(np.array([knot]))[0])) for k in (i, i + 1)]
-        rounding = (1e-6 if step else 1e-9) * (abs(left) + abs(right) + 1e-3 * reach * sum(slopes))
+            far = [float(pieces[i + k].value(np.array([knot + (2 * k - 1) * 0.01 * reach]))[0]) for k in (0, 1)]
+        rises = sum(abs(x) for x in (far[0] - left, far[1] - right) if np.isfinite(x))
+        rounding = (1e-6 if step else 1e-9) * (abs(left) + abs(right) + rises + 1e-3 * reach * sum(slopes))
         if not abs(right - left) <= rounding + 4.0 * step * sum(slopes):
             raise ProblemError(
                 f"{where} is {left:.6g} to the left and {right:.6g} to the right of r = {knot:.6g}; "

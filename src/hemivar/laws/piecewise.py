@@ -148,6 +148,10 @@ class PiecewiseQuadratic(Superpotential):
         return np.broadcast_to(curvature, np.broadcast_shapes(curvature.shape, np.shape(r)))
 
     def knot_slopes(self) -> tuple[Array, Array]:
+        return self._slopes
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
         lower, upper = np.asarray(self.lower)[..., None], np.asarray(self.upper)[..., None]
         return (
             np.where(self.breakpoints <= lower, -np.inf, self._left),
