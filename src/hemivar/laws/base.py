@@ -536,11 +536,11 @@ class Superpotential(Portable, ABC):
                 passed = passed & (high - low > 1)
                 low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
             found.append(low + 1)
-        passed, reached = found
-        held = passed < reached
-        lower, upper = self.piece_bounds(passed)
-        inside, ok = self._stationary_point(passed, a, b, lower, upper, ~held & (lower < upper))
-        at_knot = knots[np.minimum(passed, count - 1)]
+        piece, reached = found
+        held = piece < reached
+        lower, upper = self.piece_bounds(piece)
+        inside, ok = self._stationary_point(piece, a, b, lower, upper, ~held & (lower < upper))
+        at_knot = knots[np.minimum(piece, count - 1)]
         return np.where(held, at_knot, np.where(ok, inside, np.nan))
 
     def _lowest_of_many(self, a: Array, b: Array) -> Array:
@@ -570,7 +570,7 @@ class Superpotential(Portable, ABC):
         with np.errstate(invalid="ignore", over="ignore"):
             energy = 0.5 * a[row] * root**2 - b[row] * root + law.piece_value(piece, root)
         places, rows, energies = [root], [row], [np.where(found, energy, np.inf)]
-        row, knot = np.nonzero(~passed & ~ahead & finite)
+        row, knot = np.nonzero(~(passed | ahead) & finite)
         law = self if self.knots.shape[0] == 1 else self.take(row)
         t = knots[knot]
         valid = np.ones(row.size, dtype=bool)
