@@ -173,6 +173,7 @@ class SmoothFormula:
         left, right = _parts(np.asarray(low, dtype=float), np.asarray(high, dtype=float), reach)
         seen, place = at_least, float(left[0]) if np.isfinite(left[0]) else 0.0
         done = at_least
+        waiting = (np.zeros(0), np.zeros(0), np.zeros(0))
         size = self.graph.size(self.node) + self.graph.size(slope.node)
         while True:
             self.graph.work += (left.size + _OVERHEAD) * size
@@ -180,14 +181,22 @@ class SmoothFormula:
             at = np.concatenate([np.where(np.isinf(x), middle, x) for x in (left, middle, right)])
             values = self(at)
             values = np.where(np.isfinite(values), values, -np.inf)
-            if values.max() > seen:
+            if values.max(initial=-np.inf) > seen:
                 seen, place = float(values.max()), float(at[np.argmax(values)])
             upper = self._upper(slope, left, middle, right)
             for k in np.flatnonzero((np.isinf(left) | np.isinf(right)) & (upper > seen)):
                 upper[k] = min(upper[k], self.graph.tail(self.node, self.variable, float(left[k]), float(right[k])))
+            left, right, upper = (np.concatenate(pair) for pair in zip(waiting, (left, right, upper), strict=True))
             open_ = upper > seen + _TIGHT * abs(seen) + slack
             done = max(done, float(upper[~open_].max(initial=-np.inf)))
             left, right, upper = left[open_], right[open_], upper[open_]
+            if not left.size:
+                return Supremum(max(done, seen), seen, place)
+            # the parts with the largest bounds first; the others may turn out not to matter
+            top = float(upper.max())
+            now = upper >= (top if top == np.inf else 1e-3 * top if top > 0.0 else -np.inf)
+            waiting = (left[~now], right[~now], upper[~now])
+            left, right, upper = left[now], right[now], upper[now]
             middle = _middle(left, right)
             middle = np.where(
                 np.isinf(left), 2.0 * right - reach, np.where(np.isinf(right), 2.0 * left + reach, middle)
@@ -196,14 +205,14 @@ class SmoothFormula:
             stuck = (middle <= left) | (middle >= right) | (np.abs(middle) > 1e9 * reach) | (right - left <= small)
             if left.size > _MOST_PARTS or self.graph.work > _MOST_WORK:
                 stuck[:] = True
+                done = max(done, float(waiting[2].max(initial=-np.inf)))
+                waiting = (np.zeros(0), np.zeros(0), np.zeros(0))
             if stuck.any():
                 worst = int(np.argmax(np.where(stuck, upper, -np.inf)))
                 if not np.isfinite(upper[worst]):
                     return Supremum(np.inf, seen, float(_middle(left, right)[worst]))
                 done = max(done, float(upper[worst]))
                 left, middle, right = left[~stuck], middle[~stuck], right[~stuck]
-            if not left.size:
-                return Supremum(max(done, seen), seen, place)
             left, right = np.concatenate([left, middle]), np.concatenate([middle, right])
 
     def _upper(self, slope: SmoothFormula, left: Array, middle: Array, right: Array) -> Array:

@@ -27,6 +27,8 @@ _Scalar = Callable[[Array], Array]
 _FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
 #: Kinks and turns of the curvature that a formula may have.
 _MOST_KNOTS = 1000
+#: Turns from which on it is made sure that a finer look finds no more.
+_MANY_TURNS = 50
 _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 
 
@@ -79,12 +81,26 @@ class _OwnLaw(Superpotential):
     def _evaluate(self, piece: IntArray, r: Array, order: int) -> Array:
         piece, r = np.broadcast_arrays(np.asarray(piece), np.asarray(r, dtype=float))
         out = np.empty(r.shape)
-        for i in np.unique(piece):
-            here = piece == i
-            smooth, sign = self._mirrored(int(i))
+        which = self._kinds[piece]
+        for kind in np.unique(which):
+            here = which == kind
+            smooth, sign = self._different[kind]
             part = (smooth.value, smooth.derivative, smooth.curvature)[order]
             out[here] = (sign if order == 1 else 1.0) * part(sign * r[here])
         return out
+
+    @cached_property
+    def _different(self) -> list[tuple[_Piece, float]]:
+        """The pieces of the whole line, each once."""
+        all_ = [self._mirrored(i) for i in range(self._knots.size + 1)]
+        return list({(id(smooth), sign): (smooth, sign) for smooth, sign in all_}.values())
+
+    @cached_property
+    def _kinds(self) -> IntArray:
+        """Number of each piece among those that differ."""
+        number = {(id(smooth), sign): k for k, (smooth, sign) in enumerate(self._different)}
+        all_ = (self._mirrored(i) for i in range(self._knots.size + 1))
+        return np.array([number[id(smooth), sign] for smooth, sign in all_], dtype=np.int64)
 
     @cached_property
     def _at_zero(self) -> float:
@@ -291,7 +307,15 @@ class _FormulaLaw(_OwnLaw):
                         f"{what}{shown} is not finite at r = {at[np.argmax(bad)]:.4g}; give a formula"
                         + (" that is finite for every r >= 0" if self.even else _EVERYWHERE)
                     )
-            knots.append(_turns(bend.derivative(), inside))
+            turns = _turns(bend.derivative(), inside)
+            if turns.size > _MANY_TURNS:
+                finer = [self._inside(a, b, 2 * count) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+                if abs(_turns(bend.derivative(), finer).size - turns.size) > 0.02 * turns.size:
+                    raise ProblemError(
+                        f"the curvature of {shown} turns round too often up to the reach {self.reach:g} for every turn "
+                        f"to be found; take a smaller reach, or give a table"
+                    )
+            knots.append(turns)
         _joined(shown, switches, [plain[branch.node] for branch in branches], self.reach)
         table = np.unique(np.concatenate(knots))
         if table.size > _MOST_KNOTS:
