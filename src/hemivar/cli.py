@@ -456,7 +456,7 @@ def _survey(
             print(f"    {order:5.2f}   {reference}, {method}")
     report = out / "report.html"
     others = len(result.files) - (report in result.files)
-    print(f"\nwritten           {f'{report} and ' if report in result.files else ''}{others} other files")
+    print(f"\nwritten           {f'{shown(report)} and ' if report in result.files else ''}{others} other files")
     print(f"time              {result.seconds:.3g} s")
     if result.interrupted:
         print("interrupted: the report holds what was done until then")
@@ -477,7 +477,7 @@ def _new(
         raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")
     check_outputs({"FILE": file})
     write_text(file, SAMPLE.replace("FILE", shown(file), 1))
-    print(f"written           {file}\nnow try           hemivar solve {file} --plot figure.png")
+    print(f"written           {shown(file)}\nnow try           hemivar solve {shown(file)} --plot figure.png")
     return _CONVERGED
 
 
@@ -868,7 +868,7 @@ def _print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
     order = "" if stated.problem.order == 1 else ", quadratic elements"
     size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
     title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
-    print(title or stated.name)
+    print(title or shown(stated.name))
     print(f"mesh              {size}")
     print(f"unknowns          {discrete.unknowns}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""

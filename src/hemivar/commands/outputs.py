@@ -97,10 +97,10 @@ def _files(option: str, path: Path) -> tuple[Path, ...]:
 
 def _check_file(path: Path, option: str) -> None:
     what = f"{option} {path}"
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ProblemError(f"{what}: this is a folder; name a file")
     _check_parent(path, what)
-    if path.exists() and not os.access(path, os.W_OK):
+    if os.access(path, os.F_OK) and not os.access(path, os.W_OK):
         raise ProblemError(f"{what}: the file is write-protected; name another one")
     try:
         try_output(path)
@@ -146,6 +146,10 @@ class Writer:
             return
         try:
             keep_off({option: path}, self.inputs)
+        except ProblemError as error:
+            self.failed.append(str(error))
+            return
+        try:
             with contextlib.nullcontext() if picture else hold_signals(), quiet_logging():
                 made = task(path)
         except KeyboardInterrupt:
