@@ -188,6 +188,13 @@ def test_what_cannot_be_is_refused_before_the_work(
     assert sorted(folder.rglob("*")) == before
 
 
+def test_a_senseless_tolerance_in_the_file_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "p.toml").write_text(PROBLEM + "[solver]\nrtol = 1e10\n")
+    code, _, err = run(capsys, "solve", "p.toml")
+    assert code == 2
+    assert "p.toml: [solver] rtol is 1e+10" in err
+
+
 def test_a_certificate_holds_to_the_tolerance_of_the_solve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What is called converged is not called 'not stationary' below."""
     code, out, _ = run(capsys, "solve", "p.toml", "--method", "direct-lbfgs", "--rtol", "1e-3", "--json", "s.json")

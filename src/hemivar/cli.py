@@ -621,6 +621,8 @@ def _controls(
     from hemivar.solvers import Controls
 
     given = stated.solver
+    if rtol is None and given.rtol is not None and given.rtol > _LARGEST_RTOL:
+        raise ProblemError(f"{stated.name}: [solver] rtol is {given.rtol:g}; it must be at most {_LARGEST_RTOL:g}")
     chosen: dict[str, Any] = {
         "rtol": rtol if rtol is not None else given.rtol,
         "max_time": max_time if max_time is not None else given.max_time,
@@ -652,7 +654,7 @@ def _solve_levels(
             break
     assert solution is not None
     if solution.status is Status.INTERRUPTED:
-        print("\ninterrupted       the best iterate follows, with its certificate; Ctrl-C again aborts", flush=True)
+        print("\ninterrupted       the best iterate follows; Ctrl-C again leaves its certificate out", flush=True)
     return solution
 
 

@@ -250,7 +250,7 @@ def _kill_at_random(driver: Driver, folder: Path, arguments: list[str], files: l
     killed = 0
     for number in range(kills):
         prepared(folder, files, OLD if number % 2 else None)
-        code, _ = driver(folder, arguments, after=rng.uniform(0.0, 1.1) * seconds)
+        code, _ = driver(folder, arguments, after=rng.uniform(0.0, 0.9) * seconds)
         killed += code == -signal.SIGKILL
         for file in files:
             whole(folder / file)
