@@ -133,7 +133,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     except FileError:
         raise
     except Exception as error:
-        cause = _disk_error(error, around)
+        cause: Exception | None = _disk_error(error, around)
         if cause is None and temporary is None and isinstance(error, ValueError):
             cause = error  # a NUL in the name
         if cause is None:
