@@ -9,12 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar._typing import Array, IntArray
+from hemivar.arguments import expect, whole_number
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.path import trace
 from hemivar.certify import one_solution, smallness
-from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.mechanics.residual import residual
 from hemivar.solvers import (
     CondensedProblem,
@@ -90,7 +92,7 @@ class SolutionSet(Sequence[Solution]):
 
 
 def find_solutions(
-    problem: DiscreteProblem,
+    problem: DiscreteProblem | ContactProblem,
     *,
     starts: int = 40,
     max_solutions: int = 100,
@@ -133,11 +135,13 @@ def find_solutions(
     ProblemError
         ``starts`` or ``max_solutions`` make no sense, or the problem cannot be solved as stated.
     """
-    if starts < 0 or max_solutions < 1 or enumerate_up_to < 0:
-        raise ProblemError(
-            f"starts = {starts}, max_solutions = {max_solutions}, enumerate_up_to = {enumerate_up_to}: "
-            "give starts >= 0, max_solutions >= 1 and enumerate_up_to >= 0"
-        )
+    starts, max_solutions = whole_number(starts, "starts", 0), whole_number(max_solutions, "max_solutions", 1)
+    enumerate_up_to, seed = whole_number(enumerate_up_to, "enumerate_up_to", 0), whole_number(seed, "seed", 0)
+    if controls is not None:
+        expect(controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
+    if condensed is not None:
+        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    problem = posed(problem, "find_solutions")
     controls = Controls() if controls is None else controls
     system = condense(problem) if condensed is None else condensed
     plain = problem.dim <= 2 and not depends_on_state(problem.law) and problem.contact_points > 0

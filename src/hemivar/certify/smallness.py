@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array
+from hemivar.arguments import expect
 from hemivar.certify._linear import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
@@ -19,6 +20,8 @@ from hemivar.mechanics.assembly import quadrature_rule, region_masks, stiffness_
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.discretize import discretize
 from hemivar.mechanics.material import Material
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 
 __all__ = ["Smallness", "TraceConstants", "ellipticity", "one_solution", "smallness", "trace_constants"]
 
@@ -97,7 +100,7 @@ class Smallness:
 
 
 def smallness(
-    problem: DiscreteProblem,
+    problem: DiscreteProblem | ContactProblem,
     law: ContactLaw | None = None,
     *,
     factor: Norm | None = None,
@@ -120,6 +123,9 @@ def smallness(
     -------
     Smallness
     """
+    problem = posed(problem, "smallness")
+    if law is not None:
+        expect(law, ContactLaw, "the law", "pass the frozen law of the problem, problem.law.frozen(r, lam)")
     energy = energy_norm(problem) if factor is None else factor
     m, d = problem.contact_points, problem.dim
     if law is None and m:

@@ -13,6 +13,7 @@ import scipy.optimize
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arguments import expect
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.assembly import linear_stiffness, load_vector, stiffness_matrix
@@ -83,6 +84,10 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
         positive definite, or the body is free to move.
     """
+    if isinstance(problem, DiscreteProblem):
+        raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
+    remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
+    problem = expect(problem, ContactProblem, "what to discretize", remedy)
     mesh, order = problem.mesh, problem.order
     dim = mesh.dim
     conditions = nodal_conditions(problem)

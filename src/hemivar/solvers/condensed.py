@@ -18,6 +18,8 @@ from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.mechanics.residual import Residual, contact_compliance, residual
 from hemivar.portable import Portable
 from hemivar.solvers.factorisation import Factorisation, factorise
@@ -295,7 +297,7 @@ class _Recovery:
         return u + self.factor.solve_interior(rest)
 
 
-def condense(problem: DiscreteProblem) -> CondensedProblem:
+def condense(problem: DiscreteProblem | ContactProblem) -> CondensedProblem:
     """Eliminate every unknown that no contact law acts on (the survey's Schur complement, section 5.2).
 
     Costs one sparse factorisation.  Where the trace selects single unknowns (nodal quadrature) the contact unknowns
@@ -309,6 +311,7 @@ def condense(problem: DiscreteProblem) -> CondensedProblem:
     MethodError
         The memory that is free does not suffice.
     """
+    problem = posed(problem, "condense")
     began = time.perf_counter()
     contact = problem.contact_points * problem.dim
     check_memory(problem.unknowns, problem.dim, contact)

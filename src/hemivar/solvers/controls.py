@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from hemivar.arguments import described, number, whole_number
 from hemivar.errors import ProblemError
 
 __all__ = ["Budget", "Controls", "OutOfTime", "Progress"]
@@ -63,11 +64,14 @@ class Controls:
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "max_time"):
-            value = getattr(self, name)
-            if not value >= 0.0:
-                raise ProblemError(f"Controls.{name} is {value}; it must be a number >= 0")
-        if self.max_steps is not None and self.max_steps < 1:
-            raise ProblemError(f"Controls.max_steps is {self.max_steps}; it must be at least 1")
+            if not number(getattr(self, name), f"Controls.{name}", "it must be a number >= 0") >= 0.0:
+                raise ProblemError(f"Controls.{name} is {getattr(self, name)}; it must be a number >= 0")
+        if self.max_steps is not None:
+            whole_number(self.max_steps, "Controls.max_steps", 1)
+        if self.callback is not None and not callable(self.callback):
+            raise ProblemError(
+                f"Controls.callback is {described(self.callback)}; give a function that is called with each Progress"
+            )
 
 
 class OutOfTime(Exception):  # noqa: N818 - a signal, not an error
