@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arguments import expect, whole_number
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SolutionSearch
 from hemivar.branches.state_chain import StateChain, state_chain_of
 from hemivar.certify import Smallness, one_solution, smallness
 from hemivar.deadline import Budget, limited
-from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.solvers import CondensedProblem, Controls, NonsmoothNewton, Solution, Status, condense
 
 __all__ = ["SolutionSet", "find_solutions"]
@@ -73,7 +75,7 @@ class SolutionSet(Sequence[Solution]):
 
 
 def find_solutions(
-    problem: DiscreteProblem,
+    problem: DiscreteProblem | ContactProblem,
     *,
     starts: int = 40,
     max_solutions: int = 100,
@@ -116,11 +118,13 @@ def find_solutions(
     ProblemError
         ``starts`` or ``max_solutions`` make no sense, or the problem cannot be solved as stated.
     """
-    if starts < 0 or max_solutions < 1 or enumerate_up_to < 0:
-        raise ProblemError(
-            f"starts = {starts}, max_solutions = {max_solutions}, enumerate_up_to = {enumerate_up_to}: "
-            "give starts >= 0, max_solutions >= 1 and enumerate_up_to >= 0"
-        )
+    starts, max_solutions = whole_number(starts, "starts", 0), whole_number(max_solutions, "max_solutions", 1)
+    enumerate_up_to, seed = whole_number(enumerate_up_to, "enumerate_up_to", 0), whole_number(seed, "seed", 0)
+    if controls is not None:
+        expect(controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
+    if condensed is not None:
+        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    problem = posed(problem, "find_solutions")
     controls = Controls() if controls is None else controls
     budget = Budget(controls.max_time)
     system = condense(problem) if condensed is None else condensed
