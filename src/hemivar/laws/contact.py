@@ -13,6 +13,7 @@ from hemivar.arguments import described
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound, stack_bounds
+from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.stacked import stack
 from hemivar.portable import Portable
@@ -71,6 +72,7 @@ class ContactLaw(Portable):
             raise ProblemError(
                 f"the friction law must be a Friction such as Tresca(0.5), not {described(self.friction)}"
             )
+        check_own(self.normal)
 
     def at(self, points: Array | None) -> ContactLaw:
         """The law with every parameter evaluated at ``points (m, d)``."""
