@@ -32,8 +32,9 @@ class SolutionSet(Sequence[Solution]):
         a function of the contact displacements alone), or "jump" (a component at a downward jump of its law:
         stationary in Clarke's sense, never a local minimum).
     exhaustive : bool
-        Whether there are no others: every combination of pieces and kinks was tried, or the problem has one solution
-        by its margin.
+        Whether there are no others: every combination of pieces and kinks was tried and rounding left none of them
+        undecided, or the problem has one solution by its margin.  Solutions nearer to each other than their rounding
+        errors count as one.
     combinations : float
         Number of combinations of pieces and kinks; inf where the graph of the law is no curve (three dimensions, bounds
         that depend on the solution).
