@@ -101,9 +101,9 @@ def test_a_limit_belongs_to_its_block() -> None:
     with pytest.raises(deadline.OutOfTime), deadline.limited(deadline.Budget(-1.0)):
         deadline.check_time()
     deadline.check_time()
-    with deadline.limited(deadline.Budget(-1.0)), deadline.limited(deadline.Budget(100.0)):
-        with pytest.raises(deadline.OutOfTime):
-            deadline.check_time()
+    outer, inner = deadline.Budget(-1.0), deadline.Budget(100.0)
+    with deadline.limited(outer), deadline.limited(inner), pytest.raises(deadline.OutOfTime):
+        deadline.check_time()
 
 
 def test_search_and_path_end_with_their_time() -> None:
