@@ -215,7 +215,7 @@ def follow_path(
     budget = Budget(max_time)
     line = LoadLine(problem, unloaded)
     system = condense(problem) if condensed is None else condensed
-    chain = chain_of(system)
+    chain: Chain = chain_of(system)
     if chain.size == 0:
         raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
     # A little above the lower end all components are on definite sides of their kinks, which they may not be at rest.

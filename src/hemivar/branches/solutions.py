@@ -34,8 +34,9 @@ class SolutionSet(Sequence[Solution]):
         a function of the contact displacements alone), or "jump" (a component at a downward jump of its law:
         stationary in Clarke's sense, never a local minimum).
     exhaustive : bool
-        Whether there are no others: every combination of pieces and kinks was tried, or the problem has one solution
-        by its margin.
+        Whether there are no others: every combination of pieces and kinks was tried and rounding left none of them
+        undecided, or the problem has one solution by its margin.  Solutions nearer to each other than their rounding
+        errors count as one.
     combinations : float
         Number of combinations of pieces and kinks; inf where the graph of the law is no curve (three dimensions, bounds
         that depend on the solution).
@@ -187,12 +188,16 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> SolutionSet:
         searched = f"not all of the {count} were tried; {search.stopped}"
         return SolutionSet(search.sorted(), False, chain.combinations, 0, searched, search.interrupted)
     undecided = search.left_out + points.undecided
-    complete = not (points.continuum or search.full_and_more or undecided)
+    law = search.system.law
+    sampled = law.normal.constants_sampled or (search.system.shape[1] > 1 and law.friction.profile.constants_sampled)
+    complete = not (points.continuum or search.full_and_more or undecided or sampled)
     searched = f"all {count} of pieces and kinks were tried"
     if points.continuum:
         searched += "; there is a continuum of solutions, of which one or some are given"
     if undecided:
         searched += f"; rounding does not tell whether {undecided} of them hold other solutions"
+    if sampled:
+        searched += "; a law is known from samples only"
     if search.full_and_more:
         searched += f"; stopped at {search.limit} solutions"
     inaccurate = sum(solution.status is not Status.CONVERGED for solution in search.found)

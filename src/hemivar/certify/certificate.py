@@ -290,6 +290,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Bud
         (np.inf, np.inf),
     )
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
+    nothing: tuple[PointKind, bool | None, LocalStudy | None]
     nothing = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
     if trace_constant:
