@@ -177,12 +177,12 @@ def certify(
     The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is another matter.
     """
-    problem, displacement, multiplier = _pair(problem, displacement, multiplier)
+    problem, given, multiplier = _pair(problem, displacement, multiplier)
     if factor is not None:
         expect(factor, EnergyNorm | MultigridNorm, "the factor", "pass hemivar.certify.energy_norm(problem)")
     if not number(tolerance, "the tolerance of a certificate") >= 0.0:
         raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be a number >= 0")
-    u = real_array(displacement, "the displacement", finite=False)
+    u = real_array(given, "the displacement", finite=False)
     m, d = problem.contact_points, problem.dim
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
