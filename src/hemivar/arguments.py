@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 import numbers
 import operator
-from typing import Any, TypeVar
+from typing import Any
 
 from hemivar.errors import ProblemError
 
 __all__ = ["described", "expect", "number", "whole_number"]
-
-_Kind = TypeVar("_Kind")
 
 
 def described(value: object) -> str:
@@ -25,8 +23,8 @@ def described(value: object) -> str:
     return f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
 
 
-def expect(value: object, kind: type[_Kind], name: str, remedy: str) -> _Kind:
-    """The value, if it is of a kind.
+def expect(value: object, kind: Any, name: str, remedy: str) -> Any:
+    """The value, if it is of a kind, a class or a union of classes.
 
     Raises
     ------

@@ -645,8 +645,8 @@ def test_loose_block_in_space() -> None:
         ({"tractions": {"top": "down"}}, r"tractions\['top'\] is no array of numbers: it is text"),
         ({"order": 3}, "order = 3"),
         ({"quadrature": "gauss"}, "quadrature = 'gauss'"),
-        ({"mesh": "mesh.msh"}, "mesh is str"),
-        ({"material": 4.0}, "material is float"),
+        ({"mesh": "mesh.msh"}, "mesh is 'mesh.msh'"),
+        ({"material": 4.0}, "material is 4.0"),
         ({"supports": [Clamped()]}, "supports must map"),
     ],
 )

@@ -200,12 +200,11 @@ def certify(
     The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is another matter.
     """
-    problem, displacement, multiplier = _pair(problem, displacement, multiplier)
+    problem, given, multiplier = _pair(problem, displacement, multiplier)
     if factor is not None:
         expect(factor, EnergyNorm | MultigridNorm, "the factor", "pass hemivar.certify.energy_norm(problem)")
-    if not number(tolerance, "the tolerance of a certificate") >= 0.0:
-        raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be a number >= 0")
-    u = real_array(displacement, "the displacement", finite=False)
+    tolerance = number(tolerance, "the tolerance of a certificate")
+    u = real_array(given, "the displacement", finite=False)
     m, d = problem.contact_points, problem.dim
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
@@ -229,6 +228,9 @@ def certify(
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
         return _known(_certified(Point(problem, energy, u, lam), tolerance, trace_constant, budget))
+
+
+_Classified = tuple[PointKind, bool | None, LocalStudy | None]
 
 
 def _known(certificate: Certificate) -> Certificate:
@@ -290,8 +292,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Bud
         (np.inf, np.inf),
     )
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
-    nothing: tuple[PointKind, bool | None, LocalStudy | None]
-    nothing = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
+    nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
     if trace_constant:
         asked = constants
