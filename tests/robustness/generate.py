@@ -811,6 +811,8 @@ def _known_solution(rng: random.Random) -> tuple[str, dict[str, Any], dict[str, 
 
                 return main(["solve", "problem.toml", "--json", "a.json", "--method", "newton"])
 
-            run_limited(solve, place)
+            run = run_limited(solve, place)
+            if run.code != 0:
+                raise RuntimeError(f"the problem '{name}' was not solved: {run}")
             _SOLVED[name] = (place / "a.json").read_text()
     return name, SEEDS[name], json.loads(_SOLVED[name])

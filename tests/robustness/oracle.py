@@ -88,7 +88,7 @@ def examine_record(
     if "residual" in record:  # a displacement for `certify` needs none
         _plain_checks(record, rtol, verdict)
     try:
-        data = tomllib.loads((folder / problem).read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+        data = tomllib.loads((folder / problem).read_bytes().decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n"))
     except (OSError, ValueError, RecursionError) as error:
         verdict.wrong.append(f"a problem file that is not TOML was accepted: {error}")
         return
@@ -546,8 +546,8 @@ class _Physics:
                 worst_slip = max(worst_slip, float(np.abs(tangents @ moved - slip[i]).max(initial=0.0)))
             if not clear and d == 3:
                 # the tangents were turned to what the support leaves free, which the record does not tell
-                for node in point["nodes"]:
-                    held[node][:] = list(np.eye(3)) if node in held else []
+                for node in held.keys() & set(point["nodes"]):
+                    held[node][:] = list(np.eye(3))
             result.append((point["nodes"], [weight[i] * s for s in point["shares"]], vector))
             self.points.append(
                 {
