@@ -19,7 +19,8 @@ PACKAGE = ROOT / "src" / "hemivar"
 #: Modules and packages of hemivar by rank: each may import itself and what stands on a lower line.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "_typing"),
-    ("arrays", "disk"),
+    ("arrays", "deadline", "disk", "expression", "memory", "portable"),
+    ("smooth",),
     ("formula",),
     ("laws",),
     ("mechanics",),

@@ -18,11 +18,11 @@ import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray
 from hemivar.certify._linear import EnergyNorm, Norm, gram_solve, lift, symmetric_inverse
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import ContactLaw, StateBound, Superpotential
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import contact_compliance
 
-__all__ = ["Point", "equilibrium_multiplier", "error_bound", "snap"]
+__all__ = ["Point", "equilibrium_multiplier", "error_bound", "friction_bound", "snap", "trace_force"]
 
 #: Search for a better pair if the bound is above this part of |u|_K: on a small problem, on a large one.
 _POOR = (1e-10, 1e-7)
@@ -71,11 +71,15 @@ class Point:
 
 def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
     """The multiplier (m, d) that balances ``f - K u`` on the contact unknowns, in the sense of least squares."""
-    m, d = problem.contact_points, problem.dim
+    return trace_force(problem, problem.load - problem.stiffness @ u) / problem.weights[:, None]
+
+
+def trace_force(problem: DiscreteProblem, force: Array) -> Array:
+    """The contact forces (m, d) that balance a force (n,) on the contact unknowns, in the sense of least squares."""
     active = np.diff(problem.trace.indptr) > 0
-    force = np.where(active, problem.trace @ (problem.load - problem.stiffness @ u), 0.0)
-    inner = gram_solve(problem.trace, force, active)
-    return np.zeros((m, d)) if inner is None else inner.reshape(m, d) / problem.weights[:, None]
+    inner = gram_solve(problem.trace, np.where(active, problem.trace @ force, 0.0), active)
+    shape = (problem.contact_points, problem.dim)
+    return np.zeros(shape) if inner is None else inner.reshape(shape)
 
 
 def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
@@ -108,8 +112,24 @@ def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float
     return place
 
 
-def error_bound(point: Point, margin: float) -> float:
-    """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive."""
+def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
+    """The friction bound (m,) in a state, where it depends on the state."""
+    bound = problem.law.friction.bound
+    assert isinstance(bound, StateBound)
+    return np.asarray(bound.value(r[:, 0], lam[:, 0]))
+
+
+def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> float:
+    """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive.
+
+    Parameters
+    ----------
+    point : Point
+    margin : float
+    ceiling : array (m,), optional
+        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None if it
+        holds for all solutions, and so for all pairs.
+    """
     if not (margin > 0.0 and point.energy.definite):
         return np.inf
     problem = point.problem
@@ -125,16 +145,18 @@ def error_bound(point: Point, margin: float) -> float:
         lam = point.lam if given else equilibrium_multiplier(problem, point.u)
         law = point.law(r, lam)
         snapped = np.where(point.active, snap(law, r, lam, tau), r)
-        best = min(best, _admissible(point, point.u, snapped, lam, margin))
+        best = min(best, _admissible(point, point.u, snapped, lam, margin, ceiling))
         if best <= poor * scale and not point.energy.factorised:
             break
     if best > poor * scale and 0 < rows <= _SEARCHABLE and isinstance(point.energy, EnergyNorm):
-        best = min(best, _search(point, point.energy, margin, best))
+        best = min(best, _search(point, point.energy, margin, best, ceiling))
     return best
 
 
-def _admissible(point: Point, base: Array, r: Array, lam: Array, margin: float) -> float:
+def _admissible(point: Point, base: Array, r: Array, lam: Array, margin: float, ceiling: Array | None = None) -> float:
     """The bound from the pair ``(base moved to r, element of dj(r) nearest to lam)``; inf if there is no such pair."""
+    if ceiling is not None and not bool((friction_bound(point.problem, r, lam) <= ceiling).all()):
+        return np.inf
     law = point.law(r, lam)
     with np.errstate(invalid="ignore"):
         if not np.isfinite(law.value(r)).all():
@@ -223,7 +245,7 @@ def _product(matrix: sp.csr_array, x: Any) -> Any:
     return out
 
 
-def _search(point: Point, energy: EnergyNorm, margin: float, best: float) -> float:
+def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceiling: Array | None) -> float:
     """Look for a better pair by Newton steps on the condensed problem; every iterate gives a pair."""
     problem = point.problem
     m, d = problem.contact_points, problem.dim
@@ -295,4 +317,4 @@ def _search(point: Point, energy: EnergyNorm, margin: float, best: float) -> flo
     if not np.isfinite(least):
         return best
     load = problem.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
-    return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin))
+    return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin, ceiling))

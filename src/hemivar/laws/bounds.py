@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,12 @@ from hemivar._typing import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
 from hemivar.laws.parameters import evaluate
+from hemivar.portable import Portable
 
 __all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
 
 
-class StateBound(ABC):
+class StateBound(Portable, ABC):
     """A friction bound h_tau(penetration, pressure) >= 0 at every contact point."""
 
     @abstractmethod
@@ -128,7 +130,7 @@ class PenetrationBound(StateBound):
         width = np.diff(s)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(width > 0.0, np.abs(np.diff(bound)) / width, np.where(np.diff(bound) == 0.0, 0.0, np.inf))
-        object.__setattr__(self, "_evaluate", lambda x: _interpolate(s, bound, x))
+        object.__setattr__(self, "_evaluate", partial(_interpolate, s, bound))
         object.__setattr__(self, "_lipschitz", float(np.max(slope, initial=0.0)))
 
     def _measured(self) -> float:

@@ -14,6 +14,7 @@ from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound, stack_bounds
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.stacked import stack
+from hemivar.portable import Portable
 
 __all__ = ["ContactLaw", "Linearisation", "spread"]
 
@@ -38,7 +39,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactLaw:
+class ContactLaw(Portable):
     """j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
 
     The bound h_tau may depend on penetration or pressure (:class:`~hemivar.laws.StateBound`); then only the parts

@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
+from hemivar.portable import Portable
 
 __all__ = ["Clamped", "Fixed", "Prescribed", "Pressure", "Roller", "Support", "Traction", "VectorData"]
 
@@ -32,7 +33,7 @@ class Roller:
 
 
 @dataclass(frozen=True)
-class Fixed:
+class Fixed(Portable):
     """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
 
     Attributes
@@ -55,7 +56,7 @@ class Fixed:
 
 
 @dataclass(frozen=True)
-class Prescribed:
+class Prescribed(Portable):
     """Prescribed displacement ``u = value``.
 
     Attributes
@@ -72,7 +73,7 @@ class Prescribed:
 
 
 @dataclass(frozen=True)
-class Pressure:
+class Pressure(Portable):
     """Traction ``-value nu``: a positive pressure pushes into the body.
 
     Attributes

@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
+from hemivar.portable import Portable
 
 if TYPE_CHECKING:
     from hemivar.laws import ContactLaw
@@ -22,10 +23,12 @@ if TYPE_CHECKING:
 __all__ = ["DiscreteProblem", "FieldMap"]
 
 _SYMMETRY_TOLERANCE = 1e-10
+#: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
+_LEAST_WORK = 1e-270
 
 
 @dataclass(frozen=True, eq=False)
-class FieldMap:
+class FieldMap(Portable):
     """How the unknowns of a discrete problem become a displacement field.
 
     The full vector of nodal displacements is ``U = P u + u0``: the columns of ``P`` are orthonormal and span
@@ -110,7 +113,7 @@ class FieldMap:
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteProblem:
+class DiscreteProblem(Portable):
     """Energy of a discrete contact problem.
 
     ``E(u) = 1/2 u'K u - f'u + sum_j w_j j_j(r_j) + constant``, ``r = (B u - offset)`` reshaped to (m, d):
@@ -151,6 +154,8 @@ class DiscreteProblem:
         If shapes disagree, numbers are not finite, the stiffness is unsymmetric (relative to 1e-10) or has
         a diagonal entry that is not positive, or a weight is not positive.
     """
+
+    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
 
     stiffness: sp.csr_array
     load: Array
@@ -219,6 +224,7 @@ class DiscreteProblem:
             ("constant", float(self.constant)),
         ):
             object.__setattr__(self, name, value)
+        _check_size(self.stiffness, load)
         d = self.dim
         for name, shape in (("slip_offset", (m, d - 1)), ("points", None), ("frames", (m, d, d))):
             value = getattr(self, name)
@@ -298,6 +304,14 @@ class DiscreteProblem:
         if self.slip_offset is not None and self.contact_points > 0:
             offset[:, 1:] = self.slip_offset
         return offset.ravel()
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what results of this problem do not show by themselves; empty for most problems."""
+        from hemivar.mechanics.locking import locking_warning
+
+        found = None if self.field is None else locking_warning(self.field)
+        return () if found is None else (found,)
 
     def local(self, unknowns: Array) -> Array:
         """Penetration and slip at the contact points: ``r = B u - offset``.
@@ -406,6 +420,18 @@ def _check_diagonal(stiffness: sp.csr_array) -> None:
         raise ProblemError(
             f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
             f"remove unknowns that no element carries"
+        )
+
+
+def _check_size(stiffness: sp.csr_array, load: Array) -> None:
+    """Refuse a load whose work over- or underflows: no energy could be compared with another."""
+    with np.errstate(over="ignore", under="ignore"):
+        work = float(np.sum(np.abs(load) * (np.abs(load) / stiffness.diagonal())))
+    if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
+        raise ProblemError(
+            f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of "
+            f"{np.max(stiffness.diagonal()):.3g}: energies of that size {'over' if work > 1.0 else 'under'}flow; "
+            "state the problem in units that fit it"
         )
 
 

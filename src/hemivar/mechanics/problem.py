@@ -14,11 +14,13 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
+from hemivar.mechanics._mesh_arrays import _facet_keys
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.mesh import Mesh, _facet_keys
+from hemivar.mechanics.mesh import Mesh
 from hemivar.mechanics.obstacles import Normals, Obstacle
+from hemivar.portable import Portable
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
 
@@ -34,7 +36,7 @@ class Quadrature(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Portable):
     """What the foundation does along one contact boundary.
 
     Attributes
@@ -97,7 +99,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem:
+class ContactProblem(Portable):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes
