@@ -10,7 +10,7 @@ from typing import Any
 
 from tests.robustness.case import CANARY, Case
 from tests.robustness.msh import FORMATS, grid_mesh, write_msh
-from tests.robustness.seeds import FILES, METHODS, SEEDS, random_law, random_problem, seed
+from tests.robustness.seeds import FILES, METHODS, known, random_law, random_problem, seed
 from tests.robustness.toml import dump, leaves, put, spoilt, strange_name, strange_number, strange_value
 
 __all__ = ["FAMILIES", "make_case"]
@@ -246,12 +246,12 @@ class _Maker:
         if rng.random() < 0.2:
             normal["kinks"] = [rng.choice([0.0, 0.1, 1e300, math.nan, -1.0]) for _ in range(rng.choice([1, 2, 1000]))]
         if rng.random() < 0.4:
-            normal, friction = SEEDS["survey"]["contact"]["bottom"]["normal"], {"law": "formula", "potential": text, "bound": 0.2}
+            normal, friction = known("survey")["contact"]["bottom"]["normal"], {"law": "formula", "potential": text, "bound": 0.2}
         if rng.random() < 0.3:
             bound = rng.choice([rng.choice(_BOUNDS), _random_formula(rng, "s", 3), _nested(rng, "s")])
             friction = {"law": "tresca", "bound": {"formula": bound}}
             text = f"{text[:60]}, bound {bound[:60]}"
-        data = dict(SEEDS["survey"], contact={"bottom": {"normal": normal, "friction": friction}})
+        data = dict(known("survey"), contact={"bottom": {"normal": normal, "friction": friction}})
         return self.problem("law formula", text[:160], dump(data))
 
     # -- tables
@@ -263,12 +263,12 @@ class _Maker:
         if rng.random() < 0.1:
             words = ["laws", "--file", which] + rng.choice([[], ["--friction"], ["--plot", "law.png"]])
             return Case(self.name, "table", f"laws --file: {note}", words, {which: content})
-        data = dict(SEEDS["from tables"])
+        data = dict(known("from tables"))
         contact = json.loads(json.dumps(data["contact"]))
         if which == "law.csv" and rng.random() < 0.5:
             contact["bottom"]["friction"] = "none"
         elif which != "law.csv":
-            contact["bottom"]["normal"] = SEEDS["survey"]["contact"]["bottom"]["normal"]
+            contact["bottom"]["normal"] = known("survey")["contact"]["bottom"]["normal"]
             if which == "friction.csv" and rng.random() < 0.5:
                 contact["bottom"]["friction"]["bound"] = 0.2
         if rng.random() < 0.2:
@@ -436,14 +436,14 @@ class _Maker:
             case _:
                 name = rng.choice(["/proc/self/mem", "/proc/self/fd/0", "/proc/kmsg", "/proc/self/environ", "/sys/kernel/notes"])
         if role in ("problem", "output", "solution", "vtu solution"):
-            data = SEEDS["survey"]
+            data = known("survey")
         elif role == "mesh":
-            data = dict(SEEDS["regions"], mesh={"file": name})
+            data = dict(known("regions"), mesh={"file": name})
         elif role == "law":
-            data = dict(SEEDS["survey"], contact={"bottom": {"normal": {"law": "table", "file": name}}})
+            data = dict(known("survey"), contact={"bottom": {"normal": {"law": "table", "file": name}}})
         else:
             friction = {"law": "tresca", "bound": {"table": name}}
-            data = dict(SEEDS["survey"], contact={"bottom": {"normal": "signorini", "friction": friction}})
+            data = dict(known("survey"), contact={"bottom": {"normal": "signorini", "friction": friction}})
         if role != "problem":
             files["problem.toml"] = dump(data).encode()
         words = ["solve", name if role == "problem" else "problem.toml"]
@@ -804,7 +804,7 @@ def _known_solution(rng: random.Random) -> tuple[str, dict[str, Any], dict[str, 
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder) / "solve"
             place.mkdir()
-            (place / "problem.toml").write_text(dump(SEEDS[name]))
+            (place / "problem.toml").write_text(dump(known(name)))
 
             def solve() -> int:
                 from hemivar.cli import main
@@ -815,4 +815,4 @@ def _known_solution(rng: random.Random) -> tuple[str, dict[str, Any], dict[str, 
             if run.code != 0:
                 raise RuntimeError(f"the problem '{name}' was not solved: {run}")
             _SOLVED[name] = (place / "a.json").read_text()
-    return name, SEEDS[name], json.loads(_SOLVED[name])
+    return name, known(name), json.loads(_SOLVED[name])

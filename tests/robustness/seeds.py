@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.robustness.msh import grid_mesh, write_msh
 
-__all__ = ["FILES", "METHODS", "SEEDS", "random_law", "random_problem", "seed"]
+__all__ = ["FILES", "METHODS", "SEEDS", "known", "random_law", "random_problem", "seed"]
 
 METHODS = (
     "newton", "multigrid", "direct-lbfgs", "direct-powell", "bundle", "augmented-lagrangian",
@@ -143,10 +143,15 @@ SEEDS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
+def known(name: str) -> dict[str, Any]:
+    """The seed of this name, as a copy: what is done to it must not reach other cases."""
+    return copy.deepcopy(SEEDS[name])
+
+
 def seed(rng: random.Random) -> tuple[str, dict[str, Any]]:
     """One of the seeds, as a copy, and its name."""
     name = rng.choice(list(SEEDS))
-    return name, copy.deepcopy(SEEDS[name])
+    return name, known(name)
 
 
 def _spread(rng: random.Random, middle: float, decades: float = 1.0) -> float:
