@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -18,11 +18,11 @@ from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, refuse_indefinite, rounding
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
-from hemivar.portable import Portable
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
 from hemivar.mechanics.parts import free_motions
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
+from hemivar.portable import Portable
 from hemivar.solvers.factorisation import Factorisation, factorise
 from hemivar.solvers.memory import check_memory, shortage
 

@@ -22,11 +22,10 @@ from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.linear.levels import COARSEST
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.hierarchy import rigid_motions
-from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
 from hemivar.mechanics.parts import free_motions
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
