@@ -7,6 +7,7 @@ bounded, and whoever asks learns when that bound was met.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.expression import Graph
 
-__all__ = ["WIDE", "SmoothFormula", "Supremum"]
+__all__ = ["WIDE", "SmoothFormula", "Supremum", "supremum_of_pieces"]
 
 #: How much farther than the reach zeros are found of functions that are linear.
 WIDE = 1e6
@@ -126,7 +127,7 @@ class SmoothFormula:
         return np.unique(np.concatenate(found)) + 0.0
 
     def crossings(self, low: Array, high: Array) -> Array:
-        """The zero in each interval ``[low, high]``, arrays (k,), if the sign differs at the ends; ends that are zero."""
+        """Ends of the intervals ``[low, high]``, arrays (k,), that are zeros, and a zero where their signs differ."""
         if not low.size:
             return low
         first, last = self(low), self(high)
@@ -244,3 +245,36 @@ def _parts(low: Array, high: Array, reach: float) -> tuple[Array, Array]:
 
 def _columns(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     return np.concatenate([low for low, _ in parts]), np.concatenate([high for _, high in parts])
+
+
+def supremum_of_pieces(
+    branches: Sequence[SmoothFormula], ends: Array, reach: float, *, order: int, sign: float, slack: float = 0.0
+) -> Supremum:
+    """Enclose the larger of zero and the supremum of ``sign`` times a derivative over all pieces of a function.
+
+    Parameters
+    ----------
+    branches : sequence of SmoothFormula (k,)
+        Of one graph: the function on each piece.
+    ends : array (k + 1,)
+        Ends of the pieces; the outer ones may be infinite.
+    reach : float
+    order : int
+        Of the derivative.
+    sign : float
+        1 or -1.
+    slack : float
+        Absolute accuracy that is good enough.
+    """
+    found = Supremum(0.0, 0.0, 0.0)
+    branches[0].graph.work = 0.0
+    for node in dict.fromkeys(branch.node for branch in branches):
+        here = np.array([i for i, branch in enumerate(branches) if branch.node == node])
+        smooth = branches[here[0]]
+        for _ in range(order):
+            smooth = smooth.derivative()
+        smooth = smooth if sign > 0.0 else smooth.negative()
+        one = smooth.supremum(ends[here], ends[here + 1], reach, found.seen, slack)
+        place = one.place if one.bound > found.bound else found.place
+        found = Supremum(max(one.bound, found.bound), max(one.seen, found.seen), place)
+    return found

@@ -187,6 +187,11 @@ class Chain:
         jacobian[np.diag_indices(self.size)] += self.weights * dlam
         return self.matrix @ r + self.weights * lam - force, jacobian
 
+    def out_of_balance(self, theta: Array, segment: IntArray, force: Array) -> Array:
+        """F on the given segments."""
+        r, lam, _, _ = self.evaluate(theta, segment)
+        return np.asarray(self.matrix @ r + self.weights * lam - force)
+
     def local(self, theta: Array, segment: IntArray) -> tuple[Array, Array]:
         """Local displacement and multiplier (m, d) of all components; held ones as in the condensed problem."""
         r = self.system.fixed.copy()

@@ -1,8 +1,8 @@
 """All stationary points of a problem whose laws are piecewise quadratic: every combination of segments is tried.
 
-On a combination the law is affine where a component moves and free where it is held at a kink, so that one linear system
-for the components that move gives all of it.  Every point comes with a bound of its rounding error, and every test
-against the end of a segment has three answers: inside, outside by more than the error, or not to be told.
+On a combination the law is affine where a component moves and free where it is held at a kink, so that one linear
+system for the components that move gives all of it.  Every point comes with a bound of its rounding error, and every
+test against the end of a segment has three answers: inside, outside by more than the error, or not to be told.
 """
 
 from __future__ import annotations

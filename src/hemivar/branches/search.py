@@ -282,7 +282,7 @@ def _deflated_newton(chain: Chain, theta: Array, known: list[Array]) -> tuple[Ar
 
     def merit(x: Array) -> float:
         segment = chain.segment_of(x)
-        F, _ = chain.balance(x, segment, force)
+        F = chain.out_of_balance(x, segment, force)
         gap = np.maximum(((x - centres) ** 2).sum(axis=1), 1e-300)
         return float(np.linalg.norm(F) * np.exp(np.log1p(chain.length**2 / gap).sum()))
 

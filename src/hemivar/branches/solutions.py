@@ -164,6 +164,8 @@ def find_solutions(
             f"{search.starts} starts and the load paths through what they found, where there are {combinations:.3g} "
             "combinations of pieces and kinks; there may be more"
         )
+    if constants is not None and constants.sampled and constants.margin > 0.0:
+        searched += f"; the margin {constants.margin:.3g} is positive, but rests on sampled constants"
     if search.full:
         searched += f"; stopped at {max_solutions} solutions"
     if search.stopped:

@@ -1,7 +1,7 @@
 """The graph of a law whose friction bound depends on penetration or pressure, in two dimensions.
 
-The friction is ``h(r_nu, lam_nu) xi`` with ``xi in dj_tau(r_tau)``: the curve of each tangential component is that of the
-profile alone, ``(r_tau, xi)``, and the bound is a factor that couples it with the normal component of its point,
+The friction is ``h(r_nu, lam_nu) xi`` with ``xi in dj_tau(r_tau)``: the curve of each tangential component is that of
+the profile alone, ``(r_tau, xi)``, and the bound is a factor that couples it with the normal component of its point,
 
     F(theta) = A r(theta) + W lambda(theta) - g,   lambda_tau = h(r_nu(theta_nu), lam_nu(theta_nu)) xi(theta_tau).
 
@@ -52,26 +52,39 @@ class StateChain(Chain):
         out[self.point[normal]] = normal
         return out[self.point]
 
-    def _bounds(self, r: Array, lam: Array) -> tuple[Array, Array, Array]:
-        """h of the point of each component, and its derivatives in penetration and pressure, (n,) each."""
+    @cached_property
+    def _bound(self) -> StateBound:
         bound = self.system.law.friction.bound
         assert isinstance(bound, StateBound)
+        return bound
+
+    def _state(self, r: Array, lam: Array) -> tuple[Array, Array]:
+        """Penetration and pressure of all contact points, (m,) each."""
         full_r, full_lam = self.system.fixed[:, 0].copy(), np.zeros(self.system.shape[0])
         normal = ~self.tangential
         full_r[self.point[normal]], full_lam[self.point[normal]] = r[normal], lam[normal]
+        return full_r, full_lam
+
+    def _rates(self, r: Array, lam: Array) -> tuple[Array, Array]:
+        """Derivatives of h in penetration and pressure at the point of each component, (n,) each."""
+        full_r, full_lam = self._state(r, lam)
         length, pressure = _STEP * self.system.length_scale, _STEP * self.system.pressure_scale
-        value = bound.value(full_r, full_lam)
-        in_r = (bound.value(full_r + length, full_lam) - bound.value(full_r - length, full_lam)) / (2.0 * length)
-        in_lam = (bound.value(full_r, full_lam + pressure) - bound.value(full_r, full_lam - pressure)) / (
-            2.0 * pressure
-        )
-        return value[self.point], in_r[self.point], in_lam[self.point]
+        value = self._bound.value
+        in_r = (value(full_r + length, full_lam) - value(full_r - length, full_lam)) / (2.0 * length)
+        in_lam = np.zeros_like(in_r)
+        if np.isinf(self._bound.lipschitz).any():
+            in_lam = (value(full_r, full_lam + pressure) - value(full_r, full_lam - pressure)) / (2.0 * pressure)
+        return in_r[self.point], in_lam[self.point]
+
+    def out_of_balance(self, theta: Array, segment: IntArray, force: Array) -> Array:
+        """F on the given segments."""
+        r, lam, _, _ = self.evaluate(theta, segment)
+        return np.asarray(self.matrix @ r + self.weights * self.factors(r, lam) * lam - force)
 
     def balance(self, theta: Array, segment: IntArray, force: Array) -> tuple[Array, Array]:
         """F and dF/dtheta on the given segments."""
         r, lam, dr, dlam = self.evaluate(theta, segment)
-        bound, in_r, in_lam = self._bounds(r, lam)
-        factor = np.where(self.tangential, bound, 1.0)
+        factor, (in_r, in_lam) = self.factors(r, lam), self._rates(r, lam)
         jacobian = self.matrix * dr
         jacobian[np.diag_indices(self.size)] += self.weights * factor * dlam
         coupled = np.flatnonzero(self.tangential & (self.partner >= 0))
@@ -82,13 +95,11 @@ class StateChain(Chain):
 
     def factors(self, r: Array, lam: Array) -> Array:
         """The bound of each tangential component, 1 for a normal one."""
-        return np.where(self.tangential, self._bounds(r, lam)[0], 1.0)
+        return np.where(self.tangential, self._bound.value(*self._state(r, lam))[self.point], 1.0)
 
     def nearest(self, r: Array, lam: Array) -> tuple[Array, IntArray]:
         """theta and segment of the point of each curve nearest to ``(r, lam)``, both (m, d)."""
-        bound = self.system.law.friction.bound
-        assert isinstance(bound, StateBound)
-        value = bound.value(r[:, 0], lam[:, 0])
+        value = self._bound.value(r[:, 0], lam[:, 0])
         scaled = np.array(lam)
         scaled[:, 1] = np.where(value > 0.0, lam[:, 1] / np.where(value > 0.0, value, 1.0), 0.0)
         return super().nearest(r, scaled)

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar._typing import Array, BoolArray
+from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.certify._linear import EnergyNorm, Norm, gram_solve, lift, symmetric_inverse
+from hemivar.deadline import check_time
 from hemivar.laws import ContactLaw, StateBound, Superpotential
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import contact_compliance
@@ -32,6 +33,8 @@ _SMALL = 2_000_000
 _SEARCHABLE = 1500
 _SEARCH_STEPS = 60
 _ROWS = 1 << 14
+#: Contact points times knots that are looked at in one go.
+_PAIRS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +103,60 @@ def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
 
 
 def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
-    best, place = law.distance(r, lam), r
-    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
-    for i in range(knots.shape[-1]):
-        at = knots[:, i]
+    """r, or the knot of least ``hypot((r - knot)/tau, distance of lam to dj(knot))`` if below ``distance(r)``.
+
+    Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
+    """
+    place, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
+    knots = law.knots
+    left, right = law.knot_slopes()
+    low, high = np.minimum(left, right), np.maximum(left, right)
+    shared = knots.shape[0] == 1 or knots.strides[0] == 0
+    width = knots.shape[-1]
+
+    def look(point: IntArray, index: IntArray) -> Array:
+        at = knots[0, index] if shared else knots[point, index]
+        row = point if low.shape[0] > 1 else np.zeros_like(point)
+        off = np.maximum(np.maximum(low[row, index] - lam[point], lam[point] - high[row, index]), 0.0)
         usable = np.isfinite(at) & (at >= at_least)
-        at = np.where(usable, at, 0.0)
-        off = np.hypot((r - at) / tau, law.distance(at, lam))
-        better = usable & (off < best)
-        best, place = np.where(better, off, best), np.where(better, at, place)
+        return np.where(usable, np.hypot((r[point] - np.where(usable, at, 0.0)) / tau[point], off), np.inf)
+
+    def between(low_end: Array, high_end: Array) -> tuple[IntArray, IntArray]:
+        if shared:
+            return np.searchsorted(knots[0], low_end), np.searchsorted(knots[0], high_end, side="right")
+        return (knots < low_end[:, None]).sum(axis=1), (knots <= high_end[:, None]).sum(axis=1)
+
+    every = np.arange(r.size)
+    after = between(r, r)[0]
+    for side in (after - 1, after):  # the two knots around r first
+        index = np.clip(side, 0, width - 1)
+        off = look(every, index)
+        better = off < best
+        best = np.where(better, off, best)
+        place = np.where(better, knots[0, index] if shared else knots[every, index], place)
+    reach = best * tau
+    first, last = between(r - reach, r + reach)
+    count = last - first
+    starts = np.concatenate([[0], np.cumsum(count)])
+    point = 0
+    while point < r.size:
+        check_time()
+        stop = max(int(np.searchsorted(starts, starts[point] + _PAIRS, side="right")) - 1, point + 1)
+        rows = np.repeat(every[point:stop], count[point:stop])
+        begins = starts[point:stop] - starts[point]
+        index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
+        some = np.flatnonzero(count[point:stop] > 0)
+        if some.size:
+            off = look(rows, index)
+            least = np.minimum.reduceat(off, begins[some])
+            here = np.flatnonzero(off == np.repeat(least, count[point:stop][some]))
+            _, which = np.unique(rows[here], return_index=True)
+            chosen = here[which]  # the first of the best ones
+            better = least < best[point:stop][some]
+            rows, index = rows[chosen][better], index[chosen][better]
+            best[rows] = least[better]
+            place[rows] = knots[0, index] if shared else knots[rows, index]
+        point = stop
     return place
 
 
@@ -127,8 +175,8 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
     point : Point
     margin : float
     ceiling : array (m,), optional
-        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None if it
-        holds for all solutions, and so for all pairs.
+        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None
+        if it holds for all solutions, and so for all pairs.
     """
     if not (margin > 0.0 and point.energy.definite):
         return np.inf

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify._kind import LocalStudy, PointKind, study
 from hemivar.certify._linear import Norm, energy_norm
@@ -48,7 +49,8 @@ class Certificate:
     margin : float
         ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
     error_bound : float
-        Guaranteed bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.
+        Bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.  Guaranteed unless
+        :attr:`error_bound_sampled`.
     error_bound_relative : float
         The same over ``|u|_K``.
     kind : PointKind
@@ -71,6 +73,8 @@ class Certificate:
         Spent on it.
     warnings : tuple of str
         What it does not cover on this problem, such as locking; one sentence each.
+    error_bound_sampled : bool
+        Whether margin and error bound rest on sampled constants, and so are estimates.
     """
 
     equilibrium: float
@@ -93,6 +97,7 @@ class Certificate:
     method: str = "factorisation"
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
+    error_bound_sampled: bool = False
 
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
@@ -163,7 +168,7 @@ def certify(
     The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is another matter.
     """
-    u = np.asarray(displacement, dtype=float)
+    u = real_array(displacement, "the displacement", finite=False)
     m, d = problem.contact_points, problem.dim
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
@@ -180,7 +185,7 @@ def certify(
     if multiplier is None:
         lam = _multiplier(problem, u)
     else:
-        lam = np.asarray(multiplier, dtype=float)
+        lam = real_array(multiplier, "the multiplier", finite=False)
         if lam.shape != (m, d):
             raise ProblemError(f"the multiplier has shape {lam.shape}; this problem needs ({m}, {d})")
         if not np.isfinite(lam).all():
@@ -236,6 +241,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
         method="factorisation" if energy.factorised else "multigrid",
         seconds=time.perf_counter() - began,
         warnings=problem.warnings,
+        error_bound_sampled=constants.sampled,
     )
 
 
@@ -273,7 +279,7 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     local = study(point)
     if dependent:
         return local.kind, None, local
-    if constants.m_alpha == 0.0:
+    if constants.m_alpha == 0.0 and not constants.alpha_sampled:
         if local.kind is PointKind.LOCAL_MINIMISER:
             return PointKind.UNIQUE_MINIMISER, True, local
         return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)

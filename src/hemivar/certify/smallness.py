@@ -52,8 +52,8 @@ class Smallness:
     ----------
     alpha_normal, alpha_tangential : float
         Largest weak convexity constant of the normal law and of the friction law over the contact boundary (force per
-        area and length); inf where a derivative jumps down. Where the friction bound depends on the penetration, that of
-        the profile times the largest bound that any solution can have; inf if that is not known.
+        area and length); inf where a derivative jumps down. Where the friction bound depends on the penetration, that
+        of the profile times the largest bound that any solution can have; inf if that is not known.
     alpha_sampled : bool
         True if a law knows its alpha from samples only; what follows then holds as far as the samples do.
     m_alpha : float
@@ -84,6 +84,9 @@ class Smallness:
         norm; inf if c >= 1.
     margin : float
         ``1 - c - coupling``, less the rounding in it; positive if the discrete problem has one solution.
+    m_L_sampled : bool
+        The same as ``alpha_sampled`` for m_L: the friction bound is a function, or a formula without a bound of its
+        slope.
     """
 
     alpha_normal: float
@@ -101,6 +104,12 @@ class Smallness:
     coupling: float
     contraction: float
     margin: float
+    m_L_sampled: bool = False  # noqa: N815 - the survey's name
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the margin rests on samples: then it proves nothing."""
+        return self.alpha_sampled or self.m_L_sampled
 
 
 def smallness(
@@ -117,8 +126,9 @@ def smallness(
     ----------
     problem : DiscreteProblem
     displacement : array (n,), optional
-        Unknowns near a solution, from which the reach of all solutions is bounded: needed where friction weakens with the
-        slip and its bound depends on the penetration.  Without them, or where they bound nothing, its alpha is infinite.
+        Unknowns near a solution, from which the reach of all solutions is bounded: needed where friction weakens with
+        the slip and its bound depends on the penetration.  Without them, or where they bound nothing, its alpha is
+        infinite.
     multiplier : array (m, d), optional
         That in equilibrium with ``displacement`` by default.
     factor : EnergyNorm or MultigridNorm, optional
@@ -145,8 +155,8 @@ def smallness(
 def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) -> Array:
     """What the friction bound of each contact point is at most in any solution, (m,); inf where that is not known.
 
-    Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is in
-    docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair.
+    Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is
+    in docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair.
     """
     m, d = problem.contact_points, problem.dim
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
@@ -172,7 +182,7 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
 
 
 def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, trace_constant: bool) -> Smallness:
-    """The constants, the friction bound of each contact point being at most ``bounds`` where it depends on the state."""
+    """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state."""
     m, d = problem.contact_points, problem.dim
     if m:
         law = problem.law
@@ -185,7 +195,7 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
                 tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
         coupling_weight = np.broadcast_to(_coupling(law), (m,))
         sampled = bool(
-            getattr(law.normal, "constants_sampled", False) or getattr(law.friction.profile, "constants_sampled", False)
+            getattr(law.normal, "alpha_sampled", False) or getattr(law.friction.profile, "alpha_sampled", False)
         )
     else:
         normal = tangential = coupling_weight = np.zeros(m)
@@ -249,6 +259,7 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
         coupling=coupling,
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
         margin=_margin(energy, c, coupling),
+        m_L_sampled=bool(coupling > 0.0 and problem.law.lipschitz_sampled),
     )
 
 
@@ -265,7 +276,7 @@ def _margin(energy: Norm, c: float, coupling: float) -> float:
 
 def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
     """Whether the constants prove that the discrete problem has one solution: nothing sampled, nothing unknown."""
-    return bool(constants.margin > 0.0 and not constants.alpha_sampled)
+    return bool(constants.margin > 0.0 and not constants.sampled)
 
 
 def _coupling(law: ContactLaw) -> Array:

@@ -186,7 +186,10 @@ def _print_summary(solution: DistributedSolution, certificate: dict[str, Any]) -
     print(f"margin            {'not known' if margin is None else format(margin, '.4g')}")
     if bound is not None:
         relative = certificate["error_bound_relative"]
-        print(f"distance          at most {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
+        if certificate["error_bound_sampled"]:
+            print(f"distance          about {bound:.2e}, relative {relative:.1e}: an estimate, from sampled constants")
+        else:
+            print(f"distance          at most {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
     if body.contact_points == 0:
         return
     print(f"normal force      {sums['normal_force']:.6g}")

@@ -47,7 +47,8 @@ def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8) -> 
     }
     infinite: list[str] = []
     minus: list[str] = []
-    normal, tangential, dependent = _alphas(body)
+    normal, tangential, dependent, sampled = _alphas(body)
+    record |= {"alpha_sampled": sampled, "error_bound_sampled": sampled}
     record |= {"alpha_normal": _finite(normal), "alpha_tangential": _finite(tangential)}
     record["m_alpha"] = _finite(max(normal, tangential))
     infinite += [
@@ -65,8 +66,8 @@ def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8) -> 
         if margin > 0.0:
             bound, size = _error_bound(solution, cycle, margin)
             record |= {"error_bound": bound, "error_bound_relative": bound / size if size > 0.0 else bound}
-            record["unique"] = True
-            if stationary:
+            record["unique"] = None if sampled else True
+            if stationary and not sampled:
                 record["kind"] = PointKind.UNIQUE_MINIMISER.value
         cycle.destroy()
     return {**record, "infinite": infinite, "minus_infinite": minus}
@@ -76,16 +77,19 @@ def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _alphas(body: BodyOnRanks) -> tuple[float, float, bool]:
-    """Largest weak convexity constants of normal law and friction, and whether a bound depends on the solution."""
+def _alphas(body: BodyOnRanks) -> tuple[float, float, bool, bool]:
+    """Largest weak convexity constants of normal law and friction; whether a bound depends on the solution, and whether
+    the constants are sampled."""
     normal = tangential = 0.0
+    sampled = False
     dependent = bool(body.points) and body.law.state_dependent
     if body.points:
         normal = float(np.max(body.law.normal.weak_convexity))
         if not dependent:
             tangential = float(np.max(body.law.weak_convexity[1]))
-    found = body.ranks.largest(normal, tangential, float(dependent))
-    return float(found[0]), float(found[1]), bool(found[2])
+        sampled = body.law.normal.alpha_sampled or body.law.friction.profile.alpha_sampled
+    found = body.ranks.largest(normal, tangential, float(dependent), float(sampled))
+    return float(found[0]), float(found[1]), bool(found[2]), bool(found[3])
 
 
 def largest_ratio(body: BodyOnRanks, cycle: Multigrid) -> float:

@@ -17,7 +17,7 @@ from hemivar.formula import ScalarFormula
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.scaled import ScaledLaw
 from hemivar.portable import Portable
-from hemivar.smooth import SmoothFormula, Supremum
+from hemivar.smooth import SmoothFormula, Supremum, supremum_of_pieces
 
 __all__ = ["FormulaLaw", "FunctionLaw"]
 
@@ -306,18 +306,7 @@ class _FormulaLaw(_OwnLaw):
         if not far:
             most = max(self.reach, 2.0 * float(np.abs(switches).max(initial=0.0)))
             ends = np.clip(ends, -most, most)
-        found = Supremum(0.0, 0.0, 0.0)
-        self._formula.graph.work = 0.0
-        for node in dict.fromkeys(branch.node for branch in branches):
-            here = np.array([i for i, branch in enumerate(branches) if branch.node == node])
-            smooth = branches[here[0]]
-            for _ in range(order):
-                smooth = smooth.derivative()
-            smooth = smooth if sign > 0.0 else smooth.negative()
-            one = smooth.supremum(ends[here], ends[here + 1], self.reach, found.seen, slack)
-            place = one.place if one.bound > found.bound else found.place
-            found = Supremum(max(one.bound, found.bound), max(one.seen, found.seen), place)
-        return found
+        return supremum_of_pieces(branches, ends, self.reach, order=order, sign=sign, slack=slack)
 
     def _check_slopes(self) -> None:
         """Refuse a derivative that grows without bound at some place within the reach."""
@@ -369,7 +358,7 @@ class _FormulaLaw(_OwnLaw):
 
     @cached_property
     def _growth_and_doubt(self) -> tuple[tuple[float, float], bool]:
-        """c0 and c1, and whether they are no more than sampled: a bound of |j'| over the whole line, if one was found."""
+        """c0 and c1, and whether they are sampled: else c0 bounds |j'| over the whole line."""
         sampled: tuple[float, float] = _OwnLaw._growth.func(self)  # type: ignore[attr-defined]
         if np.isinf(sampled[0]):
             return sampled, False

@@ -112,6 +112,14 @@ class ContactLaw(Portable):
         bound = self.friction.bound
         return bound.lipschitz if isinstance(bound, StateBound) else np.zeros(1)
 
+    @property
+    def lipschitz_sampled(self) -> bool:
+        """Whether a constant of friction that depends on the penetration is sampled: that of the bound, or c0, c1."""
+        bound = self.friction.bound
+        if not isinstance(bound, StateBound) or not np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf)):
+            return False
+        return bound.lipschitz_sampled or self.friction.profile.growth_sampled
+
     @staticmethod
     def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:
         """One law from laws for consecutive blocks of contact points, given as ``(law, number of points)``."""

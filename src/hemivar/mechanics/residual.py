@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar._typing import Array
-from hemivar.arrays import norm
+from hemivar.arrays import norm, real_array
+from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 
 __all__ = ["LoadScale", "Residual", "contact_compliance", "load_scale", "residual"]
@@ -149,8 +150,17 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
     multiplier : array (m, d)
         Pressure and friction at the contact points. A friction bound that depends on the state is taken at
         this very displacement and pressure.
+
+    Raises
+    ------
+    ProblemError
+        Wrong shapes, or arrays that are not of real numbers.
     """
     K, f = problem.stiffness, problem.load
+    displacement = real_array(displacement, "the displacement", finite=False)
+    multiplier = real_array(multiplier, "the multiplier", finite=False)
+    if displacement.shape != f.shape:
+        raise ProblemError(f"the displacement has shape {displacement.shape}; the unknowns have shape {f.shape}")
     force = problem.contact_force(multiplier)
     compliance = contact_compliance(problem)
     inclusion = np.zeros(0)

@@ -14,6 +14,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, refuse_indefinite, rounding
@@ -207,7 +208,9 @@ class CondensedProblem(Portable):
     def start(self, guess: Array | None = None) -> Array:
         """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
         m, d = self.shape
-        r = -self.problem.offset.reshape(m, d) if guess is None else np.array(guess, dtype=float)
+        if guess is None:
+            guess = -self.problem.offset.reshape(m, d)
+        r = real_array(guess, "the starting point", finite=False)
         return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
 
     def energy(self, r: Array) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.errors import MethodError, ProblemError
 from hemivar.linear.multigrid import sole_use
 from hemivar.linear.threads import one_thread
@@ -184,7 +185,7 @@ def _start(system: System, solver: Solver, initial: Solution | Array | None, bud
         r, stopped = solver.first_guess(system, budget)
         return State(r, system.multiplier(r), ended=stopped)
     problem = system.problem
-    u = initial.unknowns if isinstance(initial, Solution) else np.asarray(initial, dtype=float)
+    u = initial.unknowns if isinstance(initial, Solution) else real_array(initial, "the initial guess", finite=False)
     if u.shape != problem.load.shape:
         raise ProblemError(
             f"the initial guess has shape {u.shape}, the problem {problem.load.shape}; "
