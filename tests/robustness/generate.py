@@ -809,7 +809,7 @@ def _known_solution(rng: random.Random) -> tuple[str, dict[str, Any], dict[str, 
             def solve() -> int:
                 from hemivar.cli import main
 
-                return main(["solve", "problem.toml", "--json", "a.json", "--method", "newton"])
+                return main(["solve", "problem.toml", "--json", "a.json", "--method", "newton", "--rtol", "1e-10"])
 
             run = run_limited(solve, place)
             if run.code != 0:

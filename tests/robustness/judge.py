@@ -101,7 +101,10 @@ def judge(case: Case, folder: Path, run: Run, before: dict[str, str] | None = No
     if b"Traceback (most recent call last)" in run.stderr.replace(case.note.encode("utf-8", "replace"), b""):
         lines = run.stderr.decode("utf-8", "replace").strip().splitlines()
         places = [line.strip() for line in lines if "/hemivar/" in line and line.strip().startswith("File")]
-        faults["traceback"] = f"{lines[-1][:160]} | {places[-1][-90:] if places else ''}"
+        last = [line for line in lines if not line.startswith("hemivar: ")] or lines
+        faults["traceback"] = f"{last[-1][:160]} | {places[-1][-90:] if places else ''}"
+    elif run.code == 70 or b"internal error" in run.stderr:
+        faults["traceback"] = outcome.message[-200:]
     if run.hung:
         place = [line.strip() for line in run.stack.splitlines() if "/hemivar/" in line]
         faults["hang"] = f"{run.seconds:.0f} s of work; {' < '.join(p[-70:] for p in place[:2])}"

@@ -105,7 +105,8 @@ def run_case(case: Case, folder: Path, limits: Limits = LIMITS) -> Run:
     def command() -> int:
         from hemivar.cli import main
 
-        return main(list(case.arguments))
+        sys.argv = ["hemivar", *case.arguments]
+        return main()
 
     words = [sys.executable, "-m", "hemivar", *case.arguments] if case.fresh else None
     return run_limited(command, folder, limits, words, case.environment, case.streams, case.file_size)
@@ -121,32 +122,36 @@ def run_limited(
     file_size: int | None = None,
 ) -> Run:
     """Call a function, or start a command, in a process of its own."""
-    outputs = [folder.parent / f"{folder.name}.{name}" for name in ("stdout", "stderr", "stack")]
+    # pipes, for a limit of the size of files would cut off what is printed into files
+    told, stack_file = _Pipes(), folder.parent / f"{folder.name}.stack"
     sys.stdout.flush()
     sys.stderr.flush()
     pid = os.fork()
     if pid == 0:
         code = 1
         try:
-            code = _child(command, folder, limits, words, environment or {}, streams, file_size, outputs)
+            code = _child(command, folder, limits, words, environment or {}, streams, file_size, told, stack_file)
         except BaseException:
             traceback.print_exc()
         finally:
             os._exit(code)
-    status, usage, hung = _wait(pid, limits)
+    told.begin()
+    status, usage, hung = _wait(pid, limits, told)
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(pid, signal.SIGKILL)
     ended = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
-    stdout, stderr, stack = (path.read_bytes() if path.exists() else b"" for path in outputs)
-    for path in outputs:
-        path.unlink(missing_ok=True)
+    stdout, stderr = told.end()
+    stack = stack_file.read_bytes() if stack_file.exists() else b""
+    stack_file.unlink(missing_ok=True)
+    seconds = usage.ru_utime + usage.ru_stime
+    late = ended in (signal.SIGXCPU, signal.SIGKILL) and seconds > limits.processor - 0.5
     return Run(
         code=None if ended is not None else os.WEXITSTATUS(status),
         signal=ended,
-        hung=hung or ended == signal.SIGXCPU,
+        hung=hung or late,
         stdout=stdout,
         stderr=stderr,
-        seconds=usage.ru_utime + usage.ru_stime,
+        seconds=seconds,
         peak=usage.ru_maxrss << 10,
         stack=stack.decode(errors="replace"),
     )
@@ -160,22 +165,24 @@ def _child(
     environment: dict[str, str],
     streams: str,
     file_size: int | None,
-    outputs: list[Path],
+    told: _Pipes,
+    stack_file: Path,
 ) -> int:
     os.setsid()
-    out, err, stack = (os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600) for path in outputs)
+    out, err = told.ends
+    stack = os.open(stack_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, 0)
     os.dup2(err, 2)
     if streams == "full":
         out = os.open("/dev/full", os.O_WRONLY)
     elif streams == "gone":
-        read, out = os.pipe()
-        os.close(read)
+        reader, out = os.pipe()
+        os.close(reader)
     os.dup2(out, 1)
     if streams == "closed":
         os.close(1)
-    os.environ.update(environment)
+    os.environ.update({"HEMIVAR_TRACEBACK": "1", **environment})  # an internal error is to show where it was
     os.chdir(folder)
     size = limits.file_size if file_size is None else file_size
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -184,7 +191,7 @@ def _child(
     space = (600 << 20 if words else _address_space()) + limits.memory
     resource.setrlimit(resource.RLIMIT_AS, (space, space))
     if words is not None:
-        for number in (out, err, stack, null):
+        for number in (out, *told.ends, *told.readers, stack, null):
             if number > 2:
                 with contextlib.suppress(OSError):
                     os.set_inheritable(number, False)
@@ -210,16 +217,50 @@ def _child(
     return code
 
 
+class _Pipes:
+    """Standard output and standard error of a process, read while it runs."""
+
+    _MOST = 8 << 20
+
+    def __init__(self) -> None:
+        first, second = os.pipe(), os.pipe()
+        self.readers, self.ends = (first[0], second[0]), (first[1], second[1])
+        self.parts: tuple[list[bytes], list[bytes]] = ([], [])
+
+    def begin(self) -> None:
+        """Leave the ends for writing to the process alone."""
+        for number in self.ends:
+            os.close(number)
+        for number in self.readers:
+            os.set_blocking(number, False)
+
+    def read(self) -> None:
+        """Take what there is."""
+        for number, parts in zip(self.readers, self.parts, strict=True):
+            with contextlib.suppress(BlockingIOError):
+                while part := os.read(number, 1 << 16):
+                    if len(parts) < self._MOST >> 16:
+                        parts.append(part)
+
+    def end(self) -> tuple[bytes, bytes]:
+        """Everything that was written."""
+        self.read()
+        for number in self.readers:
+            os.close(number)
+        return b"".join(self.parts[0]), b"".join(self.parts[1])
+
+
 def _address_space() -> int:
     with open("/proc/self/statm", encoding="ascii") as file:
         return int(file.read().split()[0]) * resource.getpagesize()
 
 
-def _wait(pid: int, limits: Limits) -> tuple[int, resource.struct_rusage, bool]:
+def _wait(pid: int, limits: Limits, told: _Pipes) -> tuple[int, resource.struct_rusage, bool]:
     """Wait for a process; end it if it works too long, or waits too long for something."""
     begun, worked = time.monotonic(), 0.0
     pause = 0.002
     while True:
+        told.read()
         done, status, usage = os.wait4(pid, os.WNOHANG)
         if done:
             return status, usage, False

@@ -254,10 +254,10 @@ class _Physics:
             return
         size = np.array(mesh["box" if d == 3 else "rectangle"], dtype=float) * scale
         origin = np.array(mesh.get("origin", [0.0] * d), dtype=float) * scale
-        near = 1e-9 * max(float(size.max()), float(np.abs(origin).max()))
+        near = 1e-9 * np.maximum(size, np.abs(origin))
         low, high = self.body.nodes.min(axis=0), self.body.nodes.max(axis=0)
         self.verdict.demand(
-            np.abs(low - origin).max() <= near and np.abs(high - origin - size).max() <= near,
+            (np.abs(low - origin) <= near).all() and (np.abs(high - origin - size) <= near).all(),
             f"the mesh reaches from {low} to {high}, not from {origin} to {origin + size}",
         )
         volume = float(self.body.volumes.sum())
@@ -269,7 +269,7 @@ class _Physics:
         for name in _SIDES[d]:
             axis = {"left": 0, "right": 0, "front": 1, "back": 1, "bottom": d - 1, "top": d - 1}[name]
             end = origin[axis] + (size[axis] if name in ("right", "back", "top") else 0.0)
-            self.sides[name] = np.flatnonzero(np.abs(middles[:, axis] - end) <= near)
+            self.sides[name] = np.flatnonzero(np.abs(middles[:, axis] - end) <= near[axis])
         self.verdict.examined.append("mesh")
 
     def _place_groups(self, mesh: Mapping[str, Any], scale: float, middles: np.ndarray) -> None:
@@ -321,6 +321,8 @@ class _Physics:
             # which rule is taken is not said anywhere: what depends on it is allowed for
             fine = stiffness(body, self.material, 3)
             doubt += 3.0 * float(np.linalg.norm((K - fine) @ self.u.ravel()))
+        if not (np.isfinite(K.data).all() and np.isfinite(F).all() and K.diagonal().min() > 1e-290):
+            raise Unknown("forces or stiffnesses beyond what this arithmetic holds")
         held, prescribed, unclear = self.supports()
         contact = self.contact(held)
         force = np.zeros(body.nodes.shape)
@@ -608,7 +610,7 @@ class _Physics:
         self._no_obstacle_inside(distance, one)
         if one.get("normals", "obstacle") == "body":
             return outward, _along(distance, x, outward, self.size)
-        step = 1e-5 * self.size
+        step = 1e-5 * float(np.ptp(self.body.nodes, axis=0).min())
         slope = np.array([(distance(x + step * e) - distance(x - step * e)) / (2.0 * step) for e in np.eye(self.dim)])
         return -slope / np.linalg.norm(slope), distance(x)
 
@@ -672,6 +674,8 @@ class _Physics:
             shift = weight * flexible * give + 4.0 * _EPS * (motion + abs(point["gap"])) + 1e-14 * abs(point["r"])
             number = lambda given, x=point["x"]: self.number(given, x)  # noqa: E731
             law = point["law"]
+            if not (math.isfinite(shift) and math.isfinite(give)):
+                raise Unknown("forces or displacements beyond what this arithmetic holds")
             try:
                 graph = normal_graph(law["normal"], number, self.folder)
                 if not self._fits(graph, point["r"], point["p"], shift, give):
@@ -713,6 +717,8 @@ class _Physics:
         low_bound, high_bound = min(bounds), max(bounds)
         graph = slip_graph(law, number, self.folder)
         low, high = graph.forces(max(slid - shift, 0.0), slid + shift)
+        if high < -1e-4 * max(abs(low), 1e-300) and high_bound > 0.0:
+            raise Senseless(f"negative friction, {high:.3g} at slip {slid:.3g}")
         if graph.potential is not None:
             give += 1e-5 * high * high_bound
         give += 1e-11 * high * high_bound
