@@ -36,7 +36,8 @@ def main() -> int:
     for outcome in run_cases(given.seed, numbers, given.jobs, given.family, given.dump):
         outcomes.append(outcome)
         if outcome.verdict in FAULTS:
-            print(f"{outcome.name:>9}  {outcome.verdict}: {outcome.faults[outcome.verdict]}\n{'':11}{outcome.family}: {outcome.note}", flush=True)
+            print(f"{outcome.name:>9}  {outcome.verdict}: {outcome.faults[outcome.verdict]}")
+            print(f"{'':11}{outcome.family}: {outcome.note}", flush=True)
     print(f"\n{table(outcomes)}\n\n{len(outcomes)} cases in {time.monotonic() - begun:.0f} s")
     if given.json is not None:
         given.json.write_text(json.dumps([as_record(o) for o in outcomes], indent=1) + "\n", encoding="utf-8")

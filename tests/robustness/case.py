@@ -34,7 +34,8 @@ class Case:
     files : mapping of name to bytes
         Regular files of its folder.
     special : mapping of name to text
-        Other things in the folder: ``fifo``, ``folder``, ``socket``, ``unreadable``, ``read-only``, ``sparse N`` (bytes),
+        Other things in the folder: ``fifo``, ``folder``, ``socket``, ``unreadable``, ``read-only``,
+        ``sparse N`` (bytes),
         ``link TARGET``.
     environment : mapping
         Added to the environment.

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["Unknown", "parse", "value"]
+__all__ = ["UnknownError", "parse", "value"]
 
 _FUNCTIONS = {
     "sin": math.sin, "cos": math.cos, "tan": math.tan, "tanh": math.tanh, "exp": math.exp, "log": math.log,
@@ -18,7 +18,7 @@ _COMPARE = {
 }  # fmt: skip
 
 
-class Unknown(Exception):
+class UnknownError(Exception):
     """Not a formula that this evaluator understands."""
 
 
@@ -27,7 +27,7 @@ def parse(text: str) -> ast.expr:
     try:
         return ast.parse(text.replace("^", "**").strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise Unknown(str(error)) from None
+        raise UnknownError(str(error)) from None
 
 
 def value(tree: ast.expr, at: Mapping[str, float]) -> float:
@@ -38,7 +38,7 @@ def value(tree: ast.expr, at: Mapping[str, float]) -> float:
     except (ArithmeticError, ValueError):
         return math.nan
     except RecursionError:
-        raise Unknown("too deep") from None
+        raise UnknownError("too deep") from None
 
 
 def _value(node: ast.expr, at: Mapping[str, float]) -> Any:
@@ -80,4 +80,4 @@ def _value(node: ast.expr, at: Mapping[str, float]) -> Any:
             return math.nan
         case ast.Call(func=ast.Name(id=name), args=several, keywords=[]) if name in _FUNCTIONS:
             return _FUNCTIONS[name](*(_value(one, at) for one in several))
-    raise Unknown(ast.dump(node)[:60])
+    raise UnknownError(ast.dump(node)[:60])

@@ -7,20 +7,21 @@ subdifferential holds there.
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.robustness.expression import Unknown, parse, value
+from tests.robustness.expression import UnknownError, parse, value
 
-__all__ = ["Graph", "Senseless", "normal_graph", "read_table", "slip_graph"]
+__all__ = ["Graph", "SenselessError", "normal_graph", "read_table", "slip_graph"]
 
 Number = Callable[[Any], float]
 
 
-class Senseless(Exception):
+class SenselessError(Exception):
     """The law should have been refused."""
 
 
@@ -71,7 +72,7 @@ class Graph:
         start, count = low - 2.0 * step, 13
         width = (high - low + 4.0 * step) / (count - 1)
         values = [self.potential(start + i * width) for i in range(count)]
-        slopes = [(b - a) / width for a, b in zip(values, values[1:], strict=False)]
+        slopes = [(b - a) / width for a, b in itertools.pairwise(values)]
         error = 1e-15 * max(map(abs, values)) * 4.0 / width
         return [min(slopes) - error, max(slopes) + error]
 
@@ -86,7 +87,7 @@ def _zero(_: float) -> float:
 
 def _at_least(name: str, number: float, least: float, above: bool = False) -> float:
     if not (math.isfinite(number) and (number > least if above else number >= least)):
-        raise Senseless(f"{name} = {number}")
+        raise SenselessError(f"{name} = {number}")
     return number
 
 
@@ -154,13 +155,13 @@ def normal_graph(law: Mapping[str, Any] | str, number: Number, folder: Path) -> 
         case "formula":
             tree = parse(law["potential"])
             return Graph(potential=lambda r: value(tree, {"r": r}))
-    raise Unknown(f"law {law['law']}")
+    raise UnknownError(f"law {law['law']}")
 
 
 def _numbers(given: Any) -> list[float]:
     numbers = [float(x) for x in given]
     if not numbers or not all(map(math.isfinite, numbers)):
-        raise Senseless(f"numbers {numbers[:3]}")
+        raise SenselessError(f"numbers {numbers[:3]}")
     return numbers
 
 
@@ -168,7 +169,7 @@ def _layered(law: Mapping[str, Any]) -> Graph:
     thick, stiff = _numbers(law["thicknesses"]), _numbers(law["stiffnesses"])
     drops = _numbers(law["drops"]) if "drops" in law else [0.0] * len(thick)
     if not len(thick) == len(stiff) == len(drops) or min(thick) <= 0.0 or min(drops) < 0.0:
-        raise Senseless("layers")
+        raise SenselessError("layers")
     knots, pieces, pressure, top = [0.0], [_zero], 0.0, 0.0
     for t, k, drop in zip(thick, stiff, drops, strict=True):
         pieces.append(lambda r, k=k, p=pressure, top=top: p + k * (r - top))
@@ -187,7 +188,7 @@ def _saw_tooth(law: Mapping[str, Any]) -> Graph:
     offsets = _numbers(law["offsets"]) if "offsets" in law else [0.0] * len(ends)
     rising = all(a < b for a, b in zip([0.0, *ends], ends, strict=False))
     if not len(ends) == len(slopes) == len(offsets) or not rising:
-        raise Senseless("teeth")
+        raise SenselessError("teeth")
     rigid = "compression" not in law
     push = 0.0 if rigid else float(law["compression"])
     teeth = [lambda r, s=s, o=o: -(s * -r + o) for s, o in zip(slopes, offsets, strict=True)]
@@ -198,13 +199,13 @@ def _saw_tooth(law: Mapping[str, Any]) -> Graph:
 def _table(r: list[float], derivative: list[float], extend: str = "constant", even: bool = False) -> Graph:
     if even:
         if min(r) < 0.0:
-            raise Senseless("negative slips")
+            raise SenselessError("negative slips")
         if r[0] > 0.0:
             r, derivative = [0.0, *r], [derivative[0], *derivative]
         elif len(r) > 1 and r[1] == 0.0:
             r, derivative = r[1:], derivative[1:]
-    if any(b < a for a, b in zip(r, r[1:], strict=False)) or not all(map(math.isfinite, [*r, *derivative])):
-        raise Senseless("table falls or holds what is no number")
+    if any(b < a for a, b in itertools.pairwise(r)) or not all(map(math.isfinite, [*r, *derivative])):
+        raise SenselessError("table falls or holds what is no number")
     knots, pieces = [], []
 
     def line(i: int) -> Callable[[float], float]:
@@ -230,13 +231,13 @@ def read_table(path: Path, columns: tuple[str, str]) -> tuple[list[float], list[
 
     Raises
     ------
-    Senseless
+    SenselessError
         More than two columns without names, or rows that are not numbers.
     """
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise Senseless(f"the file cannot be read: {error}") from None
+        raise SenselessError(f"the file cannot be read: {error}") from None
     rows = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     split = []
     for line in rows:
@@ -251,14 +252,14 @@ def read_table(path: Path, columns: tuple[str, str]) -> tuple[list[float], list[
         elif set(columns) <= set(names):
             place = [names.index(columns[0]), names.index(columns[1])]
     elif split and len([cell for cell in split[0] if cell]) > 2:
-        raise Senseless("more than two columns without names")
+        raise SenselessError("more than two columns without names")
     try:
         x = [float(row[place[0]]) for row in split]
         y = [float(row[place[1]]) for row in split]
     except (ValueError, IndexError):
-        raise Senseless("a row is not two numbers") from None
+        raise SenselessError("a row is not two numbers") from None
     if len(x) < 1 or not all(map(math.isfinite, x + y)):
-        raise Senseless("no rows, or what is no finite number")
+        raise SenselessError("no rows, or what is no finite number")
     return x, y
 
 
@@ -292,14 +293,14 @@ def slip_graph(law: Mapping[str, Any], number: Number, folder: Path) -> Graph:
         case "slip-table":
             slips, values = _numbers(law["slips"]), _numbers(law["values"])
             if len(slips) != len(values) or min(values) < 0.0:
-                raise Senseless("a negative friction, or lists of different lengths")
+                raise SenselessError("a negative friction, or lists of different lengths")
             return _table(slips, values, even=True)
         case "table":
             slips, values = read_table(folder / law["file"], ("r", "derivative"))
             if min(values) < 0.0:
-                raise Senseless("a negative friction")
+                raise SenselessError("a negative friction")
             return _table(slips, values, law.get("extend", "constant"), even=True)
         case "formula":
             tree = parse(law["potential"])
             return Graph(potential=lambda r: value(tree, {"r": abs(r)}))
-    raise Unknown(f"law {law['law']}")
+    raise UnknownError(f"law {law['law']}")

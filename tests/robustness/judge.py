@@ -20,14 +20,17 @@ __all__ = ["FAULTS", "Outcome", "judge", "run_and_judge", "table"]
 
 #: What must not happen, the worst first.
 FAULTS = (
-    "code run", "input destroyed", "wrong acceptance", "traceback", "crash", "hang", "memory", "warnings", "terminal escapes", "untidy",
+    "code run", "input destroyed", "wrong acceptance", "traceback", "crash", "hang", "memory", "warnings",
+    "terminal escapes", "untidy",
     "oracle failed",
 )  # fmt: skip
 #: What may.
 _GOOD = ("clean error", "accepted, examined", "accepted, not examined", "not converged", "interrupted")
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0b-\x1f\x7f]|\xc2[\x80-\x9f]|\xe2\x80[\xaa-\xae]")
-_OUT_OF_MEMORY = re.compile(rb"not enough memory|MemoryError|Unable to allocate|Memory allocation|std::bad_alloc|out of memory", re.I)
+_OUT_OF_MEMORY = re.compile(
+    rb"not enough memory|MemoryError|Unable to allocate|Memory allocation|std::bad_alloc|out of memory", re.I
+)
 
 
 @dataclass
@@ -80,7 +83,12 @@ def run_and_judge(case: Case, folder: Path, limits: Limits = LIMITS) -> Outcome:
     run = run_case(case, folder, limits)
     outcome = judge(case, folder, run, before)
     (folder.parent / f"{folder.name}.log").write_bytes(
-        b"---- standard output\n" + run.stdout + b"\n---- standard error\n" + run.stderr + b"\n---- stack\n" + run.stack.encode()
+        b"---- standard output\n"
+        + run.stdout
+        + b"\n---- standard error\n"
+        + run.stderr
+        + b"\n---- stack\n"
+        + run.stack.encode()
     )
     return outcome
 
@@ -102,16 +110,18 @@ def judge(case: Case, folder: Path, run: Run, before: dict[str, str] | None = No
         lines = run.stderr.decode("utf-8", "replace").strip().splitlines()
         places = [line.strip() for line in lines if "/hemivar/" in line and line.strip().startswith("File")]
         last = [line for line in lines if not line.startswith("hemivar: ")] or lines
-        faults["traceback"] = f"{last[-1][:160]} | {places[-1][-90:] if places else ''}"
+        kind = "memory" if _OUT_OF_MEMORY.search(last[-1].encode()) else "traceback"
+        faults[kind] = f"{last[-1][:160]} | {places[-1][-90:] if places else ''}"
     elif run.code == 70 or b"internal error" in run.stderr:
         faults["traceback"] = outcome.message[-200:]
     if run.hung:
         place = [line.strip() for line in run.stack.splitlines() if "/hemivar/" in line]
         faults["hang"] = f"{run.seconds:.0f} s of work; {' < '.join(p[-70:] for p in place[:2])}"
     elif run.signal is not None:
-        faults["crash"] = f"signal {run.signal}"
+        place = [line.strip() for line in run.stack.splitlines() if "/hemivar/" in line]
+        faults["crash"] = f"signal {run.signal} {place[0][-70:] if place else ''}"
     if _OUT_OF_MEMORY.search(text) and not run.hung and run.code != 0:
-        faults["memory"] = outcome.message[-160:]
+        faults.setdefault("memory", outcome.message[-160:])
     elif run.peak > 0.8 * LIMITS.memory:
         faults["memory"] = f"{run.peak >> 20} MiB were taken"
     warned = re.search(rb"^.*\b\w*Warning: .*$", run.stderr, re.M)
@@ -121,7 +131,7 @@ def judge(case: Case, folder: Path, run: Run, before: dict[str, str] | None = No
     if escape and "/dev/stdout" not in case.arguments:
         faults["terminal escapes"] = repr(text[max(escape.start() - 20, 0) : escape.end() + 20])
     problem = _untidy(case, folder, run)
-    if problem and not {"traceback", "hang", "crash", "warnings"} & set(faults):
+    if problem and not {"traceback", "hang", "crash", "memory", "warnings"} & set(faults):
         faults["untidy"] = problem
     if run.code == 0 and not faults:
         try:
@@ -134,7 +144,11 @@ def judge(case: Case, folder: Path, run: Run, before: dict[str, str] | None = No
 
 def _harmless(run: Run, outcome: Outcome) -> str:
     if run.code == 0:
-        return "accepted, examined" if "laws" in outcome.examined or "certified" in outcome.examined else "accepted, not examined"
+        return (
+            "accepted, examined"
+            if "laws" in outcome.examined or "certified" in outcome.examined
+            else "accepted, not examined"
+        )
     return {1: "not converged", 2: "clean error"}.get(run.code or 0, "interrupted")
 
 
@@ -160,11 +174,16 @@ def _untidy(case: Case, folder: Path, run: Run) -> str:
         return f"exit code {run.code}: {lines[:2]}"
     known = {Path(name).parts[0] for name in (*case.files, *case.special) if Path(name).parts}
     words = " ".join(case.arguments)
+    stems = {
+        path.name: path.name.removesuffix("_contact.vtu").rpartition(".")[0] or path.name for path in folder.iterdir()
+    }
     strange = [
-        path.name for path in folder.iterdir()
-        if path.name not in known and path.name.removesuffix("_contact.vtu").split(".")[0] not in words
-        and path.name not in ("problem.toml", "survey-output")
-    ]  # fmt: skip
+        name
+        for name, stem in stems.items()
+        if name not in known
+        and stem.removesuffix("_contact") not in words
+        and name not in ("problem.toml", "survey-output")
+    ]
     return f"files left behind: {strange}" if strange else ""
 
 

@@ -96,7 +96,7 @@ def warm_up() -> None:
     import hemivar.report.path
     import hemivar.solvers
 
-    _ = (matplotlib.pyplot, meshio, skfem)
+    _ = (matplotlib.pyplot, meshio, skfem, hemivar.solvers)
 
 
 def run_case(case: Case, folder: Path, limits: Limits = LIMITS) -> Run:
@@ -168,6 +168,7 @@ def _child(
     told: _Pipes,
     stack_file: Path,
 ) -> int:
+    faulthandler.disable()
     os.setsid()
     out, err = told.ends
     stack = os.open(stack_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
@@ -199,6 +200,7 @@ def _child(
             os.execv(words[0], words)
         except ValueError:  # a NUL in an argument: the system would not even start it
             return 2
+    faulthandler.enable(file=stack)
     faulthandler.register(signal.SIGXCPU, file=stack)
     faulthandler.register(signal.SIGUSR1, file=stack)
     if streams != "closed":

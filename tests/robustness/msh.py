@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-__all__ = ["FORMATS", "Malformed", "MshMesh", "grid_mesh", "read_msh", "write_msh"]
+__all__ = ["FORMATS", "MalformedError", "MshMesh", "grid_mesh", "read_msh", "write_msh"]
 
 #: Versions and modes that :func:`write_msh` knows.
 FORMATS = tuple((version, binary) for version in ("2.2", "4.0", "4.1") for binary in (False, True))
@@ -20,7 +20,7 @@ _KIND = {1: (1, 2), 2: (2, 3), 4: (3, 4), 15: (0, 1)}
 _TYPE = {0: 15, 1: 1, 2: 2, 3: 4}
 
 
-class Malformed(Exception):
+class MalformedError(Exception):
     """The file does not say what it should."""
 
 
@@ -216,17 +216,17 @@ class _Words:
 
     def take(self) -> str:
         if self.next >= len(self.words):
-            raise Malformed("a section ends early")
+            raise MalformedError("a section ends early")
         self.next += 1
         return self.words[self.next - 1]
 
     def whole(self, least: int | None = None) -> int:
         word = self.take()
         if not word.lstrip("+-").isascii() or not word.lstrip("+-").isdigit():
-            raise Malformed(f"'{word[:20]}' is not a whole number")
+            raise MalformedError(f"'{word[:20]}' is not a whole number")
         value = int(word)
         if least is not None and value < least:
-            raise Malformed(f"{value} is less than {least}")
+            raise MalformedError(f"{value} is less than {least}")
         return value
 
     def number(self) -> float:
@@ -234,14 +234,14 @@ class _Words:
         try:
             value = float(word)
         except ValueError:
-            raise Malformed(f"'{word[:20]}' is not a number") from None
+            raise MalformedError(f"'{word[:20]}' is not a number") from None
         if not math.isfinite(value) or "_" in word:
-            raise Malformed(f"'{word[:20]}' is not a finite number")
+            raise MalformedError(f"'{word[:20]}' is not a finite number")
         return value
 
     def end(self) -> None:
         if self.next != len(self.words):
-            raise Malformed(f"a section goes on with '{self.words[self.next][:20]}'")
+            raise MalformedError(f"a section goes on with '{self.words[self.next][:20]}'")
 
 
 def read_msh(data: bytes) -> MshMesh:
@@ -249,7 +249,7 @@ def read_msh(data: bytes) -> MshMesh:
 
     Raises
     ------
-    Malformed
+    MalformedError
         Whatever is not as the format has it: counts, numbers that are not numbers, nodes that are not there or are
         there twice, sections that do not end.
     NotImplementedError
@@ -264,10 +264,10 @@ def read_msh(data: bytes) -> MshMesh:
             if not line:
                 continue
             if not line.startswith("$") or line.startswith("$End"):
-                raise Malformed(f"'{line[:20]}' stands outside of all sections")
+                raise MalformedError(f"'{line[:20]}' stands outside of all sections")
             inside = line[1:]
             if inside in sections:
-                raise Malformed(f"two sections {inside}")
+                raise MalformedError(f"two sections {inside}")
             sections[inside] = []
         elif line == f"$End{inside}":
             inside = None
@@ -276,23 +276,23 @@ def read_msh(data: bytes) -> MshMesh:
             if inside == "MeshFormat" and len(line.split()) > 1 and line.split()[1] == "1":
                 raise NotImplementedError("binary")
     if inside is not None:
-        raise Malformed(f"the section {inside} does not end")
+        raise MalformedError(f"the section {inside} does not end")
     for needed in ("MeshFormat", "Nodes", "Elements"):
         if needed not in sections:
-            raise Malformed(f"there is no section {needed}")
+            raise MalformedError(f"there is no section {needed}")
     words = sections["MeshFormat"][0].split() if sections["MeshFormat"] else []
     if len(words) != 3 or words[0] not in ("2.2", "4", "4.0", "4.1") or words[1] != "0" or words[2] != "8":
-        raise Malformed("the format is not one of 2.2, 4.0 and 4.1 in ASCII")
+        raise MalformedError("the format is not one of 2.2, 4.0 and 4.1 in ASCII")
     names = _names(sections.get("PhysicalNames"))
     mesh = _read_2(sections) if words[0] == "2.2" else _read_4(sections, words[0] == "4.1")
     mesh.names = names
     for dim, group, _, nodes in mesh.elements:
         if any(n not in mesh.nodes for n in nodes):
-            raise Malformed("an element has a node that is not there")
+            raise MalformedError("an element has a node that is not there")
         if len(set(nodes)) != len(nodes):
-            raise Malformed("an element has one node twice")
+            raise MalformedError("an element has one node twice")
         if group < 0 and dim == mesh.dim:
-            raise Malformed("a negative group")
+            raise MalformedError("a negative group")
     return mesh
 
 
@@ -300,25 +300,25 @@ def _names(lines: list[str] | None) -> dict[tuple[int, int], str]:
     if lines is None:
         return {}
     if not lines or not lines[0].isdigit() or len(lines) != int(lines[0]) + 1:
-        raise Malformed("the number of names is not that of their lines")
+        raise MalformedError("the number of names is not that of their lines")
     names: dict[tuple[int, int], str] = {}
     for line in lines[1:]:
         parts = line.split(None, 2)
         if len(parts) != 3 or len(parts[2]) < 2 or parts[2][0] != '"' or parts[2][-1] != '"':
-            raise Malformed(f"'{line[:30]}' names no group")
+            raise MalformedError(f"'{line[:30]}' names no group")
         try:
             key = int(parts[0]), int(parts[1])
         except ValueError:
-            raise Malformed(f"'{line[:30]}' names no group") from None
+            raise MalformedError(f"'{line[:30]}' names no group") from None
         if key in names or not 0 <= key[0] <= 3:
-            raise Malformed(f"group {key} is named twice, or has no dimension")
+            raise MalformedError(f"group {key} is named twice, or has no dimension")
         names[key] = parts[2][1:-1].encode("latin-1").decode("utf-8", "replace")
     return names
 
 
 def _add(nodes: dict[int, tuple[float, float, float]], number: int, place: tuple[float, float, float]) -> None:
     if number in nodes:
-        raise Malformed(f"node {number} is there twice")
+        raise MalformedError(f"node {number} is there twice")
     nodes[number] = place
 
 
@@ -333,10 +333,10 @@ def _read_2(sections: dict[str, list[str]]) -> MshMesh:
     for _ in range(words.whole(0)):
         number, kind = words.whole(1), words.whole()
         if number in known:
-            raise Malformed(f"element {number} is there twice")
+            raise MalformedError(f"element {number} is there twice")
         known.add(number)
         if kind not in _KIND:
-            raise Malformed(f"elements of type {kind}")
+            raise MalformedError(f"elements of type {kind}")
         tags = [words.whole() for _ in range(words.whole(0))]
         dim, count = _KIND[kind]
         chosen = tuple(words.whole(1) for _ in range(count))
@@ -384,7 +384,7 @@ def _read_4(sections: dict[str, list[str]], new: bool) -> MshMesh:
                     words.number()
     words.end()
     if len(nodes) != total:
-        raise Malformed(f"{len(nodes)} nodes, but {total} were announced")
+        raise MalformedError(f"{len(nodes)} nodes, but {total} were announced")
     words = _Words(sections["Elements"])
     blocks, total = words.whole(0), words.whole(0)
     if new:
@@ -395,16 +395,16 @@ def _read_4(sections: dict[str, list[str]], new: bool) -> MshMesh:
         dim, entity = (first, second) if new else (second, first)
         kind, count = words.whole(), words.whole(0)
         if kind not in _KIND or _KIND[kind][0] != dim:
-            raise Malformed(f"elements of type {kind} on an entity of dimension {dim}")
+            raise MalformedError(f"elements of type {kind} on an entity of dimension {dim}")
         tags = groups.get((dim, entity), [])
         for _ in range(count):
             number = words.whole(1)
             if number in known:
-                raise Malformed(f"element {number} is there twice")
+                raise MalformedError(f"element {number} is there twice")
             known.add(number)
             chosen = tuple(words.whole(1) for _ in range(_KIND[kind][1]))
             elements += [(dim, tag, entity, chosen) for tag in (tags or [0])]
     words.end()
     if len(known) != total:
-        raise Malformed(f"{len(known)} elements, but {total} were announced")
+        raise MalformedError(f"{len(known)} elements, but {total} were announced")
     return MshMesh(nodes, elements)

@@ -73,7 +73,8 @@ SEEDS: dict[str, dict[str, Any]] = {
     ),
     "glued": {
         "title": "a strip", "mesh": {"rectangle": [0.08, 0.01], "cells": [10, 2], "pattern": "cross"},
-        "material": {"young": 1.378e8, "poisson": 0.3, "plane": "stress"}, "loads": {"traction": {"top": [0.0, 26.2e3]}},
+        "material": {"young": 1.378e8, "poisson": 0.3, "plane": "stress"}, "loads": {"traction": {"top": [0.0,
+        26.2e3]}},
         "supports": _LEFT,
         "contact": {"bottom": {"normal": {"law": "saw-tooth", "openings": [0.5e-3, 1e-3, 2e-3],
                                           "slopes": [60e6, 20e6, 10e6], "offsets": [0.0, 10e3, 5e3]}}},
@@ -82,12 +83,15 @@ SEEDS: dict[str, dict[str, Any]] = {
                        loads={"body": [0.1, 0.5]}),
     "cylinder": {
         "mesh": {"rectangle": [20.0, 20.0], "cells": [8, 8], "pattern": "cross"},
-        "material": {"young": 210e3, "poisson": 0.3}, "supports": {"left": {"x": 0.0}, "top": {"displacement": [0.0, -0.04]}},
-        "contact": {"bottom": {"normal": "signorini", "obstacle": {"sphere": {"center": [0.0, -200.0], "radius": 200.0}},
+        "material": {"young": 210e3, "poisson": 0.3}, "supports": {"left": {"x": 0.0}, "top": {"displacement": [0.0,
+        -0.04]}},
+        "contact": {"bottom": {"normal": "signorini", "obstacle": {"sphere": {"center": [0.0, -200.0],
+        "radius": 200.0}},
                                "normals": "body"}},
     },
     "plane": _block("signorini", loads={"body": [0.0, -1.0]}) | {
-        "contact": {"bottom": {"normal": "signorini", "obstacle": {"plane": {"point": [0.0, -0.01], "normal": [0.1, 1.0]}}}}
+        "contact": {"bottom": {"normal": "signorini", "obstacle": {"plane": {"point": [0.0, -0.01], "normal": [0.1,
+        1.0]}}}}
     },
     "distance": _block("signorini", loads={"body": [0.0, -1.0]}) | {
         "contact": {"bottom": {"normal": {"law": "compliance", "stiffness": 50.0, "exponent": 1.5},
@@ -119,7 +123,8 @@ SEEDS: dict[str, dict[str, Any]] = {
     "regions": {
         "mesh": {"file": "part.msh"},
         "material": {"regions": {"part1": {"lame": [4.0, 4.0]}, "part2": {"young": 3.0, "poisson": 0.4}}},
-        "loads": {"body": [-0.4, -0.8]}, "supports": _LEFT, "contact": {"bottom": {"normal": _SURVEY, "friction": _TRESCA}},
+        "loads": {"body": [-0.4, -0.8]}, "supports": _LEFT, "contact": {"bottom": {"normal": _SURVEY,
+        "friction": _TRESCA}},
     },
     "old mesh": {
         "mesh": {"file": "old.msh", "scale": 0.5, "refine": 0}, "material": _LAME, "loads": {"body": [0.0, -2.0]},
@@ -127,7 +132,8 @@ SEEDS: dict[str, dict[str, Any]] = {
     },
     "cube": {
         "title": "cube", "mesh": {"box": [1.0, 1.0, 1.0], "cells": [3, 3, 2]}, "material": _LAME,
-        "loads": {"body": [-0.8, -0.4, -0.8]}, "supports": _LEFT, "contact": {"bottom": {"normal": _SURVEY, "friction": _TRESCA}},
+        "loads": {"body": [-0.8, -0.4, -0.8]}, "supports": _LEFT, "contact": {"bottom": {"normal": _SURVEY,
+        "friction": _TRESCA}},
     },
     "cube of a file": {
         "mesh": {"file": "block.msh"}, "material": _LAME, "loads": {"body": [-0.8, -0.4, -0.8]}, "supports": _LEFT,
@@ -171,8 +177,10 @@ def random_law(rng: random.Random, force: float, length: float) -> dict[str, Any
         {"law": "compliance", "stiffness": _spread(rng, k, d)},
         {"law": "compliance", "stiffness": _spread(rng, k / length**0.5, d), "exponent": rng.choice([1.5, 2.0, 3.0])},
         {"law": "bilateral"},
-        {"law": "softening", "stiffness": _spread(rng, k, d), "limit": _spread(rng, length), "softening": _spread(rng, k, d)},
-        {"law": "capped", "stiffness": _spread(rng, k, d), "limit": _spread(rng, length), "residual": rng.choice([0.0, 0.5, 1.0, 2.0])},
+        {"law": "softening", "stiffness": _spread(rng, k, d), "limit": _spread(rng, length),
+        "softening": _spread(rng, k, d)},
+        {"law": "capped", "stiffness": _spread(rng, k, d), "limit": _spread(rng, length),
+        "residual": rng.choice([0.0, 0.5, 1.0, 2.0])},
         {"law": "finite-penetration", "stiffness": _spread(rng, k, d), "limit": _spread(rng, length, d)},
         brittle,
         {**brittle, "softening": _spread(rng, k, d)},
@@ -183,7 +191,8 @@ def random_law(rng: random.Random, force: float, length: float) -> dict[str, Any
         {"law": "formula", "potential": f"{_spread(rng, k)}*max(r, 0)^2/2", "reach": 10.0 * length},
         {"law": "formula", "potential": f"{_spread(rng, force)}*(sqrt(r^2 + {length**2}) + r)", "reach": 10.0 * length},
         {"law": "formula", "reach": 10.0 * length,
-         "potential": f"piecewise((0, r < 0), ({k!r}*r^2, r < {length!r}), ({k * length**2!r} + {_spread(rng, force)!r}*(r - {length!r}), True))"},
+         "potential": f"piecewise((0, r < 0), ({k!r}*r^2, r < {length!r}), "
+            f"({k * length**2!r} + {_spread(rng, force)!r}*(r - {length!r}), True))"},
     ]  # fmt: skip
     return rng.choice(laws)
 
@@ -204,7 +213,8 @@ def _random_friction(rng: random.Random, force: float, length: float) -> dict[st
         {"law": "slip-weakening", "bound": bound, "rate": _spread(rng, 1.0 / length, 2.0)},
         {"law": "logarithmic", "bound": _spread(rng, force * length), "scale": _spread(rng, length)},
         {"law": "static-kinetic", "bound": bound, "slip": _spread(rng, length), "kinetic": 0.6},
-        {"law": "slip-table", "bound": bound, "slips": [0.0, length, 3.0 * length], "values": [1.0, 0.7, rng.choice([0.2, 1.5])]},
+        {"law": "slip-table", "bound": bound, "slips": [0.0, length, 3.0 * length], "values": [1.0, 0.7,
+        rng.choice([0.2, 1.5])]},
         {"law": "formula", "potential": f"r + log(1 + r/{length:.3g})*{length:.3g}", "bound": bound},
     ]  # fmt: skip
     return rng.choice(laws)

@@ -73,8 +73,10 @@ def strange_number(rng: random.Random) -> Any:
     """A number at the edge of what numbers can be."""
     return rng.choice(
         [
-            0, -0.0, 1, -1, 2, 0.5, 1e-3, -1e-3, 1e-9, 1e9, 1e-17, 1e17, 1e-100, 1e100, 1e154, 1e155, -1e155, 1e160, 1e200,
-            1e-200, 1e300, -1e300, 1e308, -1e308, 1.7976931348623157e308, 5e-324, -5e-324, 2.2e-308, math.inf, -math.inf,
+            0, -0.0, 1, -1, 2, 0.5, 1e-3, -1e-3, 1e-9, 1e9, 1e-17, 1e17, 1e-100, 1e100, 1e154, 1e155, -1e155, 1e160,
+            1e200,
+            1e-200, 1e300, -1e300, 1e308, -1e308, 1.7976931348623157e308, 5e-324, -5e-324, 2.2e-308, math.inf,
+            -math.inf,
             math.nan, 2**31, 2**31 - 1, 2**53 + 1, 2**63, 2**64, 10**30, 10**400, -(10**30), 0.49, 0.4999, 0.5, 1.0,
             -0.999999, 1000, 30, 3.5,
         ]
@@ -82,9 +84,12 @@ def strange_number(rng: random.Random) -> Any:
 
 
 _NAMES = [
-    "", " ", "\0", "a\0b", "\x1b[31mred\x1b[0m", "\x1b]0;title\x07", "\x9b31m", "\u202egnp.exe", "\u2028", "\ud7ff", "é", "边界",
-    "😀", "a" * 300, "x" * 100_000, "../../etc/passwd", "-", "--help", "$(touch CANARY)", "`touch CANARY`", "'; touch CANARY",
-    "$\\frac{1}{", "$", "\\input{/etc/passwd}", "[bold red]x[/]", "[/]", "{0.__class__}", "%s%n", "__class__", "nan", "\r\n",
+    "", " ", "\0", "a\0b", "\x1b[31mred\x1b[0m", "\x1b]0;title\x07", "\x9b31m", "\u202egnp.exe", "\u2028", "\ud7ff",
+    "é", "边界",
+    "😀", "a" * 300, "x" * 100_000, "../../etc/passwd", "-", "--help", "$(touch CANARY)", "`touch CANARY`",
+    "'; touch CANARY",
+    "$\\frac{1}{", "$", "\\input{/etc/passwd}", "[bold red]x[/]", "[/]", "{0.__class__}", "%s%n", "__class__", "nan",
+    "\r\n",
     "hemivar: error: x\nTraceback (most recent", "\ufeff", "\u200b", "<b>&amp;</b>", "null", "true",
 ]  # fmt: skip
 
@@ -102,8 +107,10 @@ def strange_value(rng: random.Random) -> Any:
     return rng.choice(
         [
             strange_number(rng), strange_number(rng), strange_number(rng), strange_number(rng), strange_name(rng),
-            strange_name(rng), True, False, [], {}, [[]], [1.0], [1, 2, 3], [1.0, "x"], [math.nan, 1.0], {"law": "none"},
-            {"x": 1.0}, [{}], deep, "1", "x", "1e400", "0*x", "r", [0.0] * 1000, "__import__('os').system('touch CANARY')",
+            strange_name(rng), True, False, [], {}, [[]], [1.0], [1, 2, 3], [1.0, "x"], [math.nan, 1.0],
+            {"law": "none"},
+            {"x": 1.0}, [{}], deep, "1", "x", "1e400", "0*x", "r", [0.0] * 1000,
+            "__import__('os').system('touch CANARY')",
         ]
     )  # fmt: skip
 
@@ -150,5 +157,7 @@ def spoilt(text: bytes, rng: random.Random) -> tuple[bytes, str]:
             line = rng.randrange(len(lines))
             return b"".join(lines[:line] + lines[line + 1 :]), f"line {line + 1} left out"
         case _:
-            mark = rng.choice([b"#", b'"', b"'", b"[", b"]", b"{", b"}", b",", b"=", b".", b"\\", b"\xff", b"-", b"e", b"\x1b"])
+            mark = rng.choice(
+                [b"#", b'"', b"'", b"[", b"]", b"{", b"}", b",", b"=", b".", b"\\", b"\xff", b"-", b"e", b"\x1b"]
+            )
             return text[:place] + mark * rng.choice([1, 1, 3, 10_000]) + text[place:], f"{mark!r} put in"
