@@ -198,7 +198,8 @@ class _Maker:
             ]
         )
         if rng.random() < 0.12:
-            words = ["laws", "--formula", text, *rng.choice([[], ["--friction"], ["--plot", "law.png"], ["--reach", "1e-3"]])]
+            more = rng.choice([[], ["--friction"], ["--plot", "law.png"], ["--reach", "1e-3"]])
+            words = ["laws", "--formula", text, *more]
             return Case(self.name, "law formula", f"laws --formula {text[:80]!r}", words)
         friction: Any = "none"
         normal: Any = {"law": "formula", "potential": text}

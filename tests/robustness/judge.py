@@ -174,16 +174,12 @@ def _untidy(case: Case, folder: Path, run: Run) -> str:
         return f"exit code {run.code}: {lines[:2]}"
     known = {Path(name).parts[0] for name in (*case.files, *case.special) if Path(name).parts}
     words = " ".join(case.arguments)
-    stems = {
-        path.name: path.name.removesuffix("_contact.vtu").rpartition(".")[0] or path.name for path in folder.iterdir()
-    }
-    strange = [
-        name
-        for name, stem in stems.items()
-        if name not in known
-        and stem.removesuffix("_contact") not in words
-        and name not in ("problem.toml", "survey-output")
-    ]
+    strange = []
+    for path in folder.iterdir():
+        stem = path.name.removesuffix("_contact.vtu")
+        stem = stem.rpartition(".")[0] or stem
+        if path.name not in (*known, "problem.toml", "survey-output") and stem not in words:
+            strange.append(path.name)
     return f"files left behind: {strange}" if strange else ""
 
 
