@@ -157,6 +157,10 @@ def _untidy(case: Case, folder: Path, run: Run) -> str:
     lines = run.stderr.decode("utf-8", "replace").splitlines()
     if "MPLCONFIGDIR" in case.environment:  # matplotlib says itself that it looks for another place
         lines = [line for line in lines if "MPLCONFIGDIR" not in line and "mkdir -p failed" not in line]
+    unwritten = re.compile("hemivar: error: (--|standard output|.*cannot write)")
+    if len(lines) > 1 and run.code in (1, 2) and any(map(unwritten.match, lines)):
+        # every output that failed has its line
+        lines = [line for line in lines if not unwritten.match(line)] or lines[-1:]
     if run.code == 2:
         if len(lines) != 1 or not lines[0].startswith("hemivar: error: "):
             return f"{len(lines)} lines with exit code 2: {lines[:2]}"
@@ -173,6 +177,7 @@ def _untidy(case: Case, folder: Path, run: Run) -> str:
     elif run.code is not None and not (run.code in (130, 141, 143) and case.streams != "file"):
         return f"exit code {run.code}: {lines[:2]}"
     known = {Path(name).parts[0] for name in (*case.files, *case.special) if Path(name).parts}
+    known |= {what.partition(" ")[2] for what in case.special.values() if what.startswith("link ")}
     words = " ".join(case.arguments)
     strange = []
     for path in folder.iterdir():
