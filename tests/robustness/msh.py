@@ -304,7 +304,7 @@ def _names(lines: list[str] | None) -> dict[tuple[int, int], str]:
     names: dict[tuple[int, int], str] = {}
     for line in lines[1:]:
         parts = line.split(None, 2)
-        if len(parts) != 3 or len(parts[2]) < 2 or parts[2][0] != '"' or parts[2][-1] != '"':
+        if len(parts) != 3:
             raise MalformedError(f"'{line[:30]}' names no group")
         try:
             key = int(parts[0]), int(parts[1])
@@ -312,7 +312,7 @@ def _names(lines: list[str] | None) -> dict[tuple[int, int], str]:
             raise MalformedError(f"'{line[:30]}' names no group") from None
         if key in names or not 0 <= key[0] <= 3:
             raise MalformedError(f"group {key} is named twice, or has no dimension")
-        names[key] = parts[2][1:-1].encode("latin-1").decode("utf-8", "replace")
+        names[key] = parts[2].strip('"').encode("latin-1").decode("utf-8", "replace")
     return names
 
 
@@ -329,12 +329,10 @@ def _read_2(sections: dict[str, list[str]]) -> MshMesh:
         _add(nodes, words.whole(1), (words.number(), words.number(), words.number()))
     words.end()
     words = _Words(sections["Elements"])
-    elements, known = [], set()
+    elements = []
     for _ in range(words.whole(0)):
-        number, kind = words.whole(1), words.whole()
-        if number in known:
-            raise MalformedError(f"element {number} is there twice")
-        known.add(number)
+        words.whole()  # its number, which nothing refers to
+        kind = words.whole()
         if kind not in _KIND:
             raise MalformedError(f"elements of type {kind}")
         tags = [words.whole() for _ in range(words.whole(0))]
@@ -389,7 +387,7 @@ def _read_4(sections: dict[str, list[str]], new: bool) -> MshMesh:
     blocks, total = words.whole(0), words.whole(0)
     if new:
         words.whole(), words.whole()
-    elements, known = [], set()
+    elements, total_found = [], 0
     for _ in range(blocks):
         first, second = words.whole(), words.whole()
         dim, entity = (first, second) if new else (second, first)
@@ -398,13 +396,11 @@ def _read_4(sections: dict[str, list[str]], new: bool) -> MshMesh:
             raise MalformedError(f"elements of type {kind} on an entity of dimension {dim}")
         tags = groups.get((dim, entity), [])
         for _ in range(count):
-            number = words.whole(1)
-            if number in known:
-                raise MalformedError(f"element {number} is there twice")
-            known.add(number)
+            words.whole()  # its number, which nothing refers to
+            total_found += 1
             chosen = tuple(words.whole(1) for _ in range(_KIND[kind][1]))
             elements += [(dim, tag, entity, chosen) for tag in (tags or [0])]
     words.end()
-    if len(known) != total:
-        raise MalformedError(f"{len(known)} elements, but {total} were announced")
+    if total_found != total:
+        raise MalformedError(f"{total_found} elements, but {total} were announced")
     return MshMesh(nodes, elements)
