@@ -57,6 +57,7 @@ _ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The 
 _Rtol = Annotated[
     float | None, typer.Option(metavar="X", help="Tolerance of the residual, relative to the load (1e-9).")
 ]
+_MaxTime = Annotated[float | None, typer.Option(metavar="S", help="Limit of each stage in seconds (none).")]
 _MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps (set by the method).")]
 
 
@@ -174,9 +175,7 @@ def _solve(
         Path | None, typer.Option(metavar="FILE.png", help="Draw a body in 3D shaded, by PyVista.")
     ] = None,
     rtol: _Rtol = None,
-    max_time: Annotated[
-        float | None, typer.Option(metavar="S", help="Limit of the iteration in seconds (none).")
-    ] = None,
+    max_time: _MaxTime = None,
     max_steps: _MaxSteps = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No line for each step.")] = False,
     warm_start: Annotated[
@@ -257,6 +256,7 @@ def _certify(
     rtol: Annotated[
         float, typer.Option(metavar="X", help="Residual, relative to the load, up to which it is a solution.")
     ] = 1e-8,
+    max_time: _MaxTime = None,
 ) -> int:
     """Certify a solution: residuals, uniqueness, a guaranteed error bound, what kind of point it is.
 
@@ -267,18 +267,18 @@ def _certify(
     outputs = {"--json": json}
     check_outputs(outputs, problem)
     check_solution_file(solution)
-    _check_limits(rtol, None, None)
+    _check_limits(rtol, max_time, None)
     stated, writer = _read(problem, outputs, *([] if solution is None else [solution]))
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
-    controls = _controls(stated, None, None, None, None)
+    controls = _controls(stated, None, max_time, None, None)
 
     def solve() -> Solution:
         solver, why = _chosen(stated, discrete, None)
         _print_method(solver, why)
         return _solve_levels([discrete], solver, controls, None)
 
-    fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve, writer)
+    fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve, writer, controls.max_time)
     return _ended(writer, _CONVERGED if fulfilled else _NOT_CONVERGED)
 
 
@@ -290,6 +290,7 @@ def _solutions(
     max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many.")] = 100,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
     rtol: _Rtol = None,
+    max_time: _MaxTime = None,
 ) -> int:
     """Find all solutions of a problem, with their energies and kinds; says how far it searched.
 
@@ -299,11 +300,11 @@ def _solutions(
 
     outputs = {"--json": json}
     check_outputs(outputs, problem)
-    _check_limits(rtol, None, None)
+    _check_limits(rtol, max_time, None)
     stated, writer = _read(problem, outputs)
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
-    controls = _controls(stated, rtol, None, None, None)
+    controls = _controls(stated, rtol, max_time, None, None)
     found = run_solutions(
         stated.name, discrete, controls, json, writer, starts=starts, max_solutions=max_solutions, seed=seed
     )  # fmt: skip
@@ -328,6 +329,7 @@ def _path(
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the path.")] = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
     max_points: Annotated[int, typer.Option(metavar="N", min=2, max=_MOST_STEPS, help="Limit of points.")] = 2000,
+    max_time: _MaxTime = None,
 ) -> int:
     """Follow the equilibria while the load grows, through folds: stable and unstable branches, folds, jumps.
 
@@ -344,11 +346,15 @@ def _path(
             raise ProblemError(f"--load-factor is {factor:g}; its size must be at most {_LARGEST_FACTOR:g}")
     if quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{_suggest(quantity, list(QUANTITIES))}")
+    _check_limits(None, max_time, None)
     stated, writer = _read(problem, outputs)
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
+    limit = _controls(stated, None, max_time, None, None).max_time
     line = LoadLine.of(stated.problem)
-    path = run_path(stated.problem, line, load_factor, json, plot, writer, quantity=quantity, max_points=max_points)
+    path = run_path(
+        stated.problem, line, load_factor, json, plot, writer, quantity=quantity, max_points=max_points, max_time=limit
+    )
     writer.tell()
     code = _CONVERGED if path.reached_end else _NOT_CONVERGED
     return _ended(writer, _INTERRUPTED if path.interrupted else code)
@@ -717,7 +723,7 @@ def _certificate(solution: Solution, controls: Controls, writer: Writer) -> Cert
     from hemivar.commands.certify import certificate_of
 
     try:
-        return certificate_of(solution, controls.rtol)
+        return certificate_of(solution, controls.rtol, controls.max_time)
     except (HemivarError, MemoryError) as error:
         reason = "not enough memory" if isinstance(error, MemoryError) else str(error)
         writer.failed.append(f"the solution could not be certified: {reason}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -24,8 +25,8 @@ from hemivar import disk
 from hemivar.errors import FileError, ProblemError
 from hemivar.formula import VARIABLES, Formula, FormulaArray, ScalarFormula
 from hemivar.laws.bounds import CoulombBound, PenetrationBound
+from hemivar.laws.columns import BOUND_COLUMNS, read_columns
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
-from hemivar.laws.tables import read_columns
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
 from hemivar.mechanics.material import Material, PlaneState
 from hemivar.mechanics.mesh import Mesh, box, read_mesh, rectangle
@@ -149,7 +150,7 @@ def read_text(path: str | Path) -> str:
         if isinstance(error.__cause__, FileNotFoundError):
             what = "the problem file does not exist; check the path, or write one with 'hemivar new'"
             raise FileError(f"{_printable(path)}: {what}") from error
-        if Path(path).is_dir():
+        if os.path.isdir(path):
             raise FileError(f"{_printable(path)}: this is a folder; name the problem file in it") from error
         raise
 
@@ -491,7 +492,7 @@ def _mesh(table: _Table, folder: Path, whole: bool) -> tuple[MeshRecipe, int, Qu
             try:
                 mesh = read_mesh(path)
             except ProblemError as error:
-                named = "" if f"'{path}'" in str(error) else f"'{path}': "
+                named = "" if _printable(path) in str(error) else f"'{_printable(path)}': "
                 raise table.error("file", f"{named}{error}") from error
             if whole:
                 _check_size(table, "refine", mesh.dim, refined_cells(mesh.dim, mesh.number_of_cells, refine), order)
@@ -802,7 +803,7 @@ class _Reader:
             with _context(f"{inner.where('formula')}:"):
                 return PenetrationBound(formula)
         with _context(f"{inner.where('table')}:"):
-            return PenetrationBound(read_columns(self.file(inner, "table")))
+            return PenetrationBound(read_columns(self.file(inner, "table"), BOUND_COLUMNS))
 
 
 _OBSTACLES = {

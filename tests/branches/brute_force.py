@@ -1,7 +1,7 @@
 """Small random problems of every kind, and all their solutions by brute force: grids over the graphs of the laws.
 
-Nothing here asks the library for anything but to build the laws: graphs are polylines (or a formula) of this module, a
-solution is where ``F = A r + w lambda - g`` changes sign in all components within a cell, made sharp by Newton's method.
+Nothing here asks the library for anything but to build the laws: graphs are polylines (or a formula) of this module; a
+solution is where ``F = A r + w lambda - g`` changes sign in all components within a cell, made sharp by Newton steps.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Case:
     def _newton(self, theta: Array, width: Array) -> Array | None:
         n = theta.size
 
-        def F(x: Array) -> Array:
+        def F(x: Array) -> Array:  # noqa: N802
             return np.array([float(v) for v in self.F(list(x))])
 
         # the size of what F is made of: between two corners of a graph, that of their numbers

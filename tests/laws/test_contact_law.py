@@ -11,7 +11,7 @@ from hemivar.laws import Compliance, ContactLaw, Friction, NoFriction, Piecewise
 #: Weakening friction in the slip r: 0.8 |r| up to 0.2, sliding on at 0.4 with a slope down in between.
 WEAKENING = PiecewiseQuadratic(
     [-0.4, 0.0, 0.4],
-    [0.0, 1.0, -1.0, 0.0],
+    [0.0, -1.0, -1.0, 0.0],
     [0.0, 2 * 0.9, 0.0],
     start=-0.5,
     name="weakening",  # type: ignore[arg-type]

@@ -150,5 +150,5 @@ def test_wrong_growth_recession_and_shape_are_caught() -> None:
 
 
 def test_a_friction_law_that_is_not_even_is_caught() -> None:
-    assert "the law is even: it is not" in failures(Friction(0.5, SurveyLaw(0.3, 2.0)))
+    assert "the law is even: it is not" in failures(SurveyLaw(0.3, 2.0), friction=True)
     assert "the law is even" in failures(FormulaLaw("max(r, 0)"), friction=True)

@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 from hemivar.errors import ProblemError
 from hemivar.laws import (
     FormulaLaw,
+    Friction,
     FunctionLaw,
     Logarithmic,
     PiecewiseQuadratic,
+    Signorini,
+    SlipTable,
     SlipWeakening,
+    SurveyLaw,
     read_law_table,
     table_law,
 )
@@ -74,6 +78,10 @@ def test_reading_tables(tmp_path: Path) -> None:
             "r,derivative\n0,0\n0.1,2\n0.1,0.5\n",
             "# glue\n\n0;0\n1e-1;2\n.1;0.5",
             "\ufeffr\tj'\n0\t0\n0.1\t2\n0.1\t0.5\n",
+            "derivative,r\n0,0\n2,0.1\n0.5,0.1\n",
+            '"Derivative" , "note" , "R"\n0,,0\n"2","a, b",0.1\n\n0.5,,"0.1"\n',
+            "penetration derivative\n0 0\n0.1  2\n 0.1 0.5",
+            "r;derivative\r\n0;0\r\n0.1;2\r\n# end\r\n0.1;0.5\r\n",
         ]
     ):
         path = tmp_path / f"{i}.csv"
@@ -90,6 +98,21 @@ def test_reading_tables(tmp_path: Path) -> None:
         ("", ["0 rows"]),
         ("0,0\n1,soft\n", ["line 2", "'1,soft' is not two numbers"]),
         ("0,0\n1\n", ["line 2", "not two numbers"]),
+        ("0,1,2,5\n1,0,3,5\n", ["line 1", "4 columns without names", "decimal points, not commas", "r and derivative"]),
+        ("0,1\n0,5,2\n", ["line 2", "3 columns where the first line has 2"]),
+        ("0,1;2,5\n", ["line 1", "has decimal commas; write decimal points"]),
+        ("r;derivative\n0,1;2,5\n", ["line 2", "has decimal commas"]),
+        ("0,1 0,5\n", ["line 1", "3 columns without names", "decimal points"]),
+        ("r,force\n0,0\n1,1\n", ["line 1", "no column named derivative", "found: r, force"]),
+        ("r,r,derivative\n0,0,1\n1,1,1\n", ["line 1", "2 columns are named r"]),
+        ("r,derivative,penetration\n0,0,1\n1,1,1\n", ["2 columns are named r"]),
+        ("r\n0\n1\n", ["line 1", "no column named derivative"]),
+        ("0\n1\n", ["line 1", "not two numbers"]),
+        ("r,derivative\nr,derivative\n0,1\n", ["line 2", "not two numbers"]),
+        ("0,1_000\n1,1\n", ["line 1", "not two numbers"]),
+        ("0,1,\n1,1,\n", ["line 1", "3 columns without names"]),
+        ('0,"' + "1" * 200_000 + '"\n', ["line 1", "no line of a table", "131072"]),
+        ("0,\0\n", ["line 1", "not two numbers"]),
         ("0,0\n1,nan\n", ["row 2", "finite"]),
         ("0,0\n1,1\n1,2\n1,3\n", ["row 4", "a third time"]),
     ],
@@ -108,6 +131,28 @@ def test_bad_tables_are_reported_with_their_row(tmp_path: Path, text: str, words
 def test_friction_tables_refuse_negative_slips() -> None:
     with pytest.raises(ProblemError, match=r"row 1: r = -0.1 is negative"):
         table_law([-0.1, 0.1], [1.0, 1.0], friction=True)
+
+
+def test_friction_is_never_negative() -> None:
+    for make in (
+        lambda: table_law([0.0, 0.1], [1.0, -0.5], friction=True),
+        lambda: SlipTable(0.3, [0.0, 0.1], [1.0, -0.5]),
+    ):
+        with pytest.raises(ProblemError, match=r"row 2: the friction -0.5 is negative"):
+            make()
+    with pytest.raises(ProblemError, match=r"law 'formula' is negative friction, -2 at the slip r = 0.5"):
+        Friction(0.3, FormulaLaw("r - 3*max(r - 0.5, 0)", even=True, reach=1.0))
+    with pytest.raises(ProblemError, match=r"law 'function'.*negative"):
+        Friction(0.3, FunctionLaw(derivative=lambda r: 0.1 - r, even=True))
+    with pytest.raises(ProblemError, match=r"row 2: the friction falls, and with extend = linear"):
+        table_law([0.0, 0.1], [1.0, 0.9], extend="linear", friction=True)
+
+
+def test_a_profile_of_friction_is_even() -> None:
+    for profile in (FormulaLaw("abs(r) + r"), table_law([0.0, 0.1], [0.0, 1.0]), SurveyLaw(0.3), Signorini()):
+        with pytest.raises(ProblemError, match="must be the same backwards"):
+            Friction(0.3, profile)
+    Friction(0.3, FormulaLaw("abs(r) + 0.1*r^2"))
 
 
 # ---- formulas --------------------------------------------------------------------------------------------

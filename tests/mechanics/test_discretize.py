@@ -490,6 +490,56 @@ def test_contact_points_all_held() -> None:
     assert discrete.local(np.zeros(2)).shape == (0, 2)
 
 
+def test_points_without_friction_are_in_log_result_and_json(caplog: pytest.LogCaptureFixture) -> None:
+    from hemivar.report.files import solution_record
+    from hemivar.solvers import solve
+
+    rough = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))
+    with caplog.at_level("INFO", logger="hemivar"):
+        problem = discretize(survey_problem(2, contact={"bottom": rough, "right": rough}))
+    assert any("friction is left out" in line for line in caplog.messages)
+    solution = solve(problem)
+    assert solution.warnings == problem.warnings != ()
+    record = solution_record(solution)
+    assert any("x = (1, 0)" in sentence for sentence in record["warnings"])
+    named = [point["x"] for point in record["contact"] if point["without_friction"]]
+    assert named == [[1.0, 0.0], [1.0, 0.0]]
+
+
+def test_points_without_friction_are_named() -> None:
+    """At the corner of two contact boundaries, and where a roller is oblique to the contact normal; not elsewhere."""
+    rough, smooth = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5)), Contact(SurveyLaw(0.3, 2.0))
+
+    def warned(angle: float = 0.0, **options) -> DiscreteProblem:
+        problem = survey_problem(4, **options)
+        return discretize(replace(problem, mesh=problem.mesh.rotated(angle)))
+
+    for angle in (0.0, 0.4):
+        corner = warned(angle, contact={"bottom": rough, "right": rough})
+        assert corner.without_friction is not None
+        place = corner.points[corner.without_friction]
+        expected = np.array([np.cos(angle), np.sin(angle)])
+        np.testing.assert_allclose(place, [expected, expected], atol=1e-12)
+        (sentence,) = corner.warnings
+        assert "friction is left out" in sentence
+        assert f"({expected[0]:.6g}, {expected[1]:.6g})" in sentence
+        assert not warned(angle, contact={"bottom": smooth, "right": smooth}).warnings
+        mixed = warned(angle, contact={"bottom": smooth, "right": rough})
+        assert np.count_nonzero(mixed.without_friction) == 1
+    assert not warned().warnings
+    slanted = Mesh.oriented(
+        np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.5, 1.0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    )
+    slanted = slanted.with_boundaries(
+        {"bottom": lambda x: x[:, 1] < 1e-9, "left": lambda x: x[:, 0] < 0.5, "right": lambda x: x[:, 0] > 1.9}
+    )
+    oblique = discretize(
+        ContactProblem(slanted, Material.lame(4, 4), {"bottom": rough}, {"left": Roller(), "right": Clamped()})
+    )
+    assert "x = (0, 0)" in oblique.warnings[0]
+    assert "support" in oblique.warnings[0]
+
+
 # ---- coercivity --------------------------------------------------------------------------------------------
 
 WALLS = {"left": Roller(), "right": Roller()}

@@ -83,6 +83,27 @@ def test_programme_agrees_with_another_solver() -> None:
     assert min(seen.values()) > 30
 
 
+def test_many_rigid_points() -> None:
+    """More conditions than are taken up at first: the others must be found where they are violated."""
+    rng = np.random.default_rng(11)
+    seen = {Verdict.HELD: 0, Verdict.FALLS: 0}
+    for _ in range(12):
+        a = int(rng.integers(3, 7))
+        rows = rng.standard_normal((300, a))
+        rows[:, 0] = -np.abs(rows[:, 0]) - 0.5  # all let the body move along the first axis, and a cone around it
+        work = -rng.random(a) * rng.choice([-0.2, 0.2, 1.0], a)
+        work[0] = -rng.random()
+        growth = Growth(
+            work, float(np.abs(work).sum()), rows, np.full(300, np.inf), np.zeros(300), np.zeros((0, 2, a)), np.zeros(0)
+        )
+        least = least_growth(growth)
+        assert abs(least) > 1e-6
+        verdict = decide(growth).verdict
+        assert verdict is (Verdict.HELD if least > 0.0 else Verdict.FALLS)
+        seen[verdict] += 1
+    assert min(seen.values()) > 0
+
+
 def test_load_at_the_edge_of_what_holds() -> None:
     """The load is raised to where the other solver sees the least growth turn its sign; next to it verdicts differ."""
     rng = np.random.default_rng(6)

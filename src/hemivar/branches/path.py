@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
+from hemivar.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.errors import MethodError, ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.portable import Portable
@@ -18,6 +19,7 @@ from hemivar.solvers.condensed import depends_on_state
 __all__ = ["Fold", "Jump", "Path", "follow_path", "trace"]
 
 _INTERRUPTED = "interrupted"
+_OUT_OF_TIME = "the time limit was reached"
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,7 @@ def follow_path(
     start: Solution | Array | None = None,
     max_points: int = 2000,
     largest_step: float = 0.02,
+    max_time: float = np.inf,
     condensed: CondensedProblem | None = None,
 ) -> Path:
     """Follow the equilibria from the lower load factor, through folds, until the range is left.
@@ -173,6 +176,8 @@ def follow_path(
         Limit of points.
     largest_step : float
         Largest step on curved pieces, relative to the range and to a typical displacement.
+    max_time : float
+        Limit in seconds; the path then ends where it is, and says so.
     condensed : CondensedProblem, optional
         The condensation of ``problem``.
 
@@ -194,6 +199,7 @@ def follow_path(
         raise ProblemError("a path needs contact points; without contact the solution is proportional to the load")
     if depends_on_state(problem.law):
         raise MethodError("path following needs a friction bound that does not depend on the solution")
+    budget = Budget(max_time)
     line = LoadLine(problem, unloaded)
     system = condense(problem) if condensed is None else condensed
     chain = chain_of(system)
@@ -206,7 +212,7 @@ def follow_path(
     begun = solve(
         at_start,
         LoadStepping(steps=10 if low > 0.0 else 1) if guess is None else LoadStepping(steps=1).inner,
-        Controls(rtol=1e-11),
+        Controls(rtol=1e-11, max_time=budget.left),
         initial=guess,
         condensed=system.for_problem(at_start),
     )
@@ -224,16 +230,19 @@ def follow_path(
             raise ProblemError(
                 f"no equilibrium was found at load factor {first:g} ({begun.status.value}); give another start"
             )
-        back = follower.run(corrected, segment, first, -1.0)
-        forth = follower.run(corrected, segment, first, 1.0)
-        if not follower.ties or attempt or follower.interrupted:
+        with limited(budget):
+            back = follower.run(corrected, segment, first, -1.0)
+            forth = follower.run(corrected, segment, first, 1.0)
+        if not follower.ties or attempt or follower.stopped:
             break
         size = float(np.abs(force0 + force1).max()) or float(np.abs(force1).max())
         perturbation = 1e-9 * size * np.cos(1.0 + np.arange(chain.size) ** 1.7)
     assert follower is not None
     turned = back.reversed().joined(forth)
-    if follower.interrupted and not turned.segment:
+    if follower.stopped == _INTERRUPTED and not turned.segment:
         raise KeyboardInterrupt
+    if follower.stopped and not turned.segment:
+        raise ProblemError(f"the time limit of {max_time:g} s was reached before the path left its first point")
     if perturbation.any():
         _unperturb(turned, _Follower(chain, force0, force1, low, high, max_points, largest_step))
     return _assemble(line, chain, turned, follower, bool(perturbation.any()))
@@ -250,8 +259,9 @@ def trace(
     for sign in (1.0, -1.0):
         follower = _Follower(chain, force, rate, low, high, points, 0.05)
         track = follower.run(theta, segment, 0.0, sign)
-        if follower.interrupted:
+        if follower.stopped == _INTERRUPTED:
             raise KeyboardInterrupt
+        check_time()
         t = np.array(track.t)
         for i in range(len(t) - 1):
             if t[i] * t[i + 1] < 0.0:
@@ -332,7 +342,7 @@ class _Follower:
     max_points: int
     largest_step: float
     ties: bool = False
-    interrupted: bool = False
+    stopped: str = ""
 
     def force(self, t: float) -> Array:
         return self.force0 + t * self.force1
@@ -346,13 +356,15 @@ class _Follower:
         """From an equilibrium, first in the direction in which t has this sign; an interruption leaves the points."""
         track = _Track([t], [theta], [], [], [], [False], [None])
         try:
-            if not self.interrupted:
+            if not self.stopped:
                 self.extend(track, theta, segment, t, sign)
         except KeyboardInterrupt:
-            self.interrupted = True
-        if self.interrupted:
+            self.stopped = _INTERRUPTED
+        except OutOfTime:
+            self.stopped = _OUT_OF_TIME
+        if self.stopped:
             track.cut()
-            track.ended = _INTERRUPTED
+            track.ended = self.stopped
         return track
 
     def extend(self, track: _Track, theta: Array, segment: IntArray, t: float, sign: float) -> None:
@@ -364,6 +376,7 @@ class _Follower:
         turn = sign
         step = self.largest_step * chain.length
         while len(track.t) < self.max_points:
+            check_time()
             if tangent is None:
                 track.ended = "the path is not unique beyond this point"
                 break

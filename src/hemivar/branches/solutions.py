@@ -133,18 +133,16 @@ def find_solutions(
         return _enumerated(search, chain)
     combinations = chain.combinations if chain is not None and not dependent else np.inf
     constants: Smallness | None = None
-    with search.stopped_cleanly():
-        with limited(budget):
-            if not (problem.contact_points and problem.law.state_dependent):
-                constants = smallness(problem, trace_constant=False)
+    with search.stopped_cleanly(), limited(budget):
+        if not (problem.contact_points and problem.law.state_dependent):
+            constants = smallness(problem, trace_constant=False)
         if constants is None or one_solution(problem, constants):
             search.run(NonsmoothNewton(), None)
         if constants is None and len(search.found) == 1:
             first = search.found[0]
-            with limited(budget):
-                constants = smallness(
-                    problem, displacement=first.unknowns, multiplier=first.multiplier, trace_constant=False
-                )
+            constants = smallness(
+                problem, displacement=first.unknowns, multiplier=first.multiplier, trace_constant=False
+            )
         proved = constants is not None and one_solution(problem, constants)
         if not (proved and search.found):
             search.from_solvers(starts)

@@ -103,7 +103,7 @@ def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
 
 
 def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
-    """r, or the knot of least ``hypot((r - knot)/tau, distance of lam to dj(knot))`` if below ``distance(r)``.
+    """r, or the knot of least ``hypot((r - knot) / tau, distance of lam to dj(knot))`` if that fits better.
 
     Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
     """
@@ -324,6 +324,7 @@ def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceilin
     least = np.inf
     start_norm = max(float(np.sqrt(abs(target @ S @ target))), np.finfo(float).tiny)
     for _ in range(_SEARCH_STEPS):
+        check_time()
         lam = multiplier(r)
         law = point.law(r, lam)
         alpha = np.stack([np.broadcast_to(a, (m,)) for a in law.weak_convexity], axis=1)

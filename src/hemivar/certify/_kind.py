@@ -43,6 +43,8 @@ class PointKind(StrEnum):
     """The energy falls in no direction to first order; its curvature does not decide."""
     CLARKE_STATIONARY = "Clarke-stationary"
     """Stationary in the sense of Clarke only: at a downward jump the energy falls to one side to first order."""
+    STATIONARY = "stationary"
+    """The residual is below the tolerance; what kind of point it is was not looked at, for lack of time."""
     NOT_STATIONARY = "not stationary"
     """Equilibrium or the law is not fulfilled to the tolerance."""
 

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.deadline import check_time
 from hemivar.linear.definite import free_unknowns, indefinite, lowest_quotient, positive_pivots, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects, sole_use
@@ -40,6 +41,8 @@ _Answer = TypeVar("_Answer")
 #: Unknowns up to which K is factorised, in two dimensions and in three: a moment's work.
 _FACTORISED = (30_000, 6_000)
 
+#: An estimate of the smallest eigenvalue of K, scaled to a unit diagonal, that stands for zero if no mesh says more.
+_ESTIMATED = 1e-9
 #: A pivot of the coarsest matrix this small against the diagonal entry of its row means that the matrix is singular.
 _SINGULAR = 1e-13
 #: Relative accuracy asked of an eigenvalue; what is returned is raised by as much.
@@ -137,6 +140,7 @@ class EnergyNorm:
     def solve(self, rhs: Array) -> Array:
         """``K^-1 rhs`` for one (n,) or several (n, k) right-hand sides."""
         assert self._factor is not None
+        check_time()
         return np.asarray(self._factor.solve(np.asarray(rhs, dtype=float)))
 
     def norm(self, v: Array) -> float:
@@ -258,7 +262,8 @@ class MultigridNorm:
         """Whether K is positive definite: by mesh and supports, and as far as :attr:`lowest` is an estimate."""
         if self._known is False:
             return False
-        return bool(self.lowest > rounding(self.stiffness, self.problem.diagonal))
+        guard = rounding(self.stiffness, self.problem.diagonal)
+        return bool(self.lowest > (guard if self._known else max(guard, _ESTIMATED)))
 
     @cached_property
     def indefinite(self) -> float | None:
@@ -329,15 +334,16 @@ class MultigridNorm:
         for k in range(1, self._top + 1):
             X = levels.transfers[k - 1].prolongation @ X
             subspace = _Subspace(self, k, roots[k], np.ones(roots[k].shape[0]), X)
-            if self.problem.field is None:  # the coarse levels may know nothing of its rigid motions
-                subspace.improve(_STEPS, 0.1)
+            added = 0.0
+            if self._known is None:  # the coarse levels may know nothing of its rigid motions
+                added = subspace.improve(_STEPS, 0.1)
             elif self._cheap(k):
                 subspace.improve(2, 0.1)
             if subspace.negative is not None:
                 if k == self._top:
                     self._negative = quotient(self.stiffness, subspace.negative, self.problem.diagonal)
                 return 0.0
-            X, lowest = subspace.X, 1.0 / float(subspace.values[0])
+            X, lowest = subspace.X, 1.0 / (float(subspace.values[0]) + added)
         return _SAFETY * lowest
 
     @_alone_once
@@ -398,6 +404,7 @@ class MultigridNorm:
 
         def precondition(rest: Array) -> Array:
             nonlocal found, left
+            check_time()
             z = levels.cycle(k, rest)
             left = max(float(rest @ z), 0.0) / quality
             # A step of length one gains at most what is left.
@@ -564,6 +571,7 @@ class _Subspace:
         quality = self._norm.quality
         P = KP = SP = None
         for step in range(limit + 1):
+            check_time()
             R = self._S.T @ (self._sign[:, None] * self._SX) - self._KX * self.values
             if self._held is not None:
                 R[self._held] = 0.0

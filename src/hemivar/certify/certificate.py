@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from hemivar.arrays import real_array
 from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify._kind import LocalStudy, PointKind, study
 from hemivar.certify._linear import Norm, energy_norm
-from hemivar.certify.smallness import Smallness, one_solution, smallness
+from hemivar.certify.smallness import Smallness, one_solution, smallness, unknown_constants, with_survey
+from hemivar.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.errors import ProblemError
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
@@ -23,6 +24,8 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual, residual
 
 __all__ = ["Certificate", "certify"]
+
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +78,9 @@ class Certificate:
         What it does not cover on this problem, such as locking; one sentence each.
     error_bound_sampled : bool
         Whether margin and error bound rest on sampled constants, and so are estimates.
+    left_out : tuple of str
+        Parts for which the time did not suffice: "margin", "equilibrium", "error bound", "kind", "trace constant". What
+        stands in their place says the least that can be said: inf, -inf, None or "stationary".
     """
 
     equilibrium: float
@@ -98,6 +104,7 @@ class Certificate:
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
     error_bound_sampled: bool = False
+    left_out: tuple[str, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
@@ -121,6 +128,8 @@ class Certificate:
                 value = list(value)
             elif isinstance(value, np.ndarray):
                 value = value.tolist()
+            elif isinstance(value, tuple):
+                value = list(value)
             elif isinstance(value, float) and not math.isfinite(value):
                 if math.isinf(value):
                     (infinite if value > 0 else negative).append(name)
@@ -137,6 +146,7 @@ def certify(
     factor: Norm | None = None,
     tolerance: float = 1e-8,
     trace_constant: bool = True,
+    max_time: float = math.inf,
 ) -> Certificate:
     """Certify a displacement and a multiplier: recompute everything from the problem.
 
@@ -153,6 +163,9 @@ def certify(
         Residual, relative to the load, up to which the pair counts as a solution.
     trace_constant : bool
         Whether to compute the survey's c_gamma and (H_s), which costs a factorisation, or a hierarchy, of its own.
+    max_time : float
+        Seconds; what is not known by then is left out and named, all but the residual. A factorisation that is under
+        way is not interrupted.
 
     Returns
     -------
@@ -176,7 +189,7 @@ def certify(
         raise ProblemError(f"the tolerance is {tolerance:g}; it must lie between 0 and 0.1 of the load")
     if not np.isfinite(u).all():
         raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
-    began = time.perf_counter()
+    budget = Budget(max_time)
     energy = energy_norm(problem) if factor is None else factor
     if energy.stiffness is not problem.stiffness and energy.stiffness.shape != problem.stiffness.shape:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
@@ -191,7 +204,7 @@ def certify(
         if not np.isfinite(lam).all():
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
-        return _known(_certified(Point(problem, energy, u, lam), tolerance, trace_constant, began))
+        return _known(_certified(Point(problem, energy, u, lam), tolerance, trace_constant, budget))
 
 
 def _known(certificate: Certificate) -> Certificate:
@@ -205,18 +218,40 @@ def _known(certificate: Certificate) -> Certificate:
     return replace(certificate, unique=None, kind=kind)
 
 
-def _certified(point: Point, tolerance: float, trace_constant: bool, began: float) -> Certificate:
+def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Budget) -> Certificate:
     """The certificate of a point."""
     problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
     m, r = problem.contact_points, problem.local(point.u)
     law = problem.law.frozen(r, lam) if m else None
-    constants = smallness(problem, displacement=u, multiplier=lam, factor=energy, trace_constant=trace_constant)
+    left_out: list[str] = []
+
+    def in_time(name: str, work: Callable[[], _Part], instead: _Part) -> _Part:
+        try:
+            with limited(budget):
+                check_time()
+                return work()
+        except OutOfTime:
+            left_out.append(name)
+            return instead
+
     found = residual(problem, u, lam)
-    equilibrium = point.imbalance[1] if energy.definite else np.inf
-    load_norm = energy.least_dual_norm(problem.load) if energy.definite else np.inf
-    bound = error_bound(point, constants.margin)
     stationary = found.below(0.0, tolerance)
-    kind, unique, local = _classify(point, constants, stationary)
+    constants = in_time(
+        "margin",
+        lambda: smallness(problem, displacement=u, multiplier=lam, factor=energy, trace_constant=False),
+        unknown_constants(problem),
+    )
+    equilibrium, load_norm = in_time(
+        "equilibrium",
+        lambda: (point.imbalance[1], energy.least_dual_norm(problem.load)) if energy.definite else (np.inf, np.inf),
+        (np.inf, np.inf),
+    )
+    bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
+    nothing = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
+    kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
+    if trace_constant:
+        asked = constants
+        constants = in_time("trace constant", lambda: with_survey(problem, asked, True), constants)
     size = energy.norm(u)
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)
@@ -239,9 +274,10 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
         tolerance=tolerance,
         smallness=constants,
         method="factorisation" if energy.factorised else "multigrid",
-        seconds=time.perf_counter() - began,
+        seconds=budget.spent,
         warnings=problem.warnings,
         error_bound_sampled=constants.sampled,
+        left_out=tuple(left_out),
     )
 
 

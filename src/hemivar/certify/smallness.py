@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from hemivar._typing import Array
 from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certify._linear import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
+from hemivar.deadline import check_time
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.assembly import quadrature_rule, region_masks, stiffness_matrix
@@ -149,7 +150,33 @@ def smallness(
             lam = equilibrium_multiplier(problem, u) if multiplier is None else np.asarray(multiplier, dtype=float)
             point = Point(problem, energy, u, lam)
         bounds = largest_bounds(problem, energy, point)
-    return _constants(problem, energy, bounds, trace_constant)
+    found = _constants(problem, energy, bounds)
+    return with_survey(problem, found, trace_constant)
+
+
+def with_survey(problem: DiscreteProblem, constants: Smallness, trace_constant: bool) -> Smallness:
+    """The constants with those of the survey: m_A, and if asked for c_gamma and (H_s)."""
+    if problem.field is None or problem.field.material is None or not problem.contact_points:
+        return constants
+    m_a = ellipticity(problem.field)
+    if not trace_constant:
+        return replace(constants, m_A=m_a)
+    trace = _trace_eigenvalues(problem, parts=False)[0]
+    needed = constants.m_alpha + constants.m_L
+    needed = 0.0 if needed == 0.0 else needed * trace**2
+    return replace(
+        constants,
+        m_A=m_a,
+        trace_constant=trace,
+        survey_condition=bool(m_a > needed),
+        survey_margin=1.0 - needed / m_a,
+    )
+
+
+def unknown_constants(problem: DiscreteProblem) -> Smallness:
+    """What is known of the constants without any work on K: alpha and m_L, and no margin."""
+    dependent = bool(problem.contact_points and problem.law.state_dependent)
+    return _constants(problem, None, np.full(problem.contact_points, np.inf) if dependent else None)
 
 
 def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) -> Array:
@@ -169,7 +196,7 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
     r = problem.local(point.u)
     here = friction_bound(problem, r, point.lam)
     near = here * (1.0 + _NEAR) + rate * _NEAR * float(np.abs(r).max(initial=0.0))
-    margin = _constants(problem, energy, near, False).margin
+    margin = _constants(problem, energy, near).margin
     if not margin > 0.0:
         return np.full(m, np.inf)
     radius = error_bound(point, margin, near)
@@ -181,7 +208,7 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
     return near if bool((reached <= near).all()) else np.where(np.isnan(reached), np.inf, reached)
 
 
-def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, trace_constant: bool) -> Smallness:
+def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | None) -> Smallness:
     """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state."""
     m, d = problem.contact_points, problem.dim
     if m:
@@ -216,7 +243,7 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
         weight[:, 1:] = on_tangential[:, None]
         if not np.any(weight):
             return 0.0
-        if not (energy.definite and np.isfinite(weight).all()):
+        if energy is None or not (energy.definite and np.isfinite(weight).all()):
             return np.inf
         return energy.largest_eigenvalue(problem.trace, (w[:, None] * weight).ravel(), near).bound
 
@@ -224,7 +251,7 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
     both = bool(np.any(normal) and np.any(tangential))
     c_normal: float | None = None
     c_tangential: float | None = None
-    if both and not energy.factorised:
+    if both and energy is not None and not energy.factorised:
         c = top(normal, tangential, 1.0)
     else:
         c_normal, c_tangential = top(normal, none, 1.0), top(none, tangential, 1.0)
@@ -234,25 +261,16 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
         coupling = float(np.sqrt(top(coupling_weight, none)) * np.sqrt(top(none, coupling_weight)))
     alpha_normal, alpha_tangential = float(normal.max(initial=0.0)), float(tangential.max(initial=0.0))
     m_alpha, m_l = max(alpha_normal, alpha_tangential), float(coupling_weight.max(initial=0.0))
-    m_a, trace = None, None
-    if problem.field is not None and problem.field.material is not None and m:
-        m_a = ellipticity(problem.field)
-        if trace_constant:
-            trace = _trace_eigenvalues(problem, parts=False)[0]
-    condition, survey_margin = None, None
-    if m_a is not None and trace is not None:
-        needed = 0.0 if m_alpha + m_l == 0.0 else (m_alpha + m_l) * trace**2
-        condition, survey_margin = bool(m_a > needed), 1.0 - needed / m_a
     return Smallness(
         alpha_normal=alpha_normal,
         alpha_tangential=alpha_tangential,
         alpha_sampled=sampled,
         m_alpha=m_alpha,
         m_L=m_l,
-        m_A=m_a,
-        trace_constant=trace,
-        survey_condition=condition,
-        survey_margin=survey_margin,
+        m_A=None,
+        trace_constant=None,
+        survey_condition=None,
+        survey_margin=None,
         constant=c,
         constant_normal=c_normal,
         constant_tangential=c_tangential,
@@ -263,9 +281,9 @@ def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, tra
     )
 
 
-def _margin(energy: Norm, c: float, coupling: float) -> float:
+def _margin(energy: Norm | None, c: float, coupling: float) -> float:
     """``1 - c - coupling``, less what rounding can hide where K is badly conditioned."""
-    if not energy.definite:
+    if energy is None or not energy.definite:
         return -np.inf
     used = c + coupling
     hidden = 0.0
@@ -332,6 +350,7 @@ def _trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
     field = problem.field
     if field is None:
         raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
+    check_time()
     energy: Norm
     if problem.statement is not None and not factorises(problem):
         unit = replace(problem.statement, material=Material.lame(0.0, 0.5))

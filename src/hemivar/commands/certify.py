@@ -31,6 +31,7 @@ def run_certify(
     tolerance: float,
     solve: Callable[[], Solution],
     writer: Writer,
+    max_time: float = math.inf,
 ) -> bool:
     """Certify what a file holds, or a solve; print it, write it, and say whether it fulfils the tolerance."""
     from hemivar.certify import certify
@@ -45,7 +46,7 @@ def run_certify(
 
         unknowns, multiplier = read_solution(solution_file, discrete)
         source = str(solution_file)
-    certificate = certify(discrete, unknowns, multiplier, tolerance=tolerance)
+    certificate = certify(discrete, unknowns, multiplier, tolerance=tolerance, max_time=max_time)
     print(f"solution          {source}")
     if solution_file is not None:
         origin = "recomputed from equilibrium" if multiplier is None else "read from the file"
@@ -65,8 +66,8 @@ def run_certify(
     return certificate.stationary
 
 
-def certificate_of(solution: Solution, rtol: float = 0.0) -> Certificate | None:
-    """The certificate of a solve to the tolerance ``rtol``; None if it ended with numbers that are not finite.
+def certificate_of(solution: Solution, rtol: float = 0.0, max_time: float = math.inf) -> Certificate | None:
+    """The certificate of a solve to ``rtol``, in its own time; None if it ended with numbers that are not finite.
 
     Where multigrid serves, it leaves out the survey's trace constant, which needs a hierarchy of its own.
     """
@@ -77,10 +78,14 @@ def certificate_of(solution: Solution, rtol: float = 0.0) -> Certificate | None:
     if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.multiplier).all()):
         return None
     problem = solution.problem
-    # what has converged to the tolerance that was asked for is stationary to that tolerance
-    tolerance = max(rtol, _TOLERANCE)
     return certify(
-        problem, solution.unknowns, solution.multiplier, tolerance=tolerance, trace_constant=factorises(problem)
+        problem,
+        solution.unknowns,
+        solution.multiplier,
+        # what has converged to the tolerance that was asked for is stationary to that tolerance
+        tolerance=max(rtol, _TOLERANCE),
+        trace_constant=factorises(problem),
+        max_time=max_time,
     )
 
 
@@ -119,8 +124,12 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
             say("distance", f"about {size} to an exact discrete solution: an estimate, from sampled constants")
         else:
             say("distance", f"at most {size} to the exact discrete solution")
+    elif "margin" in certificate.left_out or "error bound" in certificate.left_out:
+        say("distance", "no bound, for lack of time")
     else:
         say("distance", "no bound, for the margin is not positive")
+    if certificate.left_out:
+        say("left out", f"{', '.join(certificate.left_out)}: the time limit was reached")
     for warning in certificate.warnings:
         say("warning", warning)
     say("certified", f"in {certificate.seconds:.2g} s by {certificate.method}")

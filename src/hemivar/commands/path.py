@@ -28,9 +28,10 @@ def run_path(
     *,
     quantity: str,
     max_points: int,
+    max_time: float = math.inf,
 ) -> EquilibriumPath:
     """Follow the path, print what it meets, write what was asked for."""
-    path = follow_path(line.loaded, load_factor, unloaded=line.unloaded, max_points=max_points)
+    path = follow_path(line.loaded, load_factor, unloaded=line.unloaded, max_points=max_points, max_time=max_time)
     record = path_record(path, quantity)
     print(f"\npath              {len(path)} points, {len(path.folds)} folds; {path.ended}")
     if path.perturbed:

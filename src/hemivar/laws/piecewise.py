@@ -90,11 +90,11 @@ class PiecewiseQuadratic(Superpotential):
         right = np.empty(knots.shape)
         values = np.zeros(knots.shape)
         left[..., 0] = start
-        right[..., 0] = start + jumps[..., 0]
+        right[..., 0] = _added(start, jumps[..., 0])
         for i in range(1, count):
             width = knots[..., i] - knots[..., i - 1]
-            left[..., i] = right[..., i - 1] + slopes[..., i] * width
-            right[..., i] = left[..., i] + jumps[..., i]
+            left[..., i] = _added(right[..., i - 1], slopes[..., i] * width)
+            right[..., i] = _added(left[..., i], jumps[..., i])
             values[..., i] = values[..., i - 1] + right[..., i - 1] * width + 0.5 * slopes[..., i] * width**2
         set_ = object.__setattr__
         for key, item in (
@@ -254,6 +254,12 @@ class PiecewiseQuadratic(Superpotential):
         valid = admissible & (stiffness > 0.0)
         root = t + (b - a * t - slope) / np.where(valid, stiffness, 1.0)
         return np.clip(np.where(valid, root, 0.0), np.where(valid, low, 0.0), np.where(valid, high, 0.0)), valid
+
+
+def _added(x: Array, y: Array) -> Array:
+    """x + y, and zero where they cancel up to rounding: what should vanish must not be the only force there is."""
+    total = x + y
+    return np.where(np.abs(total) <= 4.0 * np.finfo(float).eps * np.maximum(np.abs(x), np.abs(y)), 0.0, total)
 
 
 def _rate(slope: Array, derivative: Array, limited: BoolArray) -> Array:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
-from hemivar._typing import Array
-from hemivar.disk import read_text
-from hemivar.errors import FileError, ProblemError
+from hemivar._typing import Array, BoolArray
+from hemivar.arrays import real_array
+from hemivar.errors import ProblemError
+from hemivar.laws.columns import read_columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
-__all__ = ["Extension", "check_points", "even_table", "read_columns", "read_law_table", "table_law"]
+__all__ = ["Extension", "check_points", "even_table", "read_law_table", "table_law"]
 
 
 class Extension(StrEnum):
@@ -31,27 +31,38 @@ def check_points(
 ) -> tuple[Array, Array]:
     """The columns of a law table as arrays, checked; errors name the row, counted from 1."""
     try:
-        x, y = np.asarray(r, dtype=float), np.asarray(derivative, dtype=float)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{where}: not all entries are numbers; give two lists of numbers") from None
+        x, y = real_array(r, "r", finite=False), real_array(derivative, "the derivative", finite=False)
+    except ProblemError as error:
+        raise ProblemError(f"{where}: not all entries are numbers; give two lists of numbers ({error})") from None
     if x.ndim != 1 or x.shape != y.shape:
         raise ProblemError(
             f"{where}: r has shape {x.shape} and the derivative {y.shape}; give two lists of equal length"
         )
     if x.size < 2:
         raise ProblemError(f"{where}: {x.size} row{'' if x.size == 1 else 's'}; a law table needs at least 2")
-    for i in range(x.size):
-        row = f"{where}, row {i + 1}"
-        if not (np.isfinite(x[i]) and np.isfinite(y[i])):
-            raise ProblemError(f"{row}: {x[i]:g}, {y[i]:g}; both must be finite numbers")
-        if friction and x[i] < 0.0:
-            raise ProblemError(
-                f"{row}: r = {x[i]:g} is negative; a friction law is given for slips r >= 0 and is the same backwards"
-            )
-        if i and x[i] < x[i - 1]:
-            raise ProblemError(f"{row}: r = {x[i]:g} comes after {x[i - 1]:g}; r must not fall (sort the rows)")
-        if i > 1 and x[i] == x[i - 2]:
-            raise ProblemError(f"{row}: r = {x[i]:g} a third time; two rows with the same r make a jump")
+    third = np.append([False, False], x[2:] == x[:-2])
+    rules: list[tuple[BoolArray, Callable[[int], str]]] = [
+        (~(np.isfinite(x) & np.isfinite(y)), lambda i: f"{x[i]:g}, {y[i]:g}; both must be finite numbers"),
+        (
+            np.append(False, x[1:] < x[:-1]),
+            lambda i: f"r = {x[i]:g} comes after {x[i - 1]:g}; r must not fall (sort the rows)",
+        ),
+        (third, lambda i: f"r = {x[i]:g} a third time; two rows with the same r make a jump"),
+    ]
+    if friction:
+        rules += [
+            (
+                x < 0.0,
+                lambda i: (
+                    f"r = {x[i]:g} is negative; a friction law is given for slips r >= 0 and is the same backwards"
+                ),
+            ),
+            (y < 0.0, lambda i: f"the friction {y[i]:g} is negative; it must be at least 0, for it opposes the slip"),
+        ]
+    broken = [(int(np.argmax(bad)), words) for bad, words in rules if bad.any()]
+    if broken:
+        i, words = min(broken, key=lambda one: one[0])
+        raise ProblemError(f"{where}, row {i + 1}: {words(i)}")
     return x, y
 
 
@@ -90,6 +101,11 @@ def table_law(
     except ValueError:
         raise ProblemError(f"{where}: extend = '{extend}' is not known; write constant or linear") from None
     x, y = check_points(r, derivative, where, friction=friction)
+    if friction and extend == Extension.LINEAR and y[-1] < y[-2]:
+        raise ProblemError(
+            f"{where}, row {y.size}: the friction falls, and with extend = linear it would be negative farther out; "
+            f"let the table end with a constant or rising friction, or write extend = constant"
+        )
     if friction:
         return even_table(x, y, extend=extend, name=name)
     knots = np.unique(x)
@@ -104,7 +120,7 @@ def table_law(
 def read_law_table(
     path: str | Path, *, extend: str = Extension.CONSTANT, friction: bool = False, name: str = "table"
 ) -> PiecewiseQuadratic:
-    """Like :func:`table_law`, from a CSV file with the columns r and derivative; a line of names may come first.
+    """Like :func:`table_law`, from a CSV file with the columns r and derivative; see :func:`read_columns`.
 
     Raises
     ------
@@ -113,42 +129,6 @@ def read_law_table(
     """
     r, derivative = read_columns(path)
     return table_law(r, derivative, extend=extend, friction=friction, name=name, where=str(path))
-
-
-def read_columns(path: str | Path) -> tuple[Array, Array]:
-    """The first two columns of a CSV file (commas, semicolons, tabs or blanks) as numbers.
-
-    A first line that holds no number is a head; empty lines and lines that begin with # are skipped.
-    """
-    try:
-        text = read_text(path, "law table")
-    except FileError as error:
-        raise ProblemError(f"{path}: {error}") from None
-    columns: tuple[list[float], list[float]] = ([], [])
-    first = True
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        separator = next((c for c in ";,\t" if c in line), None)
-        cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
-        numbers = [_float(cell) for cell in cells[:2]]
-        if first and all(value is None for value in numbers):
-            first = False
-            continue
-        first = False
-        if len(cells) < 2 or None in numbers:
-            raise ProblemError(f"{path}, line {number}: '{line.strip()[:40]}' is not two numbers, r and derivative")
-        for column, value in zip(columns, numbers, strict=True):
-            assert value is not None
-            column.append(value)
-    return np.array(columns[0]), np.array(columns[1])
-
-
-def _float(cell: str) -> float | None:
-    try:
-        return float(cell)
-    except ValueError:
-        return None
 
 
 def even_table(slips: Array, values: Array, *, extend: str = "constant", name: str = "table") -> PiecewiseQuadratic:

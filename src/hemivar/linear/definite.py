@@ -16,12 +16,14 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.parts import free_motions
 
 __all__ = [
+    "below_zero",
     "free_unknowns",
     "indefinite",
     "lowest_quotient",
     "positive_pivots",
     "quotient",
     "refuse_indefinite",
+    "refuse_unseen",
     "rounding",
 ]
 
@@ -114,16 +116,51 @@ def indefinite(matrix: sp.csr_array) -> float | None:
     """An eigenvalue below zero by more than rounding, None if there is none; costs a factorisation."""
     guard = rounding(matrix)
     diagonal = matrix.diagonal()
-    if matrix.shape[0] > _DENSE:
-        shifted = sp.csc_array(matrix + sp.diags_array(guard * diagonal))
-        options = {"SymmetricMode": True, "Equil": False}
-        try:
-            if positive_pivots(spla.splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)):
-                return None
-        except RuntimeError:
-            pass
-    found = lowest_quotient(matrix, 200)
+    root = np.sqrt(diagonal)
+    n = root.size
+    if n <= _DENSE:
+        found = lowest_quotient(matrix)
+        return found if found < -guard else None
+    shifted = sp.csc_array(matrix + sp.diags_array(guard * diagonal))
+    options = {"SymmetricMode": True, "Equil": False}
+    found = 0.0
+    try:
+        factor = spla.splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        if positive_pivots(factor):
+            return None
+        # the negative eigenvalue next to zero is the lowest of the inverse
+        inverse = spla.LinearOperator((n, n), matvec=lambda x: root * factor.solve(root * x.ravel()), dtype=float)
+        start = np.random.default_rng(13).standard_normal(n)
+        _, vectors = spla.eigsh(inverse, k=1, which="SA", v0=start, tol=1e-3)
+        found = quotient(matrix, vectors[:, 0] / root, diagonal)
+    except (RuntimeError, spla.ArpackError):
+        pass
+    if found >= -guard:
+        found = lowest_quotient(matrix, 200)
     return found if found < -guard else None
+
+
+def below_zero(problem: DiscreteProblem, eigenvalue: float) -> float | None:
+    """An eigenvalue of the stiffness that is below zero by more than rounding, or None."""
+    return eigenvalue if eigenvalue < -rounding(problem.stiffness, problem.diagonal) else None
+
+
+def refuse_unseen(problem: DiscreteProblem) -> None:
+    """Refuse a body that can move without deforming and without any contact point noticing it.
+
+    Raises
+    ------
+    ProblemError
+    """
+    free = free_unknowns(problem)
+    if free is None or not free.shape[1]:
+        return
+    seen = np.linalg.qr(problem.trace @ free, mode="r") if problem.contact_points else np.zeros((0, free.shape[1]))
+    if np.linalg.matrix_rank(seen, tol=_RESISTED) < free.shape[1]:
+        raise ProblemError(
+            "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
+            "fix it with a support (hemivar.discretize names the part unless check_coercivity = False)"
+        )
 
 
 def refuse_indefinite(lowest: float | None) -> None:

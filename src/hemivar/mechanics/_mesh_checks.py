@@ -237,7 +237,9 @@ def _checked_regions(regions: Mapping[str, Any], count: int) -> dict[str, IntArr
             raise ProblemError(f"region '{name}' holds no cells; remove it or fill it")
         if ids.ndim != 1:
             raise ProblemError(f"region '{name}' has shape {ids.shape}; it must list cell numbers, shape (k,)")
-        result[str(name)] = _frozen(np.unique(ids))
+        mask = np.zeros(count, dtype=bool)
+        mask[ids] = True
+        result[str(name)] = _frozen(np.flatnonzero(mask))
     return result
 
 

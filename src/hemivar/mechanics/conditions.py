@@ -53,7 +53,7 @@ class Fixed(Portable):
         for name in ("x", "y", "z"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, plain_data(value, f"Fixed({name}=...)", vector=False))
+                object.__setattr__(self, name, plain_data(value, f"Fixed({name}=...)", vector=False, most=LARGEST))
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Prescribed(Portable):
     value: VectorData
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "value", plain_data(self.value, "Prescribed(...)"))
+        object.__setattr__(self, "value", plain_data(self.value, "Prescribed(...)", most=LARGEST))
 
 
 @dataclass(frozen=True)
@@ -88,22 +88,27 @@ class Pressure(Portable):
         object.__setattr__(self, "value", plain_data(self.value, "Pressure(...)", vector=False))
 
 
+#: Lengths and material constants are smaller, so that their products are numbers.
+LARGEST = 1e100
+
 Support = Clamped | Roller | Fixed | Prescribed
 Traction = VectorData | Pressure
 
 
-def _check_finite(value: Any, name: str) -> Array:
+def _check_finite(value: Any, name: str, most: float = np.inf) -> Array:
     array = real_array(value, name, finite=False)
     if not np.all(np.isfinite(array)):
         raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
+    if not (np.abs(array) <= most).all():
+        raise ProblemError(f"{name}: {value!r} is beyond the range of numbers ({most:.0e}); take other units")
     return array
 
 
-def plain_data(value: Any, name: str, vector: bool = True) -> Any:
+def plain_data(value: Any, name: str, vector: bool = True, most: float = np.inf) -> Any:
     """A callable as it is; numbers as floats of the condition's own, which compare and do not change with an array."""
     if callable(value):
         return value
-    array = _check_finite(value, name)
+    array = _check_finite(value, name, most)
     if array.ndim == 0:
         return float(array)
     if not vector:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar._typing import Array
+from hemivar._typing import Array, BoolArray
 from hemivar.arrays import real_array, real_matrix
 from hemivar.errors import ProblemError
 from hemivar.portable import Portable
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["DiscreteProblem", "FieldMap"]
 
 _SYMMETRY_TOLERANCE = 1e-10
+#: Contact points named in a warning.
+_SHOWN = 8
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
 _LEAST_WORK = 1e-270
 
@@ -159,6 +161,9 @@ class DiscreteProblem(Portable):
         How to recover the displacement field.
     statement : ContactProblem or None
         What was discretised; the same on a coarser mesh serves multigrid.
+    without_friction : bool array, shape (m,), or None
+        Where friction of the law is left out, in one direction at least: at sharp corners of two contact boundaries,
+        and where a support fixes a direction oblique to the contact normal.
 
     Raises
     ------
@@ -181,6 +186,7 @@ class DiscreteProblem(Portable):
     frames: Array | None = None
     field: FieldMap | None = None
     statement: ContactProblem | None = None
+    without_friction: BoolArray | None = None
 
     def __post_init__(self) -> None:
         stiffness = real_matrix(self.stiffness, "stiffness", own=True)
@@ -324,7 +330,20 @@ class DiscreteProblem(Portable):
         from hemivar.mechanics.locking import locking_warning
 
         found = None if self.field is None else locking_warning(self.field)
-        return () if found is None else (found,)
+        return tuple(sentence for sentence in (found, self._friction_warning()) if sentence is not None)
+
+    def _friction_warning(self) -> str | None:
+        """Where friction is left out, in words; None if nowhere."""
+        if self.without_friction is None or not self.without_friction.any() or self.points is None:
+            return None
+        where = self.points[self.without_friction]
+        places = ", ".join("(" + ", ".join(f"{x + 0.0:.6g}" for x in point) + ")" for point in where[:_SHOWN])
+        more = f" and {len(where) - _SHOWN} more" if len(where) > _SHOWN else ""
+        return (
+            f"friction is left out, in one direction at least, at {len(where)} contact point"
+            f"{'s' if len(where) > 1 else ''}, x = {places}{more}: two contact boundaries meet there at more than 45 "
+            "degrees, or a support fixes a direction oblique to the contact normal"
+        )
 
     def local(self, unknowns: Array) -> Array:
         """Penetration and slip at the contact points: ``r = B u - offset``.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.assembly import linear_stiffness, load_vector, stiffness_matrix
 from hemivar.mechanics.conditions import (
+    LARGEST,
     Clamped,
     Fixed,
     Prescribed,
@@ -24,7 +26,7 @@ from hemivar.mechanics.conditions import (
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.free_motion import refuse_free_motion
 from hemivar.mechanics.mesh import Mesh
-from hemivar.mechanics.obstacles import obstacle_contact
+from hemivar.mechanics.obstacles import obstacle_contact, refuse_inside
 from hemivar.mechanics.problem import ContactProblem, Quadrature
 
 __all__ = [
@@ -58,7 +60,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     normal row, and the dependent tangential row is set to zero (no friction in that direction). A node where
     two contact boundaries meet smoothly is one contact point, with the law and gap of the boundary named
     first, the weights added and the normals averaged; where they meet at more than 45 degrees it is a point of
-    both, with their normal laws and without friction.
+    both, with their normal laws and without friction. Where friction is left out so, ``without_friction`` and
+    ``warnings`` of the discrete problem say it, with the points.
 
     Parameters
     ----------
@@ -75,7 +78,8 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     ------
     ProblemError
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
-        positive definite, or the body is free to move.
+        positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
+        depend on one another, or the body is free to move.
     """
     mesh, order = problem.mesh, problem.order
     dim = mesh.dim
@@ -102,7 +106,14 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     load = basis.T @ (full_load - reaction)
     constant = float(prescribed @ (0.5 * reaction - full_load))
 
+    if check_coercivity:
+        for name, stated in problem.contact.items():
+            if stated.obstacle is not None:
+                at = mesh.points[np.unique(mesh.boundaries[name])]
+                refuse_inside(stated.obstacle, mesh, at, f"contact '{name}'")
     contact = _join(groups, basis, prescribed, dim)
+    if problem.quadrature is Quadrature.MIDPOINT:
+        _refuse_dependent(contact, groups, list(problem.contact))
     field = FieldMap(mesh, order, basis, prescribed, problem.material)
     discrete = DiscreteProblem._assembled(
         stiffness=stiffness,
@@ -117,8 +128,11 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         frames=contact.frames,
         field=field,
         statement=problem,
+        without_friction=contact.without_friction,
     )
     if check_coercivity:
+        for warning in discrete.warnings:
+            logging.getLogger("hemivar").info("%s", warning)
         refuse_free_motion(discrete, full_load)
     return discrete
 
@@ -356,6 +370,10 @@ def _contact_group(problem: ContactProblem, name: str, supports: _Supports) -> _
         normal, weights, points = _unit(normals), measures, mesh.points[facets].mean(axis=1)
     if contact.obstacle is None:
         gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
+        if not (np.abs(gap) < LARGEST).all():
+            raise ProblemError(
+                f"gap of contact '{name}': {gap[np.argmax(np.abs(gap))]:g} is beyond the range of numbers"
+            )
     else:
         assert contact.normals is not None
         normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
@@ -529,7 +547,8 @@ def _reduce(matrix: sp.csr_array, basis: sp.csr_array) -> sp.csr_array:
 class JoinedContact:
     """Contact points of all boundaries that can move.
 
-    ``kept`` are their numbers among all points; ``energy`` is that of the points that supports hold.
+    ``kept`` are their numbers among all points; ``energy`` is that of the points that supports hold;
+    ``without_friction`` tells where friction of the law had to be left out.
     """
 
     trace: sp.csr_array
@@ -540,6 +559,7 @@ class JoinedContact:
     law: ContactLaw
     energy: float
     kept: IntArray
+    without_friction: BoolArray
 
 
 def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, dim: int) -> JoinedContact:
@@ -550,6 +570,8 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     frames = np.concatenate([group.frames for group in groups])
     points = np.concatenate([group.points for group in groups])
     blocked = np.concatenate([group.blocked for group in groups])
+    rough = np.concatenate([_rough(group.law, len(group.weights)) for group in groups])
+    without = rough & blocked[:, 1:].any(axis=1)
     law = ContactLaw.concatenate([(group.law, len(group.weights)) for group in groups])
     average = sp.csr_array(sp.vstack([group.average for group in groups]))
     full = _local_components(average, frames)
@@ -584,14 +606,54 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
     rows_kept = (keep[:, None] * dim + np.arange(dim)).ravel()
     return JoinedContact(
         sp.csr_array(trace[rows_kept]), weights[keep], offset[keep], points[keep], frames[keep],
-        law if moving.all() else law.take(keep), energy, keep,
+        law if moving.all() else law.take(keep), energy, keep, without[keep],
     )  # fmt: skip
+
+
+def _rough(law: ContactLaw, count: int) -> BoolArray:
+    """Where a law has friction, or may have it in some state."""
+    if law.state_dependent:
+        return np.ones(count, dtype=bool)
+    return np.broadcast_to(law.friction.bounds > 0.0, (count,))
+
+
+def _refuse_dependent(contact: JoinedContact, groups: list[_ContactGroup], names: list[str]) -> None:
+    """Refuse contact points whose displacements depend on one another, as midpoints between held ends do."""
+    rows = np.flatnonzero(np.diff(contact.trace.indptr))
+    if not rows.size:
+        return
+    trace = sp.csr_array(contact.trace[rows])
+    _, part = sp.csgraph.connected_components(sp.csr_array(abs(trace) @ abs(trace).T), directed=False)
+    count = np.bincount(part)
+    used = sp.csc_array(trace)
+    owner = part[used.indices[used.indptr[:-1][np.diff(used.indptr) > 0]]]
+    short = np.bincount(owner, minlength=len(count)) < count
+    first = int(np.argmax(short[part])) if short.any() else _singular_row(sp.csc_array(trace @ trace.T))
+    if first < 0:
+        return
+    point = int(contact.kept[rows[first] // contact.points.shape[1]])
+    group = int(np.searchsorted(np.cumsum([len(one.weights) for one in groups]), point, side="right"))
+    raise ProblemError(
+        f"contact '{names[group]}': its midpoints have more pressures than displacements can tell apart, for both ends "
+        f"of the boundary are held, or it is closed; take quadrature 'nodal', or leave the facets at one end out"
+    )
+
+
+def _singular_row(gram: sp.csc_array) -> int:
+    """A row at which a Gram matrix is singular, -1 if it is not."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        pivots = np.abs(splu(gram, diag_pivot_thresh=0.0, options={"SymmetricMode": True}).U.diagonal())
+    except RuntimeError:
+        return 0
+    return int(np.argmin(pivots)) if pivots.min() <= 1e-12 * pivots.max() else -1
 
 
 def _empty_contact(unknowns: int, dim: int) -> JoinedContact:
     return JoinedContact(
         sp.csr_array((0, unknowns)), np.zeros(0), np.zeros((0, dim)), np.zeros((0, dim)), np.zeros((0, dim,
-        dim)), ContactLaw(NoContact()).at(None), 0.0, np.zeros(0, dtype=np.int64),
+        dim)), ContactLaw(NoContact()).at(None), 0.0, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=bool),
     )  # fmt: skip
 
 

@@ -77,7 +77,8 @@ def geometric_slack(points: Array | None, weights: Array) -> float:
     if points is None or not len(points):
         return SLACK
     length = float(weights.min()) ** (1.0 / max(points.shape[1] - 1, 1))
-    return min(max(SLACK, 64.0 * float(np.finfo(float).eps) * float(np.abs(points).max()) / length), 1e-6)
+    noise = 64.0 * float(np.finfo(float).eps) * float(np.abs(points).max()) / length
+    return float(min(max(SLACK, noise), 1e-6))
 
 
 _REMEDY = "add a support or a law that holds it"

@@ -354,7 +354,7 @@ def _by_programme(cut: Growth, growth: Growth) -> Hold:
     """The programme with the rates cut off; what it finds is checked with the true ones."""
     finite = np.isfinite(cut.up) & np.isfinite(cut.down)
     endless = np.isneginf(cut.up) | np.isneginf(cut.down)
-    concave = np.flatnonzero(finite & (cut.up + cut.down < 0.0))
+    concave = np.flatnonzero(finite & (cut.up + cut.down < 0.0)).tolist()
     reach = np.abs(cut.rows).sum(axis=1)
     sizes = np.where(finite, np.abs(np.where(finite, cut.up, 0.0)) + np.abs(np.where(finite, cut.down, 0.0)), 0.0)
     every = float(sizes @ np.abs(cut.rows).max(axis=1, initial=0.0))
@@ -395,7 +395,7 @@ def _by_programme(cut: Growth, growth: Growth) -> Hold:
             open_ones = [j for j in concave if j not in signs]
             if open_ones:
                 gaps = [-(cut.up[j] + cut.down[j]) * (reach[j] - abs(float(cut.rows[j] @ z))) for j in open_ones]
-                split = int(open_ones[int(np.argmax(gaps))])
+                split = open_ones[int(np.argmax(gaps))]
                 waiting += [{**signs, split: 1.0}, {**signs, split: -1.0}]
                 break
             if relative <= _BALANCE:

@@ -11,11 +11,15 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array, BoolArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import evaluate_scalar
+from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
 from hemivar.portable import Portable
 
 __all__ = ["Material", "PlaneState"]
+
+#: The largest lam / mu that leaves digits for mu.
+_STIFF = 1e13
 
 Number = float | Callable[[Array], Any]
 
@@ -136,13 +140,24 @@ class _Isotropic(Material):
         names = ("E", "nu") if self.technical else ("lam", "mu")
         first = evaluate_scalar(self.first, points, f"material constant {names[0]}")
         second = evaluate_scalar(self.second, points, f"material constant {names[1]}")
+        scale = first if self.technical else second
         if self.technical:
             _require(first > 0, points, first, "E", "must be positive", where)
             _require((second > -1) & (second < 0.5), points, second, "nu", "must lie between -1 and 0.5", where)
+        else:
+            _require(second > 0, points, second, "mu", "must be positive", where)
+        in_range = (scale < LARGEST) & (scale > 1.0 / LARGEST) & (np.abs(first) < LARGEST)
+        units = f"must lie between {1.0 / LARGEST:.0e} and {LARGEST:.0e}: take another unit of force"
+        _require(in_range | (np.abs(first) >= LARGEST), points, scale, names[0 if self.technical else 1], units, where)
+        _require(in_range, points, first, names[0], units, where)
+        if self.technical:
             mu = first / (2 * (1 + second))
-            return 2 * mu * second / (1 - 2 * second), mu
-        _require(second > 0, points, second, "mu", "must be positive", where)
+            lam, name, shown = 2 * mu * second / (1 - 2 * second), "nu", second
+            _require(lam < _STIFF * mu, points, shown, name, "is so near to 0.5 that rounding loses the shear", where)
+            _require(1 + second > 1.0 / _STIFF, points, shown, name, "is so near to -1 that rounding loses it", where)
+            return lam, mu
         _require(first + second > 0, points, first, "lam", "must exceed -mu", where)
+        _require(first < _STIFF * second, points, second, "mu", "is so small beside lam that rounding loses it", where)
         return first, second
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
@@ -179,7 +194,7 @@ class _General(Material):
 
     def __post_init__(self) -> None:
         if not callable(self.matrix):
-            matrix = np.array(self.matrix, dtype=float)
+            matrix = np.array(real_array(self.matrix, "the elasticity matrix", finite=False))
             if matrix.shape not in ((3, 3), (6, 6)):
                 raise ProblemError(
                     f"the elasticity matrix has shape {matrix.shape}; it must be (3, 3) in 2D or (6, 6) in 3D"
@@ -187,7 +202,7 @@ class _General(Material):
             _check_matrices(matrix[None], np.zeros((1, 2)), "")
             object.__setattr__(self, "matrix", matrix)
         if self.out_of_plane is not None:
-            row = np.array(self.out_of_plane, dtype=float)
+            row = np.array(real_array(self.out_of_plane, "out_of_plane", finite=False))
             if row.shape != (3,) or not np.all(np.isfinite(row)):
                 raise ProblemError(f"out_of_plane = {self.out_of_plane!r}; it must be three finite numbers")
             object.__setattr__(self, "out_of_plane", row)
@@ -199,7 +214,7 @@ class _General(Material):
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         size = points.shape[1] * (points.shape[1] + 1) // 2
         value = self.matrix(points) if callable(self.matrix) else self.matrix
-        matrix = np.asarray(value, dtype=float)
+        matrix = real_array(value, "the elasticity matrix", finite=False)
         if matrix.shape not in ((size, size), (len(points), size, size)):
             raise ProblemError(
                 f"the elasticity matrix has shape {matrix.shape}; a {points.shape[1]}D mesh needs ({size}, {size})"
@@ -292,6 +307,12 @@ def _check_matrices(matrices: Array, points: Array, where: str | None) -> None:
     if bad.any():
         raise ProblemError(f"the elasticity matrix is not finite{place(bad)}")
     scale = np.abs(matrices).max(axis=(1, 2))
+    bad = ~((scale < LARGEST) & (scale > 1.0 / LARGEST))
+    if bad.any():
+        raise ProblemError(
+            f"the largest entry of the elasticity matrix is {scale[bad][0]:g}{place(bad)}; it must lie between "
+            f"{1.0 / LARGEST:.0e} and {LARGEST:.0e}: take another unit of force"
+        )
     bad = np.abs(matrices - matrices.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-12 * scale
     if bad.any():
         raise ProblemError(f"the elasticity matrix is not symmetric{place(bad)}; pass (C + C') / 2")

@@ -17,8 +17,9 @@ import numpy as np
 
 from hemivar._typing import Array, BoolArray
 from hemivar.errors import ProblemError
+from hemivar.mechanics.conditions import LARGEST, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.conditions import _check_finite as check_finite
-from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
+from hemivar.mechanics.mesh import Mesh
 from hemivar.portable import Portable
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
@@ -226,7 +227,12 @@ class SignedDistance(Obstacle):
         return None
 
     def distance(self, points: Array) -> Array:
-        return evaluate_scalar(self.function, points, "distance of the obstacle")
+        with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is checked
+            distance = evaluate_scalar(self.function, points, "distance of the obstacle")
+        if not (np.abs(distance) < LARGEST).all():
+            worst = float(distance[np.argmax(np.abs(distance))])
+            raise ProblemError(f"distance of the obstacle: {worst:g} is beyond the range of numbers; take other units")
+        return distance
 
     def normals(self, points: Array) -> Array:
         slope, distance = self._slope(points), self.distance(points)
@@ -293,6 +299,7 @@ def obstacle_contact(
     ProblemError
         If no point can meet the obstacle, or the body lies on the wrong side of its surface.
     """
+    _check_reach(obstacle, points, what)
     if normals is Normals.BODY:
         gap = obstacle.along(points, body_normals)
         if not np.isfinite(gap).any():
@@ -312,6 +319,81 @@ def obstacle_contact(
             f"outside a sphere or cylinder, or inside with inside = true) or move it"
         )
     return contact_normals, gap
+
+
+def refuse_inside(obstacle: Obstacle, mesh: Mesh, contact_points: Array, what: str) -> None:
+    """Refuse an obstacle that lies inside the body, where no motion of the contact boundary leads away from it.
+
+    So it does if the body holds its centre, if the whole body lies in it, or if a node of the body lies deeper in a
+    round obstacle, or one given by its distance, than every point of the contact boundary.
+
+    Parameters
+    ----------
+    obstacle : Obstacle
+    mesh : Mesh
+    contact_points : array, shape (k, d)
+        Points of the contact boundary.
+    what : str
+        Which contact it is, for messages.
+
+    Raises
+    ------
+    ProblemError
+    """
+    remedy = "turn the obstacle round (inside = true), or move it out of the body"
+    depth = -obstacle.distance(mesh.points)
+    if depth.min() > 0.0:
+        raise ProblemError(f"{what}: the whole body lies inside the obstacle; {remedy}")
+    if isinstance(obstacle, Plane) or getattr(obstacle, "inside", False) or not len(contact_points):
+        return
+    if isinstance(obstacle, Sphere) and _holds(mesh, np.asarray(obstacle.center)):
+        centre = ", ".join(f"{value:g}" for value in obstacle.center)
+        raise ProblemError(f"{what}: the centre ({centre}) of the obstacle lies inside the body; {remedy}")
+    known = max(float(-obstacle.distance(contact_points).min()), 0.0)
+    deepest = int(np.argmax(depth))
+    if depth[deepest] > known + 1e-9 * _extent(mesh.points):
+        raise ProblemError(
+            f"{what}: the obstacle lies inside the body: at x = {mesh.points[deepest].tolist()} the body is "
+            f"{depth[deepest]:.3g} deep in it, on the contact boundary {known:.3g} at most; {remedy}, or name as "
+            f"contact boundary all that touches it"
+        )
+
+
+def _holds(mesh: Mesh, point: Array) -> bool:
+    """Whether a point lies in the interior of a cell, or between cells."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    if not ((low < point) & (point < high)).all():
+        return False
+    corners = mesh.points[mesh.cells]
+    near = ((corners.min(axis=1) <= point) & (point <= corners.max(axis=1))).all(axis=1)
+    side = corners[near, 1:] - corners[near, :1]
+    share = np.linalg.solve(side.transpose(0, 2, 1), (point - corners[near, 0])[:, :, None])[:, :, 0]
+    share = np.column_stack([1.0 - share.sum(axis=1), share])
+    inside = (share > -1e-9).all(axis=1)
+    if not inside.any():
+        return False
+    # on the outer boundary the point is not inside: some facet that holds it belongs to one cell only
+    outer = mesh.points[mesh.boundary_facets]
+    normals, _ = mesh.facet_normals(mesh.boundary_facets)
+    height = np.abs(np.einsum("kd,kd->k", normals, point - outer[:, 0]))
+    slack = 1e-9 * float((high - low).max())
+    boxed = ((outer.min(axis=1) - slack <= point) & (point <= outer.max(axis=1) + slack)).all(axis=1)
+    return not bool((boxed & (height <= slack)).any())
+
+
+def _check_reach(obstacle: Obstacle, points: Array, what: str) -> None:
+    """Refuse obstacles so large or so far away that distances to them are rounding errors."""
+    reach = max(
+        (float(np.abs(np.asarray(getattr(obstacle, name))).max()) for name in ("center", "point", "radius")
+         if hasattr(obstacle, name)),
+        default=0.0,
+    )  # fmt: skip
+    extent = _extent(points)
+    if reach * 2.0**-52 > 1e-6 * extent:
+        raise ProblemError(
+            f"{what}: the obstacle has coordinates or a radius of {reach:.3g}, and distances to it are rounded to "
+            f"{reach * 2.0**-52:.2g}, too coarsely for a body of size {extent:.3g}; take a plane, or move it"
+        )
 
 
 def _extent(points: Array) -> float:
@@ -356,7 +438,7 @@ def _round_along(arm: Array, directions: Array, radius: float, inside: bool) -> 
 
 
 def _vector(value: Any, name: str) -> Array:
-    array = check_finite(value, name)
+    array = check_finite(value, name, LARGEST)
     if array.ndim != 1 or len(array) not in (2, 3):
         raise ProblemError(f"{name} has shape {array.shape}; give 2 or 3 numbers")
     return array
@@ -364,6 +446,7 @@ def _vector(value: Any, name: str) -> Array:
 
 def _direction(value: Any, dim: int, name: str) -> Array:
     array = _vector(value, name)
+    array = array / max(float(np.abs(array).max()), 1e-300)
     size = float(np.linalg.norm(array))
     if len(array) != dim:
         raise ProblemError(f"{name} has {len(array)} components but its point has {dim}; give equally many")
@@ -376,4 +459,6 @@ def _radius(value: Any, name: str) -> float:
     array = check_finite(value, f"{name}: radius")
     if array.ndim != 0 or not array > 0.0:
         raise ProblemError(f"{name}: radius is {value!r}; give one positive number")
+    if not 1.0 / LARGEST < array < LARGEST:
+        raise ProblemError(f"{name}: radius is {value!r}, beyond the range of numbers; take another unit of length")
     return float(array)

@@ -16,7 +16,7 @@ import scipy.linalg
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from hemivar._typing import Array, IntArray
+from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import FieldMap
 from hemivar.mechanics.mesh import Mesh
@@ -257,12 +257,10 @@ def _of_many(field: FieldMap) -> FreeMotions:
             joints = nodes[body.shared[nodes]]
             stop[joints], stopped[joints] = np.eye(dim), True
             waiting.extend(int(p) for p in np.unique(sharing[joints].indices) if not held[p])
-    return _clusters(body, left, held, stopped, stop, sharing)
+    return _clusters(body, left, held, stop, sharing)
 
 
-def _clusters(
-    body: _Body, left: list[Array], held: Array, stopped: Array, stop: Array, sharing: sp.csr_array
-) -> FreeMotions:
+def _clusters(body: _Body, left: list[Array], held: BoolArray, stop: Array, sharing: sp.csr_array) -> FreeMotions:
     """Motions of the parts that are not held, those that hang together being taken together."""
     dim, kinds = body.dim, body.kinds
     joints = np.flatnonzero(body.shared & ~stop[:, range(dim), range(dim)].all(axis=1))
@@ -274,7 +272,7 @@ def _clusters(
     groups: list[MovingGroup] = []
     total = 0
     for cluster in np.unique(label[~held]):
-        members = np.flatnonzero((label == cluster) & ~held)
+        members: IntArray = np.flatnonzero((label == cluster) & ~held)
         width = sum(left[p].shape[1] for p in members)
         if width > _LARGEST:
             place = ", ".join(f"{x:.6g}" for x in body.nodes[body.nodes_of(int(members[0]))].mean(axis=0))
@@ -299,7 +297,7 @@ def _clusters(
         if own.shape[1] == 0:
             continue
         coefficients = np.zeros((len(members), kinds, own.shape[1]))
-        nodes_done: list[Array] = []
+        nodes_done: list[IntArray] = []
         values: list[Array] = []
         for i, p in enumerate(members):
             coefficients[i] = left[p] @ own[offset[i] : offset[i + 1]]
@@ -310,7 +308,7 @@ def _clusters(
         moved = np.concatenate(values)[first_of].reshape(-1, own.shape[1])
         entries = (every[:, None] * dim + np.arange(dim)).ravel()
         data.append(moved.ravel())
-        rows_of.append(np.repeat(entries, own.shape[1]))
+        rows_of.append(np.repeat(entries, own.shape[1]).astype(np.int64))
         columns_of.append(np.tile(total + np.arange(own.shape[1]), len(entries)))
         hinges = every[body.shared[every]]
         groups.append(MovingGroup(members, slice(total, total + own.shape[1]), coefficients, hinges))

@@ -15,7 +15,17 @@ from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
 from hemivar.mechanics._mesh_arrays import _facet_keys
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData, plain_data
+from hemivar.mechanics.conditions import (
+    LARGEST,
+    Clamped,
+    Fixed,
+    Prescribed,
+    Pressure,
+    Support,
+    Traction,
+    VectorData,
+    plain_data,
+)
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.mesh import Mesh
@@ -51,7 +61,8 @@ class Contact(Portable):
     obstacle : Obstacle or None
         A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
         :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
-        (an interference fit, or an indentation stated by the place of the obstacle).
+        (an interference fit, or an indentation stated by the place of the obstacle). One that lies inside the body is
+        refused by :func:`discretize`.
     normals : Normals or None
         Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
         default, and all there is, without one).
@@ -70,7 +81,7 @@ class Contact(Portable):
 
     def __post_init__(self) -> None:
         _ = self.law
-        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False))
+        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
         self._check_obstacle()
 
     def _check_obstacle(self) -> None:

@@ -87,7 +87,8 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
     ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
-    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction`` and ``state`` ("open", "stick", "slip").
+    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction``, ``state`` ("open", "stick", "slip") and
+    ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
     Slip and friction are numbers in 2D (along the normal turned by +90 degrees), vectors of two local components in
     3D, and null in 1D. Numbers that are not finite become null.
     """
@@ -138,6 +139,7 @@ def _contact_record(solution: Solution) -> dict[str, Any]:
         "pressure": solution.pressure,
         "friction": _tangential(solution.friction),
         "state": _state_names(solution),
+        "without_friction": problem.without_friction,
     }
 
 

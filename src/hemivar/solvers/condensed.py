@@ -17,7 +17,7 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
-from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, refuse_indefinite, rounding
+from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
@@ -29,6 +29,8 @@ from hemivar.solvers.memory import check_memory, shortage
 
 __all__ = ["CondensedProblem", "condense", "depends_on_state"]
 
+#: Gaps this many times larger than the displacements are far.
+_FAR = 1e4
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
 _ROUNDED = 1e-9
 
@@ -164,9 +166,10 @@ class CondensedProblem(Portable):
             return []
         local = np.zeros((*self.shape, len(modes)))
         local.reshape(-1, len(modes))[self.free] = modes.T
-        flat = local.reshape(-1, len(modes))
-        size = float(np.abs(self.force) @ np.abs(flat).max(axis=1))
-        return [growth_along(self.law, local, self.weights, flat.T @ self.force, size, _ROUNDED)]
+        moved = np.stack([self._recovery.linear(r) for r in local.transpose(2, 0, 1)], axis=1)
+        load = self.problem.load
+        size = float(np.abs(load) @ np.abs(moved).max(axis=1))
+        return [growth_along(self.law, local, self.weights, moved.T @ load, size, _ROUNDED)]
 
     @cached_property
     def length_scale(self) -> float:
@@ -301,7 +304,43 @@ class CondensedProblem(Portable):
         # One step of iterative refinement where rounding in the elimination shows.
         u_refined = self._recovery.refine(u, self.problem, lam)
         refined = residual(self.problem, u_refined, lam)
-        return (u_refined, refined) if refined.total < found.total else (u, found)
+        if refined.total < found.total:
+            u, found = u_refined, refined
+        sharper = self._sharpened(u, r, lam)
+        if sharper is not None and sharper[1] < found.total:
+            return sharper[0], residual(self.problem, sharper[0], lam)
+        return u, found
+
+    def _sharpened(self, u: Array, r: Array, lam: Array) -> tuple[Array, float] | None:
+        """Equilibrium of the contact points that are far from the foundation, where r is the gap and u is lost in it.
+
+        With its residual for the multiplier of the law, which must not depend on r there.  None where no gap is that
+        large, or where the points are not held.
+        """
+        offset = self.problem.offset.reshape(self.shape)
+        moved = float(np.abs(r + offset)[self.active].max(initial=0.0))
+        far = self.active & (np.abs(offset) > _FAR * moved)
+        if moved == 0.0 or not far.any():
+            return None
+        law = self.law_at(r, lam)
+        lam = np.where(self.active, law.nearest_multiplier(r, lam), lam)
+        smooth = law.linearise(r)
+        flat = smooth.smooth[:, [0] + [1] * (self.shape[1] - 1)]
+        flat &= np.abs(smooth.hessian).sum(axis=2) == 0.0
+        free = np.flatnonzero((self.active & flat).ravel())
+        if not far.ravel()[free].any():
+            return None
+        rest = self.problem.load - self.problem.stiffness @ u - self.problem.contact_force(lam)
+        inner = self._recovery.factor.solve_interior(rest)
+        reduced = (rest - self.problem.stiffness @ inner)[self._recovery.kept]
+        try:
+            factor = la.cho_factor(self.matrix[np.ix_(free, free)])
+        except la.LinAlgError:
+            return None
+        change = np.zeros(self.active.size)
+        change[free] = la.cho_solve(factor, np.asarray(self._recovery.spread.T @ reduced)[free])
+        u = u + inner + self._recovery.linear(change)
+        return u, residual(self.problem, u, lam).total
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,6 +408,7 @@ class _Body:
 
 
 def _condense_body(problem: DiscreteProblem) -> _Body:
+    refuse_unseen(problem)
     K, B = problem.stiffness, problem.trace
     m, d = problem.contact_points, problem.dim
     B = sp.csr_array(B)
@@ -417,10 +457,9 @@ def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: I
             u = np.zeros(problem.unknowns)
             u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
             u += factor.solve_interior(-(K @ u))
-            lowest = quotient(K, u, problem.diagonal)
+        refuse_indefinite(below_zero(problem, quotient(K, u, problem.diagonal)))
     else:
-        lowest = lowest_quotient(K, 200)
-    refuse_indefinite(lowest if lowest < -rounding(K, problem.diagonal) else None)
+        refuse_indefinite(indefinite(K))
 
 
 def _load(body: _Body, problem: DiscreteProblem, began: float) -> CondensedProblem:

@@ -17,7 +17,15 @@ from hemivar.arrays import norm
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.laws.contact import Linearisation
-from hemivar.linear.definite import free_unknowns, lowest_quotient, refuse_indefinite, rounding
+from hemivar.linear.definite import (
+    below_zero,
+    free_unknowns,
+    lowest_quotient,
+    quotient,
+    refuse_indefinite,
+    refuse_unseen,
+    rounding,
+)
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.linear.levels import COARSEST
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
@@ -38,6 +46,8 @@ __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 _NESTED = 1e-3
 _PATIENCE = 0.5
 _TIGHTEST = 1e-13
+#: Gaps this many times larger than the displacements are far.
+_FAR = 1e4
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
 _ROUNDED = 1e-9
 #: How far, in powers of two of the length that the stiffness of the contact points suggests, a direction without
@@ -173,6 +183,14 @@ class BodyProblem:
         out = x.copy()
         offset = self.problem.offset.reshape(self.shape)
         out[self.unknown] = self.sign * (r + offset)[self.active]
+        # Far from the foundation r is the gap, and has the digits of u no more: what differs by rounding stays.
+        far = np.abs(offset) > _FAR * np.abs(r + offset)[self.active].max(initial=0.0)
+        if far.any():
+            now = self.local(x)
+            same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(offset))
+            same[:, 0] &= ~self.law.normal.at_kink(r[:, 0])
+            kept = self.unknown[same[self.active]]
+            out[kept] = x[kept]
         return out
 
     def force(self, x: Array) -> Array:
@@ -475,6 +493,9 @@ class NonsmoothMultigrid(Solver):
             best = self._search(line, [0.5**k for k in range(self.halvings)])
         if found.negative is not None:
             # No curvature holds the energy back that way: as far as its laws let it fall.
+            if free_unknowns(system.problem) is None:
+                curvature = quotient(system.problem.stiffness, found.negative, system.problem.diagonal)
+                refuse_indefinite(below_zero(system.problem, curvature))
             line = _Line.of(equation, x, found.negative, system.problem.stiffness @ found.negative)
             unit = line.slope / max(float(np.vdot(line.along**2, system.stiffness)), np.finfo(float).tiny)
             other = self._search(line, [unit * 2.0**k for k in range(_FURTHEST, -20, -1)], every=True)
@@ -682,9 +703,9 @@ def _curvature(system: BodyProblem, hessian: Array, moving: BoolArray) -> sp.csr
 def set_up(problem: DiscreteProblem) -> BodyProblem:
     """The body of a problem on its mesh and on every coarser one."""
     began = time.perf_counter()
+    refuse_unseen(problem)
     if free_unknowns(problem) is None:
-        lowest = lowest_quotient(problem.stiffness)
-        refuse_indefinite(lowest if lowest < -rounding(problem.stiffness, problem.diagonal) else None)
+        refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
     hierarchy = ElasticMultigrid.of(problem)
     body: BodyProblem | None = None
     coarser = [step.problem for step in hierarchy.steps] if hierarchy.poses(problem) else []

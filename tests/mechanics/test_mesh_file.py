@@ -1,0 +1,98 @@
+"""Names of files that no mesh can come from, and formats of meshio."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import hemivar.memory as machine
+from hemivar.errors import ProblemError
+from hemivar.mechanics import read_mesh
+from hemivar.problem_file import parse_problem_file, read_problem
+
+SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+CELLS = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs pipes and links")
+@pytest.mark.parametrize("kind", ["pipe", "device", "endless", "folder", "nul", "loop", "long"])
+@pytest.mark.parametrize("read", [read_mesh, read_problem])
+def test_only_regular_files_are_opened(kind: str, read, tmp_path: Path) -> None:
+    """A pipe would hang, /dev/zero would never end."""
+    path = tmp_path / "part.msh"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "loop":
+        path.symlink_to(path)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path = {"device": Path("/dev/null"), "endless": Path("/dev/zero"), "nul": Path("a\0b.msh")}.get(
+            kind, tmp_path / (5000 * "x")
+        )
+    with pytest.raises(ProblemError, match=r"regular file|folder|directory|cannot read") as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+    assert "\0" not in str(caught.value)
+
+
+def test_problem_files_have_a_limit(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    with path.open("wb") as stream:
+        stream.truncate(17 * 2**20)
+    with pytest.raises(ProblemError, match="has 17 MiB; at most 16 MiB are read"):
+        read_problem(path)
+
+
+def test_mesh_files_are_held_against_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "large.msh"
+    with path.open("wb") as stream:
+        stream.truncate(2**30)
+    monkeypatch.setattr(machine, "available_bytes", lambda: 2.0**32)
+    with pytest.raises(ProblemError, match=r"large.msh' of 1024 MiB needs about 6 GiB of memory, and 4 GiB are free"):
+        read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    "suffix", ["vtu", "vtk", "inp", "mesh", "xdmf", "stl", "obj", "ply", "nas", "off", "su2", "", "h5m"]
+)
+@pytest.mark.parametrize("data", [b"", b"garbage\n", b"\0\1\2\3" * 100, b"*NODE\n1, 1e, 0\n", b"(0 garbage"])
+def test_garbage_in_any_format_is_one_sentence_and_silent(suffix: str, data: bytes, tmp_path: Path, capfd) -> None:
+    path = tmp_path / f"part.{suffix}"
+    path.write_bytes(data)
+    with pytest.raises(ProblemError) as caught:
+        read_mesh(path)
+    text = str(caught.value)
+    assert str(path) in text
+    assert "\n" not in text
+    assert "meshio" not in text.lower()
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert captured.err == ""
+
+
+@pytest.mark.parametrize("cells", [[[0, 1, 9]], [[0, 1, -1]]])
+def test_cells_of_other_formats_are_checked(cells: list, tmp_path: Path) -> None:
+    path = tmp_path / "part.vtu"
+    meshio.Mesh(SQUARE, [("triangle", np.array(cells))]).write(path)
+    with pytest.raises(ProblemError, match="refers to a node that is not in it"):
+        read_mesh(path)
+
+
+def test_coordinates_of_other_formats_are_checked(tmp_path: Path) -> None:
+    path = tmp_path / "part.vtu"
+    meshio.Mesh(SQUARE * [[np.nan], [1], [1], [1]], [("triangle", CELLS)]).write(path)
+    with pytest.raises(ProblemError, match="not finite"):
+        read_mesh(path)
+
+
+def test_problem_files_name_the_mesh_file_and_their_key(tmp_path: Path) -> None:
+    (tmp_path / "part.msh").write_text("no mesh")
+    text = '[mesh]\nfile = "part.msh"\n[material]\nlame = [4.0, 4.0]\n'
+    with pytest.raises(ProblemError, match=r"problem: \[mesh\] file: mesh file '.*part.msh' cannot be read"):
+        parse_problem_file(text, tmp_path)
