@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import shutil
 import tempfile
+import traceback
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -27,8 +28,12 @@ def _begin() -> None:
 def _work(task: tuple[int, int, str | None, Path, Path | None]) -> Outcome:
     seed, number, family, scratch, dump = task
     folder = scratch / f"{seed}-{number}"
-    case = make_case(seed, number, family)
-    outcome = run_and_judge(case, folder)
+    try:
+        case = make_case(seed, number, family)
+        outcome = run_and_judge(case, folder)
+    except Exception:  # a fault of the harness must not end all other cases
+        failed = {"oracle failed": traceback.format_exc()[-600:]}
+        return Outcome(f"{seed}:{number}", family or "unknown", "the harness failed", "oracle failed", failed)
     if dump is not None and outcome.verdict in FAULTS:
         with contextlib.suppress(OSError, shutil.Error, ValueError):
             leave_command(case, folder)

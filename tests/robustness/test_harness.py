@@ -133,6 +133,7 @@ def test_what_is_planted_is_counted(tmp_path: Path, command: Callable[[], int], 
     assert column in table([outcome])
 
 
+@pytest.mark.slow
 def test_limits_hold(tmp_path: Path) -> None:
     begun = time.monotonic()
     _, spun = _outcome(tmp_path / "a", _spin)
