@@ -286,13 +286,11 @@ def read_msh(data: bytes) -> MshMesh:
     names = _names(sections.get("PhysicalNames"))
     mesh = _read_2(sections) if words[0] == "2.2" else _read_4(sections, words[0] == "4.1")
     mesh.names = names
-    for dim, group, _, nodes in mesh.elements:
+    for _, _, _, nodes in mesh.elements:
         if any(n not in mesh.nodes for n in nodes):
             raise MalformedError("an element has a node that is not there")
         if len(set(nodes)) != len(nodes):
             raise MalformedError("an element has one node twice")
-        if group < 0 and dim == mesh.dim:
-            raise MalformedError("a negative group")
     return mesh
 
 
@@ -338,7 +336,8 @@ def _read_2(sections: dict[str, list[str]]) -> MshMesh:
         tags = [words.whole() for _ in range(words.whole(0))]
         dim, count = _KIND[kind]
         chosen = tuple(words.whole(1) for _ in range(count))
-        elements.append((dim, tags[0] if tags else 0, tags[1] if len(tags) > 1 else 0, chosen))
+        # a negative group is that of an element of the other orientation
+        elements.append((dim, abs(tags[0]) if tags else 0, tags[1] if len(tags) > 1 else 0, chosen))
     words.end()
     return MshMesh(nodes, elements)
 
@@ -399,7 +398,7 @@ def _read_4(sections: dict[str, list[str]], new: bool) -> MshMesh:
             words.whole()  # its number, which nothing refers to
             total_found += 1
             chosen = tuple(words.whole(1) for _ in range(_KIND[kind][1]))
-            elements += [(dim, tag, entity, chosen) for tag in (tags or [0])]
+            elements += [(dim, abs(tag), entity, chosen) for tag in (tags or [0])]
     words.end()
     if total_found != total:
         raise MalformedError(f"{total_found} elements, but {total} were announced")
