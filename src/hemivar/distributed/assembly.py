@@ -269,7 +269,13 @@ def assemble(
     )  # fmt: skip
     if unknowns == 0:
         raise shared(ProblemError("the supports leave the body no freedom; refine the mesh or remove supports"))
-    K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
+    with np.errstate(all="ignore"):  # what is not finite is refused below
+        K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
+    finite = float(np.isfinite(f.array_r).all() and np.isfinite(row_sums.array_r).all() and 0.0 < typical < np.inf)
+    if ranks.largest(1.0 - finite)[0]:
+        raise shared(
+            ProblemError("stiffness or load is not finite, for numbers of the problem are too large; take other units")
+        )
     del blocks
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
     diagonal = K.getDiagonal().array_r
@@ -300,7 +306,7 @@ def assemble(
         unknowns=int(unknowns),
         contact_points=int(points),
         constant=float(constant),
-        load_scale=float(f.norm()),
+        load_scale=float(ranks.norms(f.array_r)[0]),
         seconds=time.perf_counter() - began,
         coarser=coarser,
     )
