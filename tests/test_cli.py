@@ -753,7 +753,7 @@ def test_a_full_disk_is_reported_in_one_line(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("raised", [KeyboardInterrupt, BrokenPipeError, MemoryError])
+@pytest.mark.parametrize("raised", [KeyboardInterrupt, MemoryError, ZeroDivisionError, RecursionError])
 def test_interrupts_and_the_like_before_the_iteration(
     raised: type[BaseException],
     folder: Path,
@@ -763,15 +763,21 @@ def test_interrupts_and_the_like_before_the_iteration(
     def stop(*_: object) -> None:
         raise raised
 
+    monkeypatch.delenv("HEMIVAR_TRACEBACK", raising=False)
     monkeypatch.setattr(cli, "_discretize", stop)
-    monkeypatch.setattr(cli.os, "dup2", lambda *_: None)
     (folder / "part.toml").write_text(BASE)
     code = cli.main(["solve", "part.toml"])
     err = capfd.readouterr().err.strip()
     expected = {
         KeyboardInterrupt: (130, "hemivar: interrupted"),
-        BrokenPipeError: (0, ""),
         MemoryError: (2, "hemivar: error: not enough memory for this problem; take --method multigrid, or fewer cells"),
+        **{
+            kind: (
+                70,
+                f"hemivar: error: internal error: {kind.__name__}; please report it, HEMIVAR_TRACEBACK=1 shows where",
+            )
+            for kind in (ZeroDivisionError, RecursionError)
+        },
     }
     assert (code, err) == expected[raised]
 

@@ -54,7 +54,7 @@ def test_a_wrong_solution_is_found_out(solved, capsys):
     code, out, _ = run(capsys, "certify", solved, "--solution", where / "wrong.json")
     assert code == 1
     assert "not stationary" in out
-    code, _, _ = run(capsys, "certify", solved, "--solution", where / "wrong.json", "--rtol", "0.1")
+    code, _, _ = run(capsys, "certify", solved, "--solution", where / "wrong.json", "--rtol", "0.01")
     assert code == 0
 
 

@@ -17,6 +17,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hemivar import __version__
+from hemivar.commands.outputs import Writer, check_folder, check_outputs, internal_error, keep_off, one_line
+from hemivar.commands.terminal import Stream, guarded_streams, quiet_logging, quiet_warnings, signals_as_interrupts
+from hemivar.disk import noting_files_read, shown, write_text
 from hemivar.errors import HemivarError, ProblemError
 
 if TYPE_CHECKING:
@@ -31,8 +34,11 @@ if TYPE_CHECKING:
 
 __all__ = ["app", "main"]
 
-_CONVERGED, _NOT_CONVERGED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
-_FIGURES = (".png", ".svg", ".pdf")
+_CONVERGED, _NOT_CONVERGED, _BAD_INPUT, _INTERNAL, _INTERRUPTED = 0, 1, 2, 70, 130
+_LARGEST_RTOL = 1e-2
+_LARGEST_FACTOR = 1e100
+_MOST_STARTS = 1_000_000
+_MOST_STEPS = 10**9
 _REFERENCE, _REFERENCE_IF_LARGE = "newton", "multigrid"
 _COMPARE_SECONDS = 60.0
 _ENGINES = ("scipy", "petsc")
@@ -44,7 +50,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 converged, 1 not converged, 2 bad input, 130 interrupted.",
+    epilog="Exit codes: 0 converged, 1 not converged, 2 bad input or a file that cannot be written, 130 interrupted.",
 )
 
 _ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The problem file.")]
@@ -65,39 +71,48 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 converged (or done), 1 not converged, 2 bad input (one line on stderr), 130 interrupted.
+        0 converged (or done), 1 not converged, 2 bad input or a file that could not be written (one line on stderr),
+        70 an error that should not occur, 130 interrupted (Ctrl-C, SIGTERM, SIGHUP, nobody reads standard output).
     """
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(AttributeError, ValueError, OSError):
-            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
     arguments = None if argv is None else list(argv)
+    if argv is None:
+        os.environ["MPLBACKEND"] = "agg"  # figures go to files; a backend that does not exist would stop them
+    with guarded_streams() as (out, _), quiet_warnings(), signals_as_interrupts():
+        code = _guarded(arguments, out)
+        out.flush()
+        if out.failed is not None and not out.reader_left:
+            reason = getattr(out.failed, "strerror", None) or out.failed
+            complaint = _complain(f"standard output cannot be written ({reason})")
+            code = complaint if code == _CONVERGED else code
+        if code == _INTERRUPTED:
+            _leave(code)
+        return code
+
+
+def _guarded(arguments: list[str] | None, out: Stream) -> int:
+    """Run the command; whatever it raises becomes an exit code and one line."""
     try:
         result = app(args=arguments, prog_name="hemivar", standalone_mode=False)
         code = result if isinstance(result, int) else _CONVERGED
-        sys.stdout.flush()
     except HemivarError as error:
         return _complain(str(error))
     except (KeyboardInterrupt, typer.Abort):
         code = _INTERRUPTED
     except typer.Exit as stop:
         code = stop.exit_code
-    except BrokenPipeError:
-        # whoever read our output has gone; say nothing, also when Python flushes at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _CONVERGED
     except MemoryError:
         return _complain("not enough memory for this problem; take --method multigrid, or fewer cells")
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}; check path and disk")
     except Exception as error:
-        if not hasattr(error, "format_message"):
-            raise
-        usage = error.format_message()
-        usage = usage.rstrip(".") + (" " if usage.endswith("?") else "; ")
-        return _complain(f"{usage}see 'hemivar --help'")
+        if hasattr(error, "format_message"):
+            usage = error.format_message()
+            usage = usage.rstrip(".") + (" " if usage.endswith("?") else "; ")
+            return _complain(f"{usage}see 'hemivar --help'")
+        return _complain(internal_error(error), _INTERNAL)
     if code == _INTERRUPTED:
-        sys.stderr.write("hemivar: interrupted\n")
-        _leave(code)
+        why = ": standard output is no longer read" if out.reader_left else ""
+        sys.stderr.write(f"hemivar: interrupted{why}\n")
     return code
 
 
@@ -110,11 +125,17 @@ def _leave(code: int) -> None:
         os._exit(code)
 
 
-def _complain(message: str) -> int:
-    line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
+def _complain(message: str, code: int = _BAD_INPUT) -> int:
     sys.stdout.flush()
-    sys.stderr.write(f"hemivar: error: {line}\n")
-    return _BAD_INPUT
+    sys.stderr.write(f"hemivar: error: {one_line(message)}\n")
+    return code
+
+
+def _ended(writer: Writer, code: int) -> int:
+    """The exit code after the files were written: complaints about them come last, and stand before success."""
+    if writer.complain() and code != _INTERRUPTED:
+        return _BAD_INPUT
+    return _INTERRUPTED if writer.interrupted else code
 
 
 def _print_version(wanted: bool) -> None:
@@ -183,20 +204,24 @@ def _solve(
             for option, value in others.items():
                 if value is not None:
                     raise ProblemError(f"{option} goes with --engine scipy; leave one of the two out")
-            _check_outputs({"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}, problem)
+            check_outputs({**files, "--checkpoint": checkpoint}, problem)
             _check_limits(rtol, max_time, max_steps)
 
-        return run_on_ranks(
-            problem, check, lambda stated, say: _controls(stated, rtol, max_time, max_steps, say),
-            None if quiet else _StepPrinter(), json, vtu, checkpoint, restart,
-        )  # fmt: skip
+        def limits(stated: ProblemFile, say: Callable[[Progress], None] | None) -> Controls:
+            keep_off({**files, "--checkpoint": checkpoint}, inputs)
+            return _controls(stated, rtol, max_time, max_steps, say)
+
+        files = {"--json": json, "--vtu": vtu}
+        tell: Any = None if quiet else _StepPrinter()
+        with noting_files_read() as inputs:
+            return run_on_ranks(problem, check, limits, tell, json, vtu, checkpoint, restart)
     for option, value in {"--checkpoint": checkpoint, "--restart": restart}.items():
         if value is not None:
             raise ProblemError(f"{option} goes with --engine petsc; leave one of the two out")
-    _check_outputs(outputs, problem)
+    check_outputs(outputs, problem)
     _check_limits(rtol, max_time, max_steps)
     named = None if method is None else _method(method)
-    stated = _read(problem)
+    stated, writer = _read(problem, outputs)
     _check_drawable(stated, outputs)
     console = _console()
     trace = None if quiet else _StepPrinter()
@@ -211,11 +236,15 @@ def _solve(
     solver, why = _chosen(stated, discrete[-1], named)
     _print_method(solver, why)
     solution = _solve_levels(discrete, solver, controls, trace)
-    certificate = _print_summary(console, solution)
-    written = _write(solution, stated, outputs, certificate)
-    if written:
-        print(f"written           {', '.join(written)}")
-    return _exit_code(solution)
+    certificate: Certificate | None = None
+    try:
+        certificate = _certificate(solution, controls, writer)
+        _print_summary(console, solution, certificate)
+    finally:  # whatever happens between, what was computed is written
+        _write(writer, solution, stated, outputs, certificate)
+        writer.tell()
+        writer.complain()
+    return _ended(writer, _exit_code(solution))
 
 
 @app.command("certify")
@@ -235,10 +264,11 @@ def _certify(
     """
     from hemivar.commands.certify import check_solution_file, run_certify
 
-    _check_outputs({"--json": json}, problem)
+    outputs = {"--json": json}
+    check_outputs(outputs, problem)
     check_solution_file(solution)
     _check_limits(rtol, None, None)
-    stated = _read(problem)
+    stated, writer = _read(problem, outputs, *([] if solution is None else [solution]))
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
     controls = _controls(stated, None, None, None, None)
@@ -248,15 +278,15 @@ def _certify(
         _print_method(solver, why)
         return _solve_levels([discrete], solver, controls, None)
 
-    fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve)
-    return _CONVERGED if fulfilled else _NOT_CONVERGED
+    fulfilled = run_certify(stated.name, discrete, solution, json, rtol, solve, writer)
+    return _ended(writer, _CONVERGED if fulfilled else _NOT_CONVERGED)
 
 
 @app.command("solutions")
 def _solutions(
     problem: _ProblemPath,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the solutions.")] = None,
-    starts: Annotated[int, typer.Option(metavar="N", min=0, help="Random starts of each kind.")] = 40,
+    starts: Annotated[int, typer.Option(metavar="N", min=0, max=_MOST_STARTS, help="Random starts of each kind.")] = 40,
     max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many.")] = 100,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
     rtol: _Rtol = None,
@@ -267,24 +297,23 @@ def _solutions(
     """
     from hemivar.commands.solutions import run_solutions, solutions_table
 
-    _check_outputs({"--json": json}, problem)
+    outputs = {"--json": json}
+    check_outputs(outputs, problem)
     _check_limits(rtol, None, None)
-    stated = _read(problem)
+    stated, writer = _read(problem, outputs)
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
     controls = _controls(stated, rtol, None, None, None)
     found = run_solutions(
-        stated.name, discrete, controls, json, starts=starts, max_solutions=max_solutions, seed=seed
+        stated.name, discrete, controls, json, writer, starts=starts, max_solutions=max_solutions, seed=seed
     )  # fmt: skip
     print(f"solutions         {len(found)}; {'no others exist' if found.exhaustive else 'there may be others'}")
     print(f"searched          {found.searched}")
     if len(found):
         _print_table(_console(), solutions_table(found))
-    if json is not None:
-        print(f"written           {json}")
-    if found.interrupted:
-        return _INTERRUPTED
-    return _CONVERGED if len(found) else _NOT_CONVERGED
+    writer.tell()
+    code = _CONVERGED if len(found) else _NOT_CONVERGED
+    return _ended(writer, _INTERRUPTED if found.interrupted else code)
 
 
 @app.command("path")
@@ -298,7 +327,7 @@ def _path(
     ] = "max-penetration",
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the path.")] = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
-    max_points: Annotated[int, typer.Option(metavar="N", min=2, help="Limit of points.")] = 2000,
+    max_points: Annotated[int, typer.Option(metavar="N", min=2, max=_MOST_STEPS, help="Limit of points.")] = 2000,
 ) -> int:
     """Follow the equilibria while the load grows, through folds: stable and unstable branches, folds, jumps.
 
@@ -308,20 +337,21 @@ def _path(
     from hemivar.report.path import QUANTITIES
     from hemivar.solvers import LoadLine
 
-    _check_outputs({"--json": json, "--plot": plot}, problem)
+    outputs = {"--json": json, "--plot": plot}
+    check_outputs(outputs, problem)
+    for factor in load_factor:
+        if not abs(factor) <= _LARGEST_FACTOR:
+            raise ProblemError(f"--load-factor is {factor:g}; its size must be at most {_LARGEST_FACTOR:g}")
     if quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{_suggest(quantity, list(QUANTITIES))}")
-    stated = _read(problem)
+    stated, writer = _read(problem, outputs)
     discrete = _discretize(stated, None)
     _print_head(stated, discrete)
     line = LoadLine.of(stated.problem)
-    path = run_path(stated.problem, line, load_factor, json, plot, quantity=quantity, max_points=max_points)
-    written = [str(file) for file in (json, plot) if file is not None]
-    if written:
-        print(f"written           {', '.join(written)}")
-    if path.interrupted:
-        return _INTERRUPTED
-    return _CONVERGED if path.reached_end else _NOT_CONVERGED
+    path = run_path(stated.problem, line, load_factor, json, plot, writer, quantity=quantity, max_points=max_points)
+    writer.tell()
+    code = _CONVERGED if path.reached_end else _NOT_CONVERGED
+    return _ended(writer, _INTERRUPTED if path.interrupted else code)
 
 
 @app.command("compare")
@@ -344,11 +374,12 @@ def _compare(
     from hemivar.report.tables import Table
     from hemivar.solvers import METHODS, condense
 
-    _check_outputs({"--json": json, "--csv": csv}, problem)
+    outputs = {"--json": json, "--csv": csv}
+    check_outputs(outputs, problem)
     _check_limits(rtol, max_time, max_steps)
     names = list(METHODS) if methods is None else [name.strip() for name in methods.split(",")]
     solvers = {name: _method(name) for name in names}
-    stated = _read(problem)
+    stated, writer = _read(problem, outputs)
     limit = max_time or stated.solver.max_time or _COMPARE_SECONDS
     controls = _controls(stated, rtol, limit, max_steps, None)
     discrete = _discretize(stated, None)
@@ -367,33 +398,34 @@ def _compare(
     runs: list[_Run] = []
     reference: _Run | None = None
     interrupted = False
-    with _stages(console, len(solvers)) as say:
-        for name, solver in solvers.items():
-            say(name)
-            run = _run(name, solver, discrete, controls, condensed, reference)
-            if reference is None and run.solution is not None:
-                reference = run
-            runs.append(run)
-            interrupted = run.status == "interrupted"
-            if interrupted:
-                break
+    try:
+        with _stages(console, len(solvers)) as say:
+            for name, solver in solvers.items():
+                say(name)
+                run = _run(name, solver, discrete, controls, condensed, reference)
+                if reference is None and run.solution is not None:
+                    reference = run
+                runs.append(run)
+                interrupted = run.status == "interrupted"
+                if interrupted:
+                    break
+    except KeyboardInterrupt:  # between two solves, or before the first step of one
+        interrupted = True
     table = Table(_Run.columns, tuple(run.row for run in runs))
     _print_table(console, table)
     if reference is not None:
         print(f"difference: relative, in the energy norm, to {reference.name}")
     for run in runs:
         if run.note:
-            console.print(f"{run.name}: {run.note}", soft_wrap=True)
-    if csv is not None:
-        table.write_csv(csv)
-    if json is not None:
-        _write_comparison(json, stated, discrete, runs, reference)
+            print(f"{run.name}: {run.note}")
+    writer.write("--csv", csv, table.write_csv)
+    writer.write("--json", json, lambda path: _write_comparison(path, stated, discrete, runs, reference))
     if interrupted:
-        return _INTERRUPTED
+        return _ended(writer, _INTERRUPTED)
     if runs[0].status != "converged":
-        sys.stderr.write(f"hemivar: the reference method {runs[0].name} did not converge: {runs[0].note}\n")
-        return _NOT_CONVERGED
-    return _CONVERGED
+        sys.stderr.write(f"hemivar: the reference method {runs[0].name} did not converge: {one_line(runs[0].note)}\n")
+        return _ended(writer, _NOT_CONVERGED)
+    return _ended(writer, _CONVERGED)
 
 
 @app.command("survey")
@@ -406,14 +438,15 @@ def _survey(
 ) -> int:
     """Reproduce the survey's numerical section: its Figures 1 to 5 and its Table 1."""
     _check_limits(None, max_time, None)
-    if max_n < 8 or max_n & (max_n - 1):
-        raise ProblemError(f"--max-n is {max_n}; it must be a power of two, at least 8")
-    _check_folder(out)
-    from hemivar.report.survey import run_survey
+    if not 8 <= max_n <= 1024 or max_n & (max_n - 1):
+        raise ProblemError(f"--max-n is {max_n}; it must be a power of two, at least 8 and at most 1024")
+    from hemivar.report.survey import FILES, run_survey
+
+    check_folder(out, FILES)
 
     console = _console()
     figures, levels, references = 4, max_n.bit_length() - 1, 2
-    with _stages(console, figures + levels + references) as say:
+    with _stages(console, figures + levels + references) as say, quiet_logging():
         result = run_survey(out, max_n=max_n, method_time_limit=max_time, progress=say)
     if result.table1.rows:
         _print_table(console, result.table1)
@@ -421,12 +454,15 @@ def _survey(
         print("observed orders of convergence in the V-norm (reference, method)")
         for (reference, method), order in result.orders.items():
             print(f"    {order:5.2f}   {reference}, {method}")
-    print(f"\nwritten           {out / 'report.html'} and {len(result.files) - 1} other files")
+    report = out / "report.html"
+    others = len(result.files) - (report in result.files)
+    print(f"\nwritten           {f'{report} and ' if report in result.files else ''}{others} other files")
     print(f"time              {result.seconds:.3g} s")
     if result.interrupted:
         print("interrupted: the report holds what was done until then")
-        return _INTERRUPTED
-    return _CONVERGED
+    writer = Writer()
+    writer.failed += result.failed
+    return _ended(writer, _INTERRUPTED if result.interrupted else _CONVERGED)
 
 
 @app.command("new")
@@ -439,8 +475,8 @@ def _new(
 
     if file.exists() and not file.is_dir() and not force:
         raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")
-    _check_outputs({"FILE": file}, None)
-    file.write_text(SAMPLE.replace("FILE", str(file), 1), encoding="utf-8")
+    check_outputs({"FILE": file})
+    write_text(file, SAMPLE.replace("FILE", shown(file), 1))
     print(f"written           {file}\nnow try           hemivar solve {file} --plot figure.png")
     return _CONVERGED
 
@@ -464,13 +500,15 @@ def _laws(
     """List the laws of foundations, or show one with its constants and graph."""
     from hemivar.commands.laws import list_laws, show_law
 
-    _check_outputs({"--plot": plot}, file)
+    check_outputs({"--plot": plot}, file)
     if name is None and file is None and formula is None:
         if given or friction or reach is not None or plot is not None:
             raise ProblemError("name a law, or give --file or --formula; 'hemivar laws' alone lists the laws")
         list_laws()
     else:
-        show_law(name, given or [], file, formula, friction, reach, plot)
+        writer = Writer()
+        show_law(name, given or [], file, formula, friction, reach, plot, writer)
+        return _ended(writer, _CONVERGED)
     return _CONVERGED
 
 
@@ -496,44 +534,6 @@ def _methods() -> int:
 
 # ---- checks before anything is computed ------------------------------------------------------------------
 
-_SUFFIXES = {
-    "--json": (".json",),
-    "--csv": (".csv",),
-    "--vtu": (".vtu",),
-    "--plot": _FIGURES,
-    "--plot-contact": _FIGURES,
-    "--render": (".png",),
-}
-
-
-def _check_outputs(outputs: Mapping[str, Path | None], source: Path | None) -> None:
-    """Refuse output files that could not be written, or that would overwrite something else."""
-    taken: dict[Path, str] = {} if source is None else {source.resolve(): "the problem file"}
-    for option, path in outputs.items():
-        if path is None:
-            continue
-        suffixes = _SUFFIXES.get(option)
-        if suffixes and path.suffix.lower() not in suffixes:
-            raise ProblemError(f"{option} {path}: the name must end in {' or '.join(suffixes)}")
-        if path.is_dir():
-            raise ProblemError(f"{option} {path}: this is a folder; name a file")
-        _check_parent(path, f"{option} {path}")
-        if path.exists() and not os.access(path, os.W_OK):
-            raise ProblemError(f"{option} {path}: the file is write-protected; name another one")
-        other = taken.setdefault(path.resolve(), option)
-        if other != option:
-            raise ProblemError(f"{option} {path}: this is {other} already; name another file")
-
-
-def _check_parent(path: Path, what: str) -> None:
-    parent = path.parent
-    if not parent.exists():
-        raise ProblemError(f"{what}: the folder '{parent}' does not exist; make it first")
-    if not parent.is_dir():
-        raise ProblemError(f"{what}: '{parent}' is not a folder; name another place")
-    if not path.exists() and not os.access(parent, os.W_OK | os.X_OK):
-        raise ProblemError(f"{what}: the folder '{parent}' is write-protected; name another one")
-
 
 def _check_drawable(stated: ProblemFile, outputs: Mapping[str, Path | None]) -> None:
     """Refuse pictures that this problem has not."""
@@ -548,24 +548,13 @@ def _check_drawable(stated: ProblemFile, outputs: Mapping[str, Path | None]) -> 
             raise ProblemError(f"--render: {error}") from None
 
 
-def _check_folder(path: Path) -> None:
-    """Refuse an output folder that is a file or could not be made."""
-    if path.exists():
-        if not path.is_dir():
-            raise ProblemError(f"--out {path}: this is a file; name a folder")
-        if not os.access(path, os.W_OK | os.X_OK):
-            raise ProblemError(f"--out {path}: the folder is write-protected; name another one")
-    else:
-        _check_parent(path, f"--out {path}")
-
-
 def _check_limits(rtol: float | None, max_time: float | None, max_steps: int | None) -> None:
-    if rtol is not None and not 0.0 < rtol < math.inf:
-        raise ProblemError(f"--rtol is {rtol:g}; it must be a positive number")
+    if rtol is not None and not 0.0 < rtol <= _LARGEST_RTOL:
+        raise ProblemError(f"--rtol is {rtol:g}; it must be a positive number, at most {_LARGEST_RTOL:g}")
     if max_time is not None and not max_time > 0.0:
         raise ProblemError(f"--max-time is {max_time:g}; it must be a positive number of seconds")
-    if max_steps is not None and max_steps < 1:
-        raise ProblemError(f"--max-steps is {max_steps}; it must be at least 1")
+    if max_steps is not None and not 1 <= max_steps <= _MOST_STEPS:
+        raise ProblemError(f"--max-steps is {max_steps}; it must be at least 1 and at most {_MOST_STEPS}")
 
 
 def _method(name: str) -> Solver:
@@ -596,10 +585,15 @@ def _suggest(name: str, known: Sequence[str]) -> str:
 # ---- work ------------------------------------------------------------------------------------------------
 
 
-def _read(path: Path) -> ProblemFile:
+def _read(path: Path, outputs: Mapping[str, Path | None], *others: Path) -> tuple[ProblemFile, Writer]:
+    """The problem, and a writer that keeps off its files and ``others``; outputs that fall on one are refused."""
     from hemivar.problem_file import read_problem_file
 
-    return read_problem_file(path)
+    with noting_files_read() as files:
+        stated = read_problem_file(path)
+    files += others
+    keep_off(outputs, files)
+    return stated, Writer(files)
 
 
 def _discretize(stated: ProblemFile, mesh: Mesh | None) -> DiscreteProblem:
@@ -718,36 +712,58 @@ def _run(
 # ---- files -----------------------------------------------------------------------------------------------
 
 
+def _certificate(solution: Solution, controls: Controls, writer: Writer) -> Certificate | None:
+    """The certificate; a lack of memory for it is no lack of a solution, and one more complaint."""
+    from hemivar.commands.certify import certificate_of
+
+    try:
+        return certificate_of(solution, controls.rtol)
+    except (HemivarError, MemoryError) as error:
+        reason = "not enough memory" if isinstance(error, MemoryError) else str(error)
+        writer.failed.append(f"the solution could not be certified: {reason}")
+        return None
+
+
 def _write(
+    writer: Writer,
     solution: Solution,
     stated: ProblemFile,
     outputs: Mapping[str, Path | None],
-    certificate: Certificate | None = None,
-) -> list[str]:
-    """Write what was asked for; the names of the files."""
-    written: list[Path] = []
+    certificate: Certificate | None,
+) -> None:
+    """Write what was asked for, data before pictures, and what may end the process last."""
     title = stated.problem.title.replace("$", r"\$") or None
-    if (path := outputs["--json"]) is not None:
+
+    def json(path: Path) -> None:
         from hemivar.report.files import write_json
 
-        written.append(write_json(solution, path, certificate))
-    if (path := outputs["--vtu"]) is not None:
+        write_json(solution, path, certificate)
+
+    def vtu(path: Path) -> tuple[Path, Path | None]:
         from hemivar.report.files import write_vtu
 
-        written += [file for file in write_vtu(solution, path) if file is not None]
-    if (path := outputs["--plot"]) is not None:
+        return write_vtu(solution, path)
+
+    def plot(path: Path) -> None:
         from hemivar.report.figures import plot_solution, save
 
-        written.append(save(plot_solution(solution, scale="auto", title=title), path))
-    if (path := outputs["--plot-contact"]) is not None:
+        save(plot_solution(solution, scale="auto", title=title), path)
+
+    def plot_contact(path: Path) -> None:
         from hemivar.report.figures import plot_contact, save
 
-        written.append(save(plot_contact(solution, title=title), path))
-    if (path := outputs["--render"]) is not None:
+        save(plot_contact(solution, title=title), path)
+
+    def render(path: Path) -> None:
         from hemivar.report.scene import render_solution
 
-        written.append(render_solution(solution, path, scale="auto", title=stated.problem.title or None))
-    return [str(path) for path in written]
+        render_solution(solution, path, scale="auto", title=stated.problem.title or None)
+
+    writer.write("--json", outputs["--json"], json)
+    writer.write("--vtu", outputs["--vtu"], vtu)
+    writer.write("--plot", outputs["--plot"], plot, picture=True)
+    writer.write("--plot-contact", outputs["--plot-contact"], plot_contact, picture=True)
+    writer.write("--render", outputs["--render"], render, picture=True)
 
 
 def _write_comparison(
@@ -772,7 +788,7 @@ def _write_comparison(
         "reference": None if reference is None else reference.name,
         "methods": records,
     }
-    path.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
 # ---- what is printed -------------------------------------------------------------------------------------
@@ -804,7 +820,13 @@ def _print_table(console: Console, table: Table) -> None:
 def _stages(console: Console, count: int) -> Iterator[Callable[[str], None]]:
     """A bar with the stage at work on a terminal; a line for each stage elsewhere."""
     if not console.is_terminal:
-        yield lambda stage: print(stage, flush=True)
+
+        def tell(stage: str) -> None:
+            print(stage, flush=True)
+            if _unread():
+                raise KeyboardInterrupt
+
+        yield tell
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -830,8 +852,14 @@ class _StepPrinter:
             level = f"   mesh with h = {problem.field.mesh.size:.3g}, {problem.unknowns} unknowns"
         print(f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}{level}", flush=True)
 
-    def __call__(self, now: Progress) -> None:
+    def __call__(self, now: Progress) -> bool:
         print(f"{now.step:>6}  {now.residual:>9.2e}  {now.energy:>18.10g}  {now.changed:>14}", flush=True)
+        return _unread()
+
+
+def _unread() -> bool:
+    """Whether standard output has failed: nobody follows the work any more, and it ends as by Ctrl-C."""
+    return isinstance(sys.stdout, Stream) and sys.stdout.failed is not None
 
 
 def _print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
@@ -853,11 +881,11 @@ def _print_method(solver: Solver, why: str) -> None:
         print(f"chosen            {why}", flush=True)
 
 
-def _print_summary(console: Console, solution: Solution) -> Certificate | None:
-    """Print what was found; returns the certificate that goes with it."""
+def _print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
+    """Print what was found."""
     import numpy as np
 
-    from hemivar.commands.certify import certificate_lines, certificate_of
+    from hemivar.commands.certify import certificate_lines
     from hemivar.solvers import ContactState, Status
 
     good = solution.status is Status.CONVERGED
@@ -871,11 +899,10 @@ def _print_summary(console: Console, solution: Solution) -> Certificate | None:
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
     if not good:
         print(f"what to do        {solution.status.remedy}")
-    certificate = certificate_of(solution)
     for line in [] if certificate is None else certificate_lines(certificate):
         print(line)
     if solution.problem.contact_points == 0:
-        return certificate
+        return
     print(f"normal force      {solution.normal_force:.6g}")
     friction = solution.friction_force
     if friction.size == 1:
@@ -892,7 +919,6 @@ def _print_summary(console: Console, solution: Solution) -> Certificate | None:
     print(f"contact points    {', '.join(counts)}")
     print(f"max penetration   {solution.penetration.max():.6g}")
     print(f"max pressure      {solution.pressure.max():.6g}")
-    return certificate
 
 
 def _exit_code(solution: Solution) -> int:

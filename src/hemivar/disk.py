@@ -4,18 +4,45 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import stat
-import tempfile
 from collections.abc import Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import IO
 
 from hemivar.errors import FileError
 
-__all__ = ["MOST_BYTES", "open_new", "read_bytes", "read_text", "regular_file", "same_file", "whole_file", "write_text"]
+__all__ = [
+    "MOST_BYTES",
+    "make_folder",
+    "noting_files_read",
+    "open_new",
+    "read_bytes",
+    "read_text",
+    "regular_file",
+    "same_file",
+    "shown",
+    "try_output",
+    "whole_file",
+    "write_text",
+]
 
 #: Bytes of a text file (problem, law table, result) that are read unless the caller says otherwise.
 MOST_BYTES = 256 * 2**20
+
+_noted: ContextVar[list[Path] | None] = ContextVar("files read", default=None)
+
+
+@contextlib.contextmanager
+def noting_files_read() -> Iterator[list[Path]]:
+    """The files that are read inside the block, in a list that grows; what is written must not fall on them."""
+    files: list[Path] = []
+    token = _noted.set(files)
+    try:
+        yield files
+    finally:
+        _noted.reset(token)
 
 
 def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTES) -> Path:
@@ -32,14 +59,17 @@ def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BY
     try:
         found = name.stat()
     except (OSError, ValueError) as error:  # a NUL in the name is a ValueError
-        raise FileError(f"cannot read {what} {_shown(path)}: {_reason(error)}") from error
+        raise FileError(f"cannot read {what} {shown(path)}: {_reason(error)}") from error
     if not stat.S_ISREG(found.st_mode):
         kind = "a directory" if stat.S_ISDIR(found.st_mode) else "not a regular file (a pipe or a device)"
-        raise FileError(f"cannot read {what} {_shown(path)}: it is {kind}; give the name of a regular file")
+        raise FileError(f"cannot read {what} {shown(path)}: it is {kind}; give the name of a regular file")
     if found.st_size > most_bytes:
         raise FileError(
-            f"{what} {_shown(path)} has {found.st_size / 2**20:.0f} MiB; at most {most_bytes / 2**20:.0f} MiB are read"
+            f"{what} {shown(path)} has {found.st_size / 2**20:.0f} MiB; at most {most_bytes / 2**20:.0f} MiB are read"
         )
+    noted = _noted.get()
+    if noted is not None:
+        noted.append(name)
     return name
 
 
@@ -51,12 +81,12 @@ def read_bytes(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTE
         descriptor = os.open(name, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         with os.fdopen(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                raise FileError(f"cannot read {what} {_shown(path)}: it is not a regular file")
+                raise FileError(f"cannot read {what} {shown(path)}: it is not a regular file")
             data = stream.read(most_bytes + 1)
     except OSError as error:
-        raise FileError(f"cannot read {what} {_shown(path)}: {_reason(error)}") from error
+        raise FileError(f"cannot read {what} {shown(path)}: {_reason(error)}") from error
     if len(data) > most_bytes:
-        raise FileError(f"{what} {_shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read")
+        raise FileError(f"{what} {shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read")
     return data
 
 
@@ -65,7 +95,7 @@ def read_text(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTES
     try:
         text = read_bytes(path, what, most_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise FileError(f"{what} {_shown(path)} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+        raise FileError(f"{what} {shown(path)} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -83,34 +113,102 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     FileError
         In one sentence that names the file, for every :class:`OSError` of the block.
     """
+    temporary: Path | None = None
     try:
-        target = Path(os.path.realpath(path))
-        mode: int | None = None
-        with contextlib.suppress(FileNotFoundError):
-            mode = target.stat().st_mode
-        if mode is not None and stat.S_ISDIR(mode):
-            raise FileError(f"cannot write {_shown(path)}: it is a directory")
+        target, mode = _target(path)
         if mode is not None and not stat.S_ISREG(mode):
             yield Path(path)
             return
-        descriptor, name = tempfile.mkstemp(prefix=f".{target.stem[:80]}-", suffix=target.suffix, dir=target.parent)
-        os.close(descriptor)
-    except (OSError, ValueError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(f"cannot write {_shown(path)}: {_reason(error)}") from error
-    temporary = Path(name)
-    try:
+        temporary = _beside(target)
+        _make(temporary)
         yield temporary
-        os.chmod(temporary, _default_mode() if mode is None else stat.S_IMODE(mode))
+        if mode is not None:
+            os.chmod(temporary, stat.S_IMODE(mode))
         _flush(temporary)
         os.replace(temporary, target)
         _flush_directory(target.parent)
-    except OSError as error:
-        raise FileError(f"cannot write {_shown(path)}: {_reason(error)}") from error
+    except FileError:
+        raise
+    except (OSError, ValueError) as error:
+        if isinstance(error, ValueError) and temporary is not None:
+            raise  # of the block; before it, a NUL in the name
+        raise FileError(f"cannot write {shown(path)}: {_reason(error)}") from error
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def try_output(path: str | Path) -> None:
+    """Find out whether a file could be written, by all that :func:`whole_file` does but the last step; leaves nothing.
+
+    Pipes are refused, for opening one waits for its reader.
+
+    Raises
+    ------
+    FileError
+        In one sentence that names the file.
+    """
+    temporary: Path | None = None
+    try:
+        target, mode = _target(path)
+        if mode is not None and not stat.S_ISREG(mode):
+            if not (stat.S_ISCHR(mode) or stat.S_ISBLK(mode)):
+                raise FileError(f"cannot write {shown(path)}: it is a pipe; name a regular file")
+            return
+        temporary = _beside(target)
+        _make(temporary)
+    except FileError:
+        raise
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot write {shown(path)}: {_reason(error)}") from error
+    finally:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def _target(path: str | Path) -> tuple[Path, int | None]:
+    """What a name leads to, and its mode (None if there is no such file yet); a name that cannot be written is refused.
+
+    A protected file is refused though its folder would let it be replaced.
+    """
+    target = Path(os.path.realpath(path))
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return target, None
+    if stat.S_ISDIR(mode):
+        raise FileError(f"cannot write {shown(path)}: it is a directory")
+    if not os.access(target, os.W_OK):
+        raise FileError(f"cannot write {shown(path)}: it is write-protected")
+    return target, mode
+
+
+def _beside(target: Path) -> Path:
+    """A name for the time of writing, hidden, in the folder of the target and ending like it."""
+    return target.with_name(f".{target.stem[:40]}-{secrets.token_hex(6)}{target.suffix}")
+
+
+def _make(temporary: Path) -> None:
+    """An empty new file, with the permissions that new files have here."""
+    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+
+
+def make_folder(path: str | Path) -> Path:
+    """The folder, made with all above it if it does not exist.
+
+    Raises
+    ------
+    FileError
+        In one sentence that names the folder.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise FileError(f"folder {shown(path)} cannot be made: {_reason(error)}; choose another") from error
+    return folder
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -135,12 +233,6 @@ def same_file(one: str | Path, other: str | Path) -> bool:
             return str(one) == str(other)
 
 
-def _default_mode() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
-
-
 def _flush(path: Path) -> None:
     with path.open("rb+") as stream:
         os.fsync(stream.fileno())
@@ -156,9 +248,9 @@ def _flush_directory(path: Path) -> None:
             os.close(descriptor)
 
 
-def _shown(path: str | Path) -> str:
-    """A name as it may stand in a message: control characters escaped."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(path))
+def shown(name: object) -> str:
+    """A name as it may stand in a message or on a terminal: control characters and the like escaped."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(name))
 
 
 def _reason(error: Exception) -> str:

@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.errors import ProblemError
+from hemivar.disk import read_text as read_file
+from hemivar.errors import FileError, ProblemError
 from hemivar.formula import VARIABLES, Formula, FormulaArray, ScalarFormula
 from hemivar.laws.bounds import CoulombBound, PenetrationBound
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
@@ -139,18 +140,15 @@ def read_problem_file(path: str | Path) -> ProblemFile:
 def read_text(path: str | Path) -> str:
     """The text of a problem file."""
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise ProblemError(
-            f"{path}: the problem file does not exist; check the path, or write one with 'hemivar new'"
-        ) from None
-    except IsADirectoryError:
-        raise ProblemError(f"{path}: this is a folder; name the problem file in it") from None
-    except UnicodeDecodeError as error:
-        raise ProblemError(f"{path}: not a text file in UTF-8 (byte {error.start}); give a TOML problem file") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ProblemError(f"{path}: the problem file cannot be read ({reason}); check it") from None
+        return read_file(path, "problem file")
+    except FileError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            what = "the problem file does not exist; check the path, or write one with 'hemivar new'"
+        elif Path(path).is_dir():
+            what = "this is a folder; name the problem file in it"
+        else:
+            what = str(error)
+        raise ProblemError(f"{path}: {what}") from None
 
 
 def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:

@@ -70,7 +70,7 @@ def test_problem_of_arrays(bar, tmp_path):
 
 
 def test_unreadable_records(tmp_path):
-    with pytest.raises(ProblemError, match="cannot be read"):
+    with pytest.raises(ProblemError, match="cannot read result file"):
         read_json(tmp_path / "missing.json")
     for name, text in (("text.json", "not json"), ("list.json", "[1]")):
         (tmp_path / name).write_text(text)

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hemivar.commands.outputs import Writer
+from hemivar.disk import write_text
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["certificate_lines", "certificate_of", "check_solution_file", "run_certify"]
 
+_TOLERANCE = 1e-8
+
 
 def run_certify(
     name: str,
@@ -26,6 +30,7 @@ def run_certify(
     output: Path | None,
     tolerance: float,
     solve: Callable[[], Solution],
+    writer: Writer,
 ) -> bool:
     """Certify what a file holds, or a solve; print it, write it, and say whether it fulfils the tolerance."""
     from hemivar.certify import certify
@@ -54,13 +59,14 @@ def run_certify(
             "fulfilled": certificate.stationary,
             "certificate": certificate.record(),
         }
-        output.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        print(f"written           {output}")
+        text = json.dumps(record, indent=1, allow_nan=False) + "\n"
+        writer.write("--json", output, lambda path: write_text(path, text))
+        writer.tell()
     return certificate.stationary
 
 
-def certificate_of(solution: Solution) -> Certificate | None:
-    """The certificate of a solve; None if it ended with numbers that are not finite.
+def certificate_of(solution: Solution, rtol: float = 0.0) -> Certificate | None:
+    """The certificate of a solve to the tolerance ``rtol``; None if it ended with numbers that are not finite.
 
     Where multigrid serves, it leaves out the survey's trace constant, which needs a hierarchy of its own.
     """
@@ -71,7 +77,11 @@ def certificate_of(solution: Solution) -> Certificate | None:
     if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.multiplier).all()):
         return None
     problem = solution.problem
-    return certify(problem, solution.unknowns, solution.multiplier, trace_constant=factorises(problem))
+    # what has converged to the tolerance that was asked for is stationary to that tolerance
+    tolerance = max(rtol, _TOLERANCE)
+    return certify(
+        problem, solution.unknowns, solution.multiplier, tolerance=tolerance, trace_constant=factorises(problem)
+    )
 
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:

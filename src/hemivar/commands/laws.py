@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from hemivar.commands.outputs import Writer, keep_off
+from hemivar.disk import noting_files_read
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Friction, Superpotential
@@ -36,6 +38,7 @@ def show_law(
     friction: bool,
     reach: float | None,
     plot: Path | None,
+    writer: Writer,
 ) -> None:
     """Print the constants of one law, and draw it.
 
@@ -51,11 +54,13 @@ def show_law(
         Take the friction law of this name.
     reach : float or None
     plot : Path or None
+    writer : Writer
+        What writes the figure.
     """
     if sum(choice is not None for choice in (name, file, formula)) > 1:
         raise ProblemError("give one of NAME, --file and --formula")
-    if reach is not None and not 0.0 < reach < math.inf:
-        raise ProblemError(f"--reach is {reach:g}; it must be a positive length")
+    if reach is not None and not 1e-100 <= reach <= 1e100:
+        raise ProblemError(f"--reach is {reach:g}; it must be a positive length (1e-100 to 1e100)")
     values: dict[str, str] = {}
     for pair in given:
         key, equals, text = pair.partition("=")
@@ -80,7 +85,9 @@ def show_law(
     elif (plot or values) and len(found) > 1:
         found = found[:1]
     for entry in found:
-        law, note = _build(entry, values)
+        with noting_files_read() as files:
+            law, note = _build(entry, values)
+        keep_off({"--plot": plot}, files)
         print(f"{entry.kind} law")
         if file is None and formula is None:
             _print_entry(entry)
@@ -100,7 +107,11 @@ def show_law(
             from hemivar.report.figures import save
             from hemivar.report.laws import plot_law
 
-            print(f"written           {save(plot_law(scalar, reach=reach), plot)}")
+            def draw(path: Path, scalar: Superpotential = scalar) -> None:
+                save(plot_law(scalar, reach=reach), path)
+
+            writer.write("--plot", plot, draw, picture=True)
+            writer.tell()
 
 
 def _print_entry(entry: LawEntry) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from hemivar.branches import Path as EquilibriumPath
 from hemivar.branches import follow_path
+from hemivar.commands.outputs import Writer
+from hemivar.disk import write_text
 from hemivar.mechanics.problem import ContactProblem
 from hemivar.report.figures import save
 from hemivar.report.path import path_record, plot_path
@@ -22,6 +24,7 @@ def run_path(
     load_factor: tuple[float, float],
     json: Path | None,
     plot: Path | None,
+    writer: Writer,
     *,
     quantity: str,
     max_points: int,
@@ -42,11 +45,13 @@ def run_path(
     if max(len(path.folds), len(path.jumps)) > shown:
         print(f"                  (of {len(path.folds)} folds and {len(path.jumps)} jumps; all are in the --json file)")
     print(f"max penetration   {path.max_penetration.min():.6g} to {path.max_penetration.max():.6g}")
-    if json is not None:
-        for point in record["points"]:
-            point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
-        json.write_text(json_module.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    if plot is not None:
-        title = problem.title.replace("$", r"\$") or None
-        save(plot_path(path, quantity=quantity, title=title), plot)
+    for point in record["points"]:
+        point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
+    title = problem.title.replace("$", r"\$") or None
+
+    def write(file: Path) -> None:
+        write_text(file, json_module.dumps(record, indent=1, allow_nan=False) + "\n")
+
+    writer.write("--json", json, write)
+    writer.write("--plot", plot, lambda file: save(plot_path(path, quantity=quantity, title=title), file), picture=True)
     return path

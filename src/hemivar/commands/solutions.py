@@ -6,6 +6,8 @@ import json as json_module
 from pathlib import Path
 
 from hemivar.branches import SolutionSet, find_solutions
+from hemivar.commands.outputs import Writer
+from hemivar.disk import write_text
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.report.files import solution_record
 from hemivar.report.tables import Table
@@ -19,6 +21,7 @@ def run_solutions(
     problem: DiscreteProblem,
     controls: Controls,
     json: Path | None,
+    writer: Writer,
     *,
     starts: int,
     max_solutions: int,
@@ -34,7 +37,8 @@ def run_solutions(
             "starts": found.starts,
             "solutions": [{"kind": s.kind, **solution_record(s)} for s in found],
         }
-        json.write_text(json_module.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        text = json_module.dumps(record, indent=1, allow_nan=False) + "\n"
+        writer.write("--json", json, lambda path: write_text(path, text))
     return found
 
 

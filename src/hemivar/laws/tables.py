@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from hemivar._typing import Array
-from hemivar.errors import ProblemError
+from hemivar.disk import read_text
+from hemivar.errors import FileError, ProblemError
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["Extension", "check_points", "even_table", "read_columns", "read_law_table", "table_law"]
@@ -120,12 +121,9 @@ def read_columns(path: str | Path) -> tuple[Array, Array]:
     A first line that holds no number is a head; empty lines and lines that begin with # are skipped.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise ProblemError(f"{path}: there is no such file; check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not a text file"
-        raise ProblemError(f"{path}: the table cannot be read ({reason})") from None
+        text = read_text(path, "law table")
+    except FileError as error:
+        raise ProblemError(f"{path}: {error}") from None
     columns: tuple[list[float], list[float]] = ([], [])
     first = True
     for number, line in enumerate(text.splitlines(), start=1):

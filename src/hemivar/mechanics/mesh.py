@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from hemivar._typing import Array, IntArray
+from hemivar.disk import regular_file
 from hemivar.errors import ProblemError
 
 __all__ = ["Mesh", "Refinement", "box", "read_mesh", "rectangle"]
@@ -589,6 +590,7 @@ def _parent_bounded(mesh: Mesh, boundaries: Mapping[str, IntArray]) -> Refinemen
     return Refinement(parent.mesh.with_boundaries(coarse), parent.ends)
 
 
+_MOST_BYTES = 2**33
 _CELL_DIMENSION = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
 
 
@@ -657,8 +659,9 @@ def _read_silently(path: Path) -> Any:
     """The meshio mesh of a file; meshio's printing is swallowed and its failures reported in one line."""
     import meshio
 
-    if not path.is_file():
+    if not path.exists():
         raise ProblemError(f"mesh file '{path}' does not exist; check the path")
+    regular_file(path, "mesh file", _MOST_BYTES)
     noise = io.StringIO()
     try:
         with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):

@@ -40,6 +40,12 @@ STYLE: dict[Any, Any] = {
     "hatch.linewidth": 0.5,
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
+    # whatever a matplotlibrc says: nothing here may need LaTeX or run out of memory
+    "text.usetex": False,
+    "text.parse_math": True,
+    "figure.dpi": 100.0,
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
 }
 
 MARKERS: Mapping[ContactState, dict[str, Any]] = {

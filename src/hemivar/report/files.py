@@ -16,6 +16,7 @@ import numpy as np
 
 from hemivar._typing import Array
 from hemivar.certify import Certificate
+from hemivar.disk import make_folder, open_new, read_text, regular_file, whole_file, write_text
 from hemivar.errors import ProblemError
 from hemivar.mechanics import nodal_average, strain, stress, von_mises
 from hemivar.mechanics.assembly import region_masks
@@ -36,6 +37,7 @@ __all__ = [
 ]
 
 _AXES = "xyz"
+_MOST_BYTES = 2**31
 
 
 # ---- JSON ---------------------------------------------------------------------------------------------------
@@ -187,7 +189,7 @@ def write_json(solution: Solution, path: str | Path, certificate: Certificate | 
     # the displacement comes last and on one line, for it is long
     displacement = json.dumps(record.pop("displacement"), allow_nan=False)
     head = json.dumps(record, indent=1, allow_nan=False)
-    path.write_text(f'{head[:-2]},\n "displacement": {displacement}\n}}\n', encoding="utf-8")
+    write_text(path, f'{head[:-2]},\n "displacement": {displacement}\n}}\n')
     return path
 
 
@@ -200,11 +202,10 @@ def read_json(path: str | Path) -> dict[str, Any]:
         The file is missing, or is not JSON with an object in it.
     """
     path = Path(path)
+    text = read_text(path, "result file", _MOST_BYTES)
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ProblemError(f"result file '{path}' cannot be read ({error.strerror}); check the path") from error
-    except ValueError as error:
+        record = json.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers of too many digits, and brackets nested too deep
         raise ProblemError(f"result file '{path}' is not JSON ({error}); write it with write_json") from error
     if not isinstance(record, dict):
         raise ProblemError(f"result file '{path}' holds no record of a solution; write it with write_json")
@@ -252,8 +253,11 @@ def read_solution(path: str | Path, problem: DiscreteProblem) -> tuple[Array, Ar
 
 def _numbers(value: Any, what: str, path: Path) -> Array:
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf" and array.size:  # texts and truth values are none, nor are numbers beyond 2^64
+            raise ValueError
+        array = array.astype(float)
+    except (TypeError, ValueError, OverflowError):
         raise ProblemError(f"result file '{path}': '{what}' is not an array of numbers") from None
     if not np.isfinite(array).all():
         raise ProblemError(f"result file '{path}': '{what}' holds entries that are not finite numbers")
@@ -317,19 +321,18 @@ def _vtu_displacement(path: Path, problem: DiscreteProblem) -> Array:
     field = problem.field
     if field is None:
         raise ProblemError(f"'{path}': a problem made of arrays has no mesh; give its solution as JSON")
+    regular_file(path, "result file", _MOST_BYTES)
     noise = io.StringIO()
     try:
         with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
             grid = meshio.read(path, file_format="vtu")
-    except OSError as error:
-        raise ProblemError(f"result file '{path}' cannot be read ({error.strerror}); check the path") from error
     except (Exception, SystemExit) as error:  # meshio raises many kinds of errors on broken files
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ProblemError(f"result file '{path}' is not a readable VTU file ({reason})") from error
     if "displacement" not in grid.point_data:
         raise ProblemError(f"result file '{path}' has no point data 'displacement'; write it by 'hemivar solve --vtu'")
     points, nodes, d = np.asarray(grid.points, dtype=float), field.nodes, field.dim
-    if len(points) != len(nodes):
+    if points.ndim != 2 or len(points) != len(nodes) or points.shape[1] < d:
         raise _other_mesh(path, f"it has {len(points)} nodes, not {len(nodes)}")
     if not _same_points(points[:, :d], nodes):
         raise _other_mesh(path, "its nodes lie elsewhere")
@@ -382,7 +385,7 @@ def write_csv(solution: Solution, path: str | Path) -> Path:
 
 
 def _write_rows(path: Path, header: list[str], rows: Iterable[Iterable[Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
+    with whole_file(path) as name, open_new(name) as stream:
         writer = csv.writer(stream)
         writer.writerow(header)
         writer.writerows(rows)
@@ -393,10 +396,7 @@ def _prepared(path: str | Path, suffix: str) -> Path:
     path = Path(path)
     if path.suffix.lower() != suffix:
         raise ProblemError(f"'{path}' must end in '{suffix}'")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ProblemError(f"folder '{path.parent}' cannot be made ({error.strerror}); choose another") from error
+    make_folder(path.parent)
     return path
 
 
@@ -513,8 +513,8 @@ def _write_grid(
         points, cells, point_data={**point_data, **states}, cell_data={k: [v] for k, v in cell_data.items()}
     )
     noise = io.StringIO()
-    with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
-        grid.write(path, file_format="vtu")
+    with whole_file(path) as name, contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
+        grid.write(name, file_format="vtu")
 
 
 def _symmetric_stress(field: FieldSource, displacement: Array) -> Array:

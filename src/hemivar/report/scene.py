@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hemivar._typing import IntArray
+from hemivar.disk import make_folder, whole_file
 from hemivar.errors import ProblemError
 from hemivar.report._solid import moved_points, sharp_edges, shown_on_surface, viewing_direction
 from hemivar.report._style import STATE_COLOURS, with_unit
@@ -44,17 +45,23 @@ def render_solution(
     unit, stress_unit : str
         Units of length and stress for the labels.
     size : (int, int)
-        Width and height in pixels.
+        Width and height in pixels, 16 to 16384.
 
     Raises
     ------
     ProblemError
-        PyVista is not installed, the problem has no three-dimensional mesh, or the suffix is not .png.
+        PyVista is not installed, the problem has no three-dimensional mesh, the suffix is not .png, or the size is
+        out of range.
+    FileError
+        The file or its folder cannot be made.
     """
     field, path = solution.problem.field, Path(path)
     if path.suffix.lower() != ".png":
         raise ProblemError(f"'{path}': rendered pictures are written as .png, not '{path.suffix}'")
+    if not all(16 <= pixels <= 16384 for pixels in size):
+        raise ProblemError(f"size = {size}; give width and height from 16 to 16384 pixels")
     check_rendering(2 if field is None else field.mesh.dim)
+    make_folder(path.parent)
     assert field is not None
     import pyvista
 
@@ -106,9 +113,11 @@ def render_solution(
         )  # fmt: skip
         middle = 0.5 * (moved.min(axis=0) + moved.max(axis=0))
         plotter.camera_position = [middle + 2.4 * length * viewing_direction(solution.problem), middle, (0.0, 0.0, 1.0)]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        plotter.screenshot(str(path))
-        plotter.close()
+        try:
+            with whole_file(path) as temporary:
+                plotter.screenshot(str(temporary))
+        finally:
+            plotter.close()
     return path
 
 

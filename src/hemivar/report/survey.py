@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import html
 import itertools
 import os
@@ -19,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
-from hemivar.errors import ProblemError
+from hemivar.disk import make_folder, read_bytes, write_text
+from hemivar.errors import FileError, HemivarError, ProblemError
 from hemivar.gallery import SURVEY_DATA, survey
 from hemivar.mechanics import DiscreteProblem, Mesh, discretize, interpolate, v_norm
 from hemivar.report.figures import observed_order, plot_contact, plot_errors, plot_solution, save
@@ -36,7 +38,16 @@ from hemivar.solvers import (
     transfer_solution,
 )
 
-__all__ = ["SURVEY_METHODS", "SurveyResult", "run_survey"]
+__all__ = ["FILES", "MOST_CELLS", "SURVEY_METHODS", "SurveyResult", "run_survey"]
+
+#: Names of the files that :func:`run_survey` writes.
+FILES = (
+    *(f"figure{k}{end}" for k in range(1, 5) for end in (".png", ".pdf", "_contact.png", ".csv", ".json")),
+    *("figure3_friction.csv", "figure5.png", "figure5.pdf", "methods.csv", "table1.csv", "table1.md"),
+    *("runs.csv", "errors.csv", "orders.csv", "report.html"),
+)
+#: Largest number of cells along a side of the finest mesh of Table 1; the references have twice as many.
+MOST_CELLS = 1024
 
 #: The survey's methods and the names of ours that are nearest to its implementations.
 SURVEY_METHODS: Mapping[str, str] = MappingProxyType(
@@ -75,6 +86,8 @@ class SurveyResult:
         Where the files are.
     files : tuple of Path
         All files written.
+    failed : tuple of str
+        One sentence for each file that could not be written; the run goes on without it.
     sizes : tuple of float
         Mesh sizes h of Figure 5.
     errors : mapping of (reference, method) to tuple of float
@@ -93,6 +106,7 @@ class SurveyResult:
 
     folder: Path
     files: tuple[Path, ...]
+    failed: tuple[str, ...]
     sizes: tuple[float, ...]
     errors: Mapping[tuple[str, str], tuple[float, ...]]
     orders: Mapping[tuple[str, str], float]
@@ -118,7 +132,7 @@ def run_survey(
     problem condensed onto the contact boundary.
 
     Every file is written as soon as its data are there. An interruption (Ctrl-C) ends the run with a report of what
-    exists.
+    exists; a file that cannot be written does not, the result tells of it.
 
     Parameters
     ----------
@@ -137,11 +151,13 @@ def run_survey(
     ProblemError
         ``max_n`` is not such a power of two, the limit is not positive, or the folder cannot be made.
     """
-    if max_n < 8 or max_n & (max_n - 1):
-        raise ProblemError(f"max_n = {max_n}; the meshes are halved from h = 1/2 on: take a power of two, 8 at least")
+    if not 8 <= max_n <= MOST_CELLS or max_n & (max_n - 1):
+        raise ProblemError(
+            f"max_n = {max_n}; the meshes are halved from h = 1/2 on: take a power of two from 8 to {MOST_CELLS}"
+        )
     if not method_time_limit > 0.0:
         raise ProblemError(f"method_time_limit = {method_time_limit}; give a positive number of seconds")
-    run = _Run(_folder(out), max_n, Controls(max_time=method_time_limit), progress or (lambda message: None))
+    run = _Run(make_folder(out), max_n, Controls(max_time=method_time_limit), progress or (lambda message: None))
     try:
         for number in range(1, 5):
             run.figure(f"figure{number}")
@@ -151,15 +167,6 @@ def run_survey(
         run.interrupted = True
     run.report()
     return run.result()
-
-
-def _folder(out: str | Path) -> Path:
-    folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ProblemError(f"folder '{folder}' cannot be made ({error.strerror}); choose another") from error
-    return folder
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +193,7 @@ class _Run:
     say: Callable[[str], None]
     started: float = field(default_factory=time.perf_counter)
     files: list[Path] = field(default_factory=list)
+    failed: dict[Path, str] = field(default_factory=dict)
     figures: dict[str, str] = field(default_factory=dict)
     method_rows: list[tuple[Any, ...]] = field(default_factory=list)
     friction: dict[int, float] = field(default_factory=dict)
@@ -226,7 +234,8 @@ class _Run:
         drawn = plot_solution(shown, title=title, note=f"$f_0 = ({x:g}, {y:g})$, h = 1/{_FIGURE_N}")
         self.save(drawn, key, ".png", ".pdf")
         self.save(plot_contact(shown, title=title), f"{key}_contact", ".png")
-        self.files += [write_csv(shown, self.folder / f"{key}.csv"), write_json(shown, self.folder / f"{key}.json")]
+        self.put(f"{key}.csv", lambda path: write_csv(shown, path))
+        self.put(f"{key}.json", lambda path: write_json(shown, path))
         self.figures[key] = f"Figure {number}. {SURVEY_DATA[key].text}. Method: {caption} ({shown.method})."
         table = comparison_table(solutions, reference=solutions[_DEFAULT])
         self.method_rows += [(number, *row) for row in table.rows]
@@ -262,7 +271,7 @@ class _Run:
             self.done.append(self.level(n, (*SURVEY_METHODS.values(), _DEFAULT)))
             if n >= 8:
                 self.write(self.table1(), "table1.csv")
-                self.files.append(_written(self.folder / "table1.md", self.table1().markdown()))
+                self.put("table1.md", lambda path: write_text(path, self.table1().markdown()))
             self.write(self.runs_table(), "runs.csv")
             self.report()
             n *= 2
@@ -383,11 +392,23 @@ class _Run:
 
     # ---- files ------------------------------------------------------------------------------------------------
 
+    def put(self, name: str, write: Callable[[Path], object]) -> None:
+        """Write a file; one that cannot be written is remembered, and what comes next goes on."""
+        path = self.folder / name
+        try:
+            write(path)
+        except (HemivarError, OSError) as error:
+            self.failed[path] = str(error)
+        else:
+            self.files.append(path)
+            self.failed.pop(path, None)
+
     def write(self, table: Table, name: str) -> None:
-        self.files.append(table.write_csv(self.folder / name))
+        self.put(name, table.write_csv)
 
     def save(self, figure: Any, name: str, *suffixes: str) -> None:
-        self.files += [save(figure, self.folder / f"{name}{suffix}") for suffix in suffixes]
+        for suffix in suffixes:
+            self.put(f"{name}{suffix}", lambda path: save(figure, path))
 
     def report(self) -> None:
         """Write ``report.html``, one self-contained page of what there is."""
@@ -416,14 +437,16 @@ class _Run:
         if self.done:
             parts.append(self.runs_table().html())
         parts += ["<h2>Machine</h2>", _machine(), "</body></html>\n"]
-        self.files.append(_written(self.folder / "report.html", "\n".join(parts)))
+        self.put("report.html", lambda path: write_text(path, "\n".join(parts)))
 
     def _image(self, name: str, caption: str) -> str:
         pictures = []
         for stem in (name, f"{name}_contact"):
             path = self.folder / f"{stem}.png"
-            if path in self.files:
-                data = base64.b64encode(path.read_bytes()).decode("ascii")
+            if path not in self.files:
+                continue
+            with contextlib.suppress(FileError):  # it may have been removed since
+                data = base64.b64encode(read_bytes(path)).decode("ascii")
                 pictures.append(f'<img alt="{html.escape(stem)}" src="data:image/png;base64,{data}">')
         return f"<figure>{''.join(pictures)}<figcaption>{html.escape(caption)}</figcaption></figure>"
 
@@ -431,6 +454,7 @@ class _Run:
         return SurveyResult(
             folder=self.folder,
             files=tuple(dict.fromkeys(self.files)),
+            failed=tuple(self.failed.values()),
             sizes=self.sizes(),
             errors=MappingProxyType(dict(self.errors)),
             orders=MappingProxyType(self.orders()),
@@ -472,11 +496,6 @@ def _paper(values: tuple[Any, ...], columns: list[_Level]) -> list[Any]:
 
 def _h(h: float) -> str:
     return f"1/{round(1.0 / h)}"
-
-
-def _written(path: Path, text: str) -> Path:
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def _machine() -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hemivar.disk import make_folder, open_new, shown, whole_file
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 
@@ -76,10 +77,16 @@ class Table:
                 )
 
     def write_csv(self, path: str | Path) -> Path:
-        """Write the table with full precision; returns the path."""
+        """Write the table with full precision; returns the path.
+
+        Raises
+        ------
+        FileError
+            The file or its folder cannot be made.
+        """
         path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as stream:
+        make_folder(path.parent)
+        with whole_file(path) as name, open_new(name) as stream:
             writer = csv.writer(stream)
             writer.writerow(self.columns)
             writer.writerows(["" if cell is None else cell for cell in row] for row in self.rows)
@@ -116,11 +123,11 @@ class Table:
         from rich.table import Table as RichTable
         from rich.text import Text
 
-        table = RichTable(title=self.title or None)
+        table = RichTable(title=shown(self.title) or None)
         for name, to_right in zip(self.columns, self._numeric(), strict=True):
-            table.add_column(Text(name), justify="right" if to_right else "left")
+            table.add_column(Text(shown(name)), justify="right" if to_right else "left")
         for row in self.rows:
-            table.add_row(*(Text(_text(cell)) for cell in row))
+            table.add_row(*(Text(shown(_text(cell))) for cell in row))
         return table
 
     def _numeric(self) -> list[bool]:
