@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.disk import read_text as read_file
+from hemivar import disk
 from hemivar.errors import FileError, ProblemError
 from hemivar.formula import VARIABLES, Formula, FormulaArray, ScalarFormula
 from hemivar.laws.bounds import CoulombBound, PenetrationBound
@@ -31,6 +31,7 @@ from hemivar.mechanics.material import Material, PlaneState
 from hemivar.mechanics.mesh import Mesh, box, read_mesh, rectangle
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.problem import Contact, ContactProblem, Quadrature
+from hemivar.memory import problem_bytes, refined_cells, require
 
 __all__ = [
     "KEYS",
@@ -69,7 +70,10 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 
-_MOST_CELLS = 20_000_000
+#: Bytes of a problem file.
+_MOST_BYTES = 16 * 2**20
+#: Characters of a value that a message repeats.
+_SHOWN = 60
 
 Quantity = float | Formula
 
@@ -138,17 +142,16 @@ def read_problem_file(path: str | Path) -> ProblemFile:
 
 
 def read_text(path: str | Path) -> str:
-    """The text of a problem file."""
+    """The text of a problem file, which is a regular file of at most 16 MiB."""
     try:
-        return read_file(path, "problem file")
+        return disk.read_text(path, "problem file", _MOST_BYTES)
     except FileError as error:
         if isinstance(error.__cause__, FileNotFoundError):
             what = "the problem file does not exist; check the path, or write one with 'hemivar new'"
-        elif Path(path).is_dir():
-            what = "this is a folder; name the problem file in it"
-        else:
-            what = str(error)
-        raise ProblemError(f"{path}: {what}") from None
+            raise FileError(f"{_printable(path)}: {what}") from error
+        if Path(path).is_dir():
+            raise FileError(f"{_printable(path)}: this is a folder; name the problem file in it") from error
+        raise
 
 
 def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:
@@ -184,15 +187,16 @@ def parse_problem_file(
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ProblemError(f"{name}: not valid TOML: {error}; mend that line") from None
-    except (RecursionError, ValueError) as error:
+    except RecursionError:
+        raise ProblemError(f"{name}: brackets or tables are nested too deeply for a problem file; mend it") from None
+    except ValueError as error:
         raise ProblemError(f"{name}: not valid TOML ({error}); mend it") from None
     top = _Table(data, name, "", KEYS[""])
     for key in ("mesh", "material"):
         if key not in data:
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
     solver = _solver(top.table("solver", KEYS["solver"]))
-    most = _MOST_CELLS if place is None else math.inf
-    recipe, order, quadrature = _mesh(top.table("mesh", KEYS["mesh"]), Path(base_dir), most)
+    recipe, order, quadrature = _mesh(top.table("mesh", KEYS["mesh"]), Path(base_dir), whole=place is None)
     mesh = recipe.build() if place is None else place(recipe)
     reader = _Reader(mesh, Path(base_dir))
     material = reader.material(top.table("material", KEYS["material"]))
@@ -318,7 +322,7 @@ class _Table:
     def whole(self, key: str, value: Any, minimum: int) -> int:
         number = self._plain(key, value, "a whole number")
         if number != int(number) or number < minimum:
-            raise self.error(key, f"is {value}; give a whole number of at least {minimum}")
+            raise self.error(key, f"is {_shown(value)}; give a whole number of at least {minimum}")
         return int(number)
 
     def items(self, key: str, value: Any, lengths: tuple[int, ...], what: str) -> list[Any]:
@@ -372,14 +376,24 @@ def _kind(value: Any) -> str:
         case bool():
             return str(value).lower()
         case str():
-            return f"the text '{value}'"
+            return f"the text '{_shown(value)}'"
         case list():
             return "a list"
         case dict():
             return "a table"
         case int() | float():
-            return f"the number {value}"
-    return f"{value}"
+            return f"the number {_shown(value)}"
+    return _shown(value)
+
+
+def _shown(value: Any) -> str:
+    """A value as a message repeats it: in one line that is not too long."""
+    text = _printable(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def _printable(value: Any) -> str:
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(value))
 
 
 def _list(names: Sequence[str]) -> str:
@@ -424,6 +438,8 @@ class MeshRecipe:
         Origin, extent and numbers of cells of a built-in mesh, unscaled.
     crossed : bool
         Whether the triangles of a built-in mesh meet in the centres of squares, where they have their last node.
+    cells : float or None
+        Number of cells of the mesh in the end, where it is known before it is made; it may be inf.
     """
 
     start: Callable[[int], Mesh]
@@ -432,6 +448,7 @@ class MeshRecipe:
     refine: int
     grid: tuple[tuple[float, ...], tuple[float, ...], tuple[int, ...]] | None = None
     crossed: bool = False
+    cells: float | None = None
 
     def begin(self, halvings: int) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times."""
@@ -450,7 +467,7 @@ class MeshRecipe:
         return meshes
 
 
-def _mesh(table: _Table, folder: Path, most: float) -> tuple[MeshRecipe, int, Quadrature]:
+def _mesh(table: _Table, folder: Path, whole: bool) -> tuple[MeshRecipe, int, Quadrature]:
     sources = [key for key in ("rectangle", "box", "file") if key in table]
     if len(sources) != 1:
         given = f"{' and '.join(sources)} are given" if sources else "none is given"
@@ -476,7 +493,8 @@ def _mesh(table: _Table, folder: Path, most: float) -> tuple[MeshRecipe, int, Qu
             except ProblemError as error:
                 named = "" if f"'{path}'" in str(error) else f"'{path}': "
                 raise table.error("file", f"{named}{error}") from error
-            _check_size(table, "refine", mesh.number_of_cells * 2.0 ** (mesh.dim * refine), most)
+            if whole:
+                _check_size(table, "refine", mesh.dim, refined_cells(mesh.dim, mesh.number_of_cells, refine), order)
             return mesh
 
         return MeshRecipe(read, 0, scale, refine), order, quadrature
@@ -500,8 +518,10 @@ def _mesh(table: _Table, folder: Path, most: float) -> tuple[MeshRecipe, int, Qu
     pattern: Any = table.text("pattern", "right", ["cross", "right", "left"])
     origin = table.numbers("origin", dim, f"a list of {number} numbers, {axes}") if "origin" in table else (0.0,) * dim
     simplices = (6.0 if dim == 3 else 4.0 if pattern == "cross" else 2.0) * math.prod(map(float, counts))
-    _check_size(table, "cells", simplices, most)
-    _check_size(table, "refine", simplices * 2.0 ** (dim * refine), most)
+    finest = refined_cells(dim, simplices, refine)
+    if whole:
+        _check_size(table, "cells", dim, simplices, order)
+        _check_size(table, "refine", dim, finest, order)
     halvings = 0
     while all(n % 2 ** (halvings + 1) == 0 and n >> (halvings + 1) >= 2 for n in counts):
         halvings += 1
@@ -513,12 +533,14 @@ def _mesh(table: _Table, folder: Path, most: float) -> tuple[MeshRecipe, int, Qu
         return rectangle((size[0], size[1]), (cells[0], cells[1]), pattern, (origin[0], origin[1]))
 
     grid = (tuple(origin), tuple(size), tuple(counts))
-    return MeshRecipe(start, halvings, scale, refine, grid, pattern == "cross"), order, quadrature
+    return MeshRecipe(start, halvings, scale, refine, grid, pattern == "cross", finest), order, quadrature
 
 
-def _check_size(table: _Table, key: str, cells: float, most: float) -> None:
-    if cells > most:
-        raise table.error(key, f"makes {cells:.2g} cells; take fewer (at most {most:.0e})")
+def _check_size(table: _Table, key: str, dim: int, cells: float, order: int) -> None:
+    """Refuse a problem that does not fit into memory before its mesh is made."""
+    kind = "" if order == 1 else f" of order {order}"
+    with _context(f"{table.where(key)}:"):
+        require(problem_bytes(dim, cells, order), f"a problem on {cells:.3g} cells{kind}")
 
 
 # ---- everything that refers to the mesh ------------------------------------------------------------------

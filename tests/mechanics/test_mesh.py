@@ -39,7 +39,7 @@ def test_diagonals() -> None:
     ("arguments", "words"),
     [
         ({"size": (0.0, 1.0)}, "positive"),
-        ({"size": (1.0, math.nan)}, "positive"),
+        ({"size": (1.0, math.nan)}, r"size\[1\] = nan"),
         ({"cells": 0}, "at least 1"),
         ({"cells": 2.5}, "whole numbers"),
         ({"cells": (1, 2, 3)}, "one or two numbers"),
@@ -59,9 +59,9 @@ SQUARE = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
 @pytest.mark.parametrize(
     ("points", "cells", "boundaries", "regions", "words"),
     [
-        ([[0, 0], [1, 0], [math.nan, 1]], [[0, 1, 2]], {}, {}, "point 2 .*finite"),
+        ([[0, 0], [1, 0], [math.nan, 1]], [[0, 1, 2]], {}, {}, r"points\[2, 0\] = nan; every number must be finite"),
         ([[0.0], [1.0]], [[0, 1]], {}, {}, "points has shape"),
-        ("no", [[0, 1, 2]], {}, {}, "points is not"),
+        ("no", [[0, 1, 2]], {}, {}, "points is no array of numbers"),
         (SQUARE, [[0, 1, 7]], {}, {}, "cells refers to number 7"),
         (SQUARE, [[0, 1, -1]], {}, {}, "cells refers to number -1"),
         (SQUARE, [[0.0, 1.0, 2.0]], {}, {}, "whole numbers"),

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import hemivar
+import hemivar.memory as machine_memory
 from hemivar.branches import find_solutions, follow_path
 from hemivar.certify import certify
 from hemivar.errors import MethodError
@@ -374,20 +375,20 @@ def test_least_of_all_limits_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     names = ("memory.max", "memory.current", "inactive_file")
     group(tmp_path / "a", "1000", 700, 100)
     group(tmp_path / "b", "max", 700, 100)
-    assert memory._group_left(tmp_path / "a", *names) == 400.0
-    assert memory._group_left(tmp_path / "b", *names) is None
-    assert memory._group_left(tmp_path / "none", *names) is None
-    monkeypatch.setattr(memory, "_machine_left", lambda: 900.0)
-    monkeypatch.setattr(memory, "_groups_left", lambda: iter([400.0, 500.0]))
-    monkeypatch.setattr(memory, "_address_space_left", lambda: None)
-    assert memory.available_bytes() == 400.0
-    monkeypatch.setattr(memory, "_groups_left", lambda: iter([]))
-    monkeypatch.setattr(memory, "_machine_left", lambda: None)
-    assert memory.available_bytes() is None
+    assert machine_memory._group_left(tmp_path / "a", *names) == 400.0
+    assert machine_memory._group_left(tmp_path / "b", *names) is None
+    assert machine_memory._group_left(tmp_path / "none", *names) is None
+    monkeypatch.setattr(machine_memory, "_machine_left", lambda: 900.0)
+    monkeypatch.setattr(machine_memory, "_groups_left", lambda: iter([400.0, 500.0]))
+    monkeypatch.setattr(machine_memory, "_address_space_left", lambda: None)
+    assert machine_memory.available_bytes() == 400.0
+    monkeypatch.setattr(machine_memory, "_groups_left", lambda: iter([]))
+    monkeypatch.setattr(machine_memory, "_machine_left", lambda: None)
+    assert machine_memory.available_bytes() is None
 
 
 @needs_linux
 def test_free_memory_of_this_machine_is_found() -> None:
-    free = memory.available_bytes()
+    free = machine_memory.available_bytes()
     assert free is not None
     assert 2.0**20 < free < 2.0**50

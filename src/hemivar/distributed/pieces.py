@@ -16,7 +16,8 @@ import numpy as np
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.distributed.ranks import Ranks
 from hemivar.errors import ProblemError
-from hemivar.mechanics.mesh import Mesh, _facet_keys
+from hemivar.mechanics._mesh_arrays import _facet_keys
+from hemivar.mechanics.mesh import Mesh
 
 __all__ = ["Piece", "distribute", "family", "grid_numbers", "refine", "renumber"]
 

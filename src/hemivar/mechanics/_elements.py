@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar._typing import Array
-from hemivar.mechanics.mesh import _EDGES, Mesh
+from hemivar.mechanics._mesh_arrays import _EDGES
+from hemivar.mechanics.mesh import Mesh
 
 __all__ = ["barycentric_gradients", "shape_derivatives", "shape_values", "voigt_index"]
 

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.mechanics._elements import shape_values, voigt_index
+from hemivar.mechanics._mesh_arrays import _EDGES
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.mesh import _EDGES, Mesh
+from hemivar.mechanics.mesh import Mesh
 
 __all__ = ["EdgeBlocks", "linear_stiffness", "load_vector", "quadrature_rule", "region_masks", "stiffness_matrix"]
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import permutations
@@ -15,19 +13,37 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from hemivar._typing import Array, IntArray
-from hemivar.disk import regular_file
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
+from hemivar.mechanics._mesh_arrays import (
+    _EDGES,
+    _FACETS,
+    _distinct_pairs,
+    _facet_keys,
+    _frozen,
+    _pair_keys,
+    _refined_tetrahedra,
+    _signed_volumes,
+)
+from hemivar.mechanics._mesh_checks import (
+    _check_cells,
+    _check_coordinates,
+    _check_cuts,
+    _check_grid,
+    _check_sides,
+    _checked_arrays,
+    _checked_regions,
+    _counts,
+    _index_array,
+    _is_whole,
+    _lengths,
+    _place,
+)
+from hemivar.memory import mesh_bytes, refined_cells, require
 
 __all__ = ["Mesh", "Refinement", "box", "read_mesh", "rectangle"]
-
-_EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
-_FACETS = {2: ((0, 1), (1, 2), (2, 0)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
-_FLAT = 1e-13
-#: Entries or cells taken at a time.
-_PORTION = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +65,10 @@ class Mesh:
     Raises
     ------
     ProblemError
-        If a coordinate is not finite, an index is out of range, a cell is degenerate or inverted, a node
-        belongs to no cell, a facet belongs to more than two cells, or a boundary is empty or holds a facet
-        that is not on the outer boundary.
+        If a coordinate is not finite, or so large that rounding spoils the cells; if an index is out of range, a cell
+        is degenerate or inverted, a node belongs to no cell, a facet belongs to more than two cells or to two on the
+        same side; if a boundary is empty or holds a facet that is not on the outer boundary, or facets lie at one
+        place with nodes of their own and without a name (parts that were not joined).
     """
 
     points: Array
@@ -239,7 +256,18 @@ class Mesh:
         ----------
         times : int
             How often to refine, at least 0.
+
+        Raises
+        ------
+        ProblemError
+            If ``times`` is no such number, or the refined mesh does not fit into memory.
         """
+        if not _is_whole(times, 0):
+            raise ProblemError(f"times = {times!r}; give a whole number of at least 0")
+        times = int(times)
+        cells = refined_cells(self.dim, self.number_of_cells, times)
+        if times:
+            require(mesh_bytes(self.dim, cells), f"a mesh of {cells:.3g} cells", "refine less often")
         mesh = self
         for _ in range(times):
             mesh = mesh._refined_once()
@@ -279,7 +307,7 @@ class Mesh:
 
     def scaled(self, factor: float) -> Mesh:
         """The mesh with all coordinates multiplied by ``factor > 0``."""
-        if not (np.isfinite(factor) and factor > 0):
+        if isinstance(factor, complex) or not (np.isfinite(factor) and factor > 0):
             raise ProblemError(f"factor = {factor}; a mesh is scaled by a positive number")
         return self.moved(factor * np.eye(self.dim))
 
@@ -291,11 +319,20 @@ class Mesh:
         matrix : array, shape (d, d)
             With positive determinant.
         shift : array, shape (d,), or float
+
+        Raises
+        ------
+        ProblemError
+            If these are not finite, or coordinates become so large that rounding spoils the cells.
         """
-        linear = np.asarray(matrix, dtype=float)
-        if linear.shape != (self.dim, self.dim) or not np.linalg.det(linear) > 0:
-            raise ProblemError(f"matrix must be {self.dim} by {self.dim} with positive determinant")
-        points = self.points @ linear.T + np.asarray(shift, dtype=float)
+        linear, by = real_array(matrix, "matrix"), real_array(shift, "shift")
+        with np.errstate(all="ignore"):
+            if linear.shape != (self.dim, self.dim) or not np.linalg.slogdet(linear)[0] > 0:
+                raise ProblemError(f"matrix must be {self.dim} by {self.dim} with positive determinant")
+            if by.shape not in ((), (self.dim,)):
+                raise ProblemError(f"shift has shape {by.shape}; give {self.dim} numbers, or one for all axes")
+            points = self.points @ linear.T + by
+            _check_coordinates(points, self.cells)
         origin = partial(_moved_parent, self, linear, shift)
         return Mesh._trusted(points, self.cells, self.boundaries, self.regions, origin)
 
@@ -333,14 +370,13 @@ class Mesh:
     def _match_boundaries(self, boundaries: Mapping[str, Any]) -> dict[str, IntArray]:
         """Check named facets and orient them outward."""
         facets, keys, _ = self._facets()
-        sorted_keys, first, counts = np.unique(keys, return_index=True, return_counts=True)
-        if counts.max(initial=0) > 2:
-            bad = facets[first[np.argmax(counts)]].tolist()
-            raise ProblemError(
-                f"the facet with nodes {bad} belongs to {counts.max()} cells; at most two cells may share "
-                f"a facet: remove overlapping cells"
-            )
-        result = {}
+        order = np.argsort(keys, kind="stable")
+        ordered = keys[order]
+        start = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+        counts = np.diff(start, append=len(ordered))
+        sorted_keys, first = ordered[start], order[start]
+        _check_sides(self.points, facets, order, start, counts)
+        result, named = {}, []
         for name, value in boundaries.items():
             given = _index_array(value, f"boundary '{name}'", self.number_of_nodes)
             if given.size == 0:
@@ -363,6 +399,10 @@ class Mesh:
                 )
             _, unique = np.unique(wanted, return_index=True)
             result[str(name)] = _frozen(facets[first[place[np.sort(unique)]]])
+            named.append(first[place])
+        if named:
+            alone = np.sort(first[counts == 1])
+            _check_cuts(self.points, facets[alone], np.searchsorted(alone, np.concatenate(named)))
         return result
 
 
@@ -389,20 +429,17 @@ def rectangle(
     Raises
     ------
     ProblemError
-        If a length or a number of cells is not positive or the pattern is unknown.
+        If a length or a number of cells is not positive, the pattern is unknown, the mesh does not fit into memory, or
+        the origin is so far away that rounding spoils the cells.
     """
-    try:
-        nx, ny = np.broadcast_to(np.asarray(cells), (2,)).tolist()
-        width, height = (float(value) for value in size)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"size = {size!r}, cells = {cells!r}; give two lengths and one or two numbers") from error
-    if not (math.isfinite(width) and math.isfinite(height) and width > 0 and height > 0):
-        raise ProblemError(f"size = {tuple(size)}; width and height must be positive")
-    if int(nx) != nx or int(ny) != ny or nx < 1 or ny < 1:
-        raise ProblemError(f"cells = {cells}; give whole numbers of at least 1 along x and y")
-    nx, ny = int(nx), int(ny)
-    x = origin[0] + width * np.arange(nx + 1) / nx
-    y = origin[1] + height * np.arange(ny + 1) / ny
+    if pattern not in ("cross", "right", "left"):
+        raise ProblemError(f"pattern '{pattern}' is unknown; choose 'cross', 'right' or 'left'")
+    width, height = _lengths(size, 2, "size")
+    nx, ny = _counts(cells, 2)
+    x0, y0 = _place(origin, 2, "origin")
+    _check_grid((width, height), (nx, ny), (x0, y0), 4 if pattern == "cross" else 2)
+    x = x0 + width * np.arange(nx + 1) / nx
+    y = y0 + height * np.arange(ny + 1) / ny
     points = np.column_stack([np.tile(x, ny + 1), np.repeat(y, nx + 1)])
     corner = (np.arange(ny)[:, None] * (nx + 1) + np.arange(nx)).ravel()
     a, b, c, d = corner, corner + 1, corner + nx + 2, corner + nx + 1
@@ -413,10 +450,8 @@ def rectangle(
         triangles = [(a, b, centre), (b, c, centre), (c, d, centre), (d, a, centre)]
     elif pattern == "right":
         triangles = [(a, b, c), (a, c, d)]
-    elif pattern == "left":
-        triangles = [(a, b, d), (b, c, d)]
     else:
-        raise ProblemError(f"pattern '{pattern}' is unknown; choose 'cross', 'right' or 'left'")
+        triangles = [(a, b, d), (b, c, d)]
     connectivity = np.stack([np.column_stack(t) for t in triangles], axis=1).reshape(-1, 3)
     bottom = np.arange(nx + 1)
     top = bottom + ny * (nx + 1)
@@ -430,7 +465,7 @@ def rectangle(
     }
     origin_of_it = None
     if nx % 2 == 0 and ny % 2 == 0:
-        origin_of_it = partial(_rectangle_parent, (width, height), (nx, ny), pattern, (origin[0], origin[1]))
+        origin_of_it = partial(_rectangle_parent, (width, height), (nx, ny), pattern, (x0, y0))
     return Mesh._trusted(points, connectivity, boundaries, {}, origin_of_it)
 
 
@@ -457,21 +492,12 @@ def box(
     Raises
     ------
     ProblemError
-        If a length or a number of cells is not positive.
+        If a length or a number of cells is not positive, the mesh does not fit into memory, or the origin is so far
+        away that rounding spoils the cells.
     """
-    try:
-        counts = np.broadcast_to(np.asarray(cells), (3,)).tolist()
-        extent, lowest = np.array(size, dtype=float), np.array(origin, dtype=float)
-    except (TypeError, ValueError) as error:
-        given = f"size = {size!r}, cells = {cells!r}, origin = {origin!r}"
-        raise ProblemError(f"{given}; give three lengths, one or three numbers of cells, three coordinates") from error
-    if extent.shape != (3,) or lowest.shape != (3,):
-        raise ProblemError(f"size = {size!r}, origin = {origin!r}; give three numbers for each")
-    if not (np.isfinite(extent).all() and np.isfinite(lowest).all() and (extent > 0).all()):
-        raise ProblemError(f"size = {tuple(size)}, origin = {tuple(origin)}; lengths must be positive, all finite")
-    if any(int(n) != n or n < 1 for n in counts):
-        raise ProblemError(f"cells = {cells}; give whole numbers of at least 1 along x, y and z")
-    nx, ny, nz = (int(n) for n in counts)
+    extent, lowest = _lengths(size, 3, "size"), _place(origin, 3, "origin")
+    nx, ny, nz = _counts(cells, 3)
+    _check_grid(extent, (nx, ny, nz), lowest, 6)
     x, y, z = (lowest[k] + extent[k] * np.arange(n + 1) / n for k, n in enumerate((nx, ny, nz)))
     nodes = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nz + 1, ny + 1, nx + 1)
     points = np.empty((*nodes.shape, 3))
@@ -494,7 +520,7 @@ def box(
     }
     origin_of_it = None
     if nx % 2 == 0 and ny % 2 == 0 and nz % 2 == 0:
-        origin_of_it = partial(_box_parent, tuple(extent), (nx, ny, nz), tuple(lowest))
+        origin_of_it = partial(_box_parent, extent, (nx, ny, nz), lowest)
     return Mesh._trusted(points.reshape(-1, 3), connectivity.reshape(-1, 4), boundaries, {}, origin_of_it)
 
 
@@ -504,11 +530,9 @@ def _split_squares(nodes: IntArray) -> IntArray:
     return np.stack([np.column_stack([a, b, c]), np.column_stack([a, c, d])], axis=1).reshape(-1, 3)
 
 
-def _box_parent(
-    size: tuple[float, float, float], cells: tuple[int, int, int], origin: tuple[float, float, float]
-) -> Refinement:
+def _box_parent(size: tuple[float, ...], cells: tuple[int, ...], origin: tuple[float, ...]) -> Refinement:
     nx, ny, nz = (n // 2 for n in cells)
-    coarse = box(size, (nx, ny, nz), origin)
+    coarse = box((size[0], size[1], size[2]), (nx, ny, nz), (origin[0], origin[1], origin[2]))
     ends = []
     for extra in (0, 1):
         i, j, k = ((np.arange(n + 1) + extra) // 2 for n in cells)
@@ -590,12 +614,8 @@ def _parent_bounded(mesh: Mesh, boundaries: Mapping[str, IntArray]) -> Refinemen
     return Refinement(parent.mesh.with_boundaries(coarse), parent.ends)
 
 
-_MOST_BYTES = 2**33
-_CELL_DIMENSION = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
-
-
 def read_mesh(path: str | Path) -> Mesh:
-    """Read a mesh file (Gmsh 2.2 and 4.1, and whatever meshio reads).
+    """Read a mesh file: Gmsh (.msh), or a format that meshio reads.
 
     Physical groups of Gmsh and cell sets become boundaries (groups of facets) and regions (groups of cells).
     Nodes that no cell uses are dropped, as is the third coordinate of plane meshes; inverted cells are
@@ -608,267 +628,9 @@ def read_mesh(path: str | Path) -> Mesh:
     Raises
     ------
     ProblemError
-        If the file is missing or cannot be read, or holds cells other than straight triangles or tetrahedra.
+        If the file is missing or cannot be read, does not fit into memory, or holds cells other than straight
+        triangles or tetrahedra.
     """
-    raw = _read_silently(Path(path))
-    foreign = sorted({block.type for block in raw.cells} - set(_CELL_DIMENSION))
-    if foreign:
-        raise ProblemError(
-            f"'{path}' holds cells of type {', '.join(foreign)}; only straight-sided triangles and "
-            f"tetrahedra are supported: mesh with simplices of order 1 (no recombination)"
-        )
-    dims = [_CELL_DIMENSION[block.type] for block in raw.cells]
-    dim = max(dims, default=0)
-    if dim < 2:
-        raise ProblemError(
-            f"'{path}' holds no triangles or tetrahedra; if it comes from Gmsh, put the body into a physical group"
-        )
-    points = np.asarray(raw.points, dtype=float)
-    cells = np.vstack([np.asarray(block.data) for block in raw.cells if block.type == _SIMPLEX[dim]])
-    used = np.unique(cells)
-    if dim == 2 and points.shape[1] == 3:
-        height = points[used, 2]
-        extent = np.ptp(points[used], axis=0).max()
-        if np.ptp(height) > 1e-10 * max(extent, 1e-300):
-            raise ProblemError(
-                f"'{path}' is a surface in space (z from {height.min():g} to {height.max():g}); a plane "
-                f"mesh must have constant z, a solid one needs tetrahedra"
-            )
-        points = points[:, :2]
-    number = np.full(len(points), -1, dtype=np.int64)
-    number[used] = np.arange(len(used))
-    boundaries: dict[str, IntArray] = {}
-    regions: dict[str, IntArray] = {}
-    for (group_dim, name), members in _groups(raw, dims).items():
-        if group_dim == dim - 1:
-            facets = [np.asarray(raw.cells[block].data)[ids] for block, ids in members]
-            facets_now = number[np.vstack(facets)]
-            if np.any(facets_now < 0):
-                raise ProblemError(f"'{path}': group '{name}' has facets that belong to no cell; remove them")
-            boundaries[name] = facets_now
-        elif group_dim == dim:
-            starts = _block_starts(raw, _SIMPLEX[dim])
-            regions[name] = np.unique(np.concatenate([starts[block] + ids for block, ids in members]))
-    return Mesh.oriented(points[used], number[cells], boundaries, regions)
+    from hemivar.mechanics.mesh_file import mesh_from_file
 
-
-_SIMPLEX = {2: "triangle", 3: "tetra"}
-
-
-def _read_silently(path: Path) -> Any:
-    """The meshio mesh of a file; meshio's printing is swallowed and its failures reported in one line."""
-    import meshio
-
-    if not path.exists():
-        raise ProblemError(f"mesh file '{path}' does not exist; check the path")
-    regular_file(path, "mesh file", _MOST_BYTES)
-    noise = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
-            return meshio.read(path)
-    except (Exception, SystemExit) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        if isinstance(error, SystemExit):
-            reason = " ".join(noise.getvalue().split()) or "unknown format"
-        raise ProblemError(
-            f"mesh file '{path}' cannot be read ({reason[:200]}); save it as Gmsh 2.2 or 4.1 or VTU"
-        ) from error
-
-
-def _block_starts(raw: Any, kind: str) -> dict[int, int]:
-    """Number of the first cell of each block of one kind, counting only that kind."""
-    starts, total = {}, 0
-    for number, block in enumerate(raw.cells):
-        if block.type == kind:
-            starts[number] = total
-            total += len(block.data)
-    return starts
-
-
-def _groups(raw: Any, dims: Iterable[int]) -> dict[tuple[int, str], list[tuple[int, IntArray]]]:
-    """Named groups of a meshio mesh: (dimension, name) to a list of (block, cells of the block)."""
-    block_dims = list(dims)
-    found: dict[tuple[int, str], list[tuple[int, IntArray]]] = {}
-    for name, blocks in raw.cell_sets.items():
-        if name.startswith("gmsh:"):
-            continue
-        for number, ids in enumerate(blocks):
-            if ids is not None and len(ids) > 0:
-                index = np.asarray(ids, dtype=np.int64)
-                found.setdefault((block_dims[number], name), []).append((number, index))
-    names = {(int(value[1]), int(value[0])): str(key) for key, value in raw.field_data.items() if len(value) == 2}
-    tagged: dict[tuple[int, str], list[tuple[int, IntArray]]] = {}
-    for number, tags in enumerate(raw.cell_data.get("gmsh:physical", [])):
-        for tag in np.unique(tags):
-            if tag == 0:
-                continue
-            key = (block_dims[number], names.get((block_dims[number], int(tag)), str(int(tag))))
-            if key not in found:
-                tagged.setdefault(key, []).append((number, np.flatnonzero(np.asarray(tags) == tag)))
-    return found | tagged
-
-
-def _refined_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
-    """Eight children of each tetrahedron, positively oriented.
-
-    The octahedron inside is cut along the diagonal between the midpoints of 02 and 13, for which tetrahedra are turned
-    if another diagonal is shorter.
-    """
-    ends = ((2, 4), (1, 3), (0, 5))
-    lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
-    shortest = np.argmin([lengths[0] * (1.0 - 1e-9), *lengths[1:]], axis=0)
-    v, e = cells.copy(), middles.copy()
-    for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
-        turned = np.flatnonzero(shortest == way)
-        v[turned] = cells[turned][:, corners]
-        e[turned] = middles[turned][:, edges]
-    (v0, v1, v2, v3), (e01, e12, e02, e03, e13, e23) = v.T, e.T
-    children = [
-        (v0, e01, e02, e03), (e01, v1, e12, e13), (e02, e12, v2, e23), (e03, e13, e23, v3),
-        (e01, e02, e03, e13), (e02, e12, e13, e01), (e02, e03, e13, e23), (e12, e13, e23, e02),
-    ]  # fmt: skip
-    return np.vstack([np.column_stack(child) for child in children])
-
-
-def _frozen(array: Any) -> Any:
-    view = np.asarray(array).view()
-    view.flags.writeable = False
-    return view
-
-
-def _pair_keys(pairs: IntArray, count: int) -> IntArray:
-    """One number per pair of node numbers (last axis), whatever the order in the pair."""
-    return np.asarray(np.minimum(pairs[..., 0], pairs[..., 1]) * count + np.maximum(pairs[..., 0], pairs[..., 1]))
-
-
-def _distinct_pairs(first: NDArray[Any], second: NDArray[Any]) -> tuple[IntArray, IntArray]:
-    """Distinct unordered pairs (E, 2), smaller number first, sorted; and the number of the pair of each entry.
-
-    Pair and place of each entry are sorted together as one integer where they fit into 64 bits, which is several times
-    faster than sorting an index.  The rest goes by portions: most of its time would go into fresh memory.
-    """
-    portions = [slice(start, min(start + _PORTION, len(first))) for start in range(0, len(first), _PORTION)]
-    lows = (np.minimum(first[part], second[part]).astype(np.int64) for part in portions)
-    spans = (np.abs(first[part] - second[part]).astype(np.int64) for part in portions)
-    tops = [max(int(values.max()) for values in lows), max(int(values.max()) for values in spans), len(first)]
-    _, width, shift = (top.bit_length() for top in tops)
-    number = np.empty(len(first), dtype=np.int64)
-    if sum(top.bit_length() for top in tops) > 64:
-        keys = (np.minimum(first, second).astype(np.int64) << width) | np.abs(first - second)
-        distinct, number[:] = np.unique(keys, return_inverse=True)
-    else:
-        packed = np.empty(len(first), dtype=np.uint64)
-        for part in portions:
-            key = (np.minimum(first[part], second[part]).astype(np.uint64) << np.uint64(width)) | np.abs(
-                first[part] - second[part]
-            ).astype(np.uint64)
-            packed[part] = (key << np.uint64(shift)) | np.arange(part.start, part.stop, dtype=np.uint64)
-        packed.sort()
-        found, seen, before = [], -1, np.uint64(0)
-        for part in portions:
-            key = packed[part] >> np.uint64(shift)
-            new = np.concatenate([[seen < 0 or key[0] != before], key[1:] != key[:-1]])
-            place = packed[part] & np.uint64((1 << shift) - 1)
-            number[place.astype(np.int64)] = seen + np.cumsum(new)
-            found.append(key[new])
-            seen, before = seen + int(np.count_nonzero(new)), key[-1]
-        distinct = np.concatenate(found).astype(np.int64)
-    start = distinct >> width
-    return np.column_stack([start, start + (distinct & ((1 << width) - 1))]), number
-
-
-def _facet_keys(facets: IntArray, count: int) -> IntArray:
-    """One number per facet, whatever the order of its nodes."""
-    if facets.shape[1] == 2:
-        return _pair_keys(facets, count)
-    if count > 2_000_000:
-        raise ProblemError(f"the mesh has {count} nodes; its boundaries can be found on up to two million")
-    low, middle, high = np.sort(facets, axis=1).T
-    return np.asarray((low * count + middle) * count + high)
-
-
-def _signed_volumes(points: Array, cells: IntArray) -> Array:
-    volumes = np.empty(len(cells))
-    for start in range(0, len(cells), _PORTION):
-        part = slice(start, start + _PORTION)
-        first, *others = cells[part].T
-        side = [[x[other] - x[first] for x in points.T] for other in others]
-        if len(side) == 2:
-            volumes[part] = 0.5 * (side[0][0] * side[1][1] - side[0][1] * side[1][0])
-        else:
-            (a, b, c), (d, e, f), (g, h, i) = side
-            volumes[part] = (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)) / 6.0
-    return volumes
-
-
-def _index_array(value: Any, name: str, count: int) -> IntArray:
-    array = np.asarray(value)
-    if array.size == 0:
-        return np.zeros((0, 0), dtype=np.int64)
-    if array.dtype.kind not in "iu":
-        raise ProblemError(f"{name} must hold whole numbers, not {array.dtype}")
-    array = array.astype(np.int64)
-    if array.min() < 0 or array.max() >= count:
-        bad = int(array.min() if array.min() < 0 else array.max())
-        raise ProblemError(f"{name} refers to number {bad}; valid numbers are 0 to {count - 1}")
-    return array
-
-
-def _checked_arrays(points: Any, cells: Any) -> tuple[Array, IntArray]:
-    try:
-        nodes = np.array(points, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"points is not an array of real numbers ({error})") from error
-    if nodes.ndim != 2 or nodes.shape[1] not in (2, 3) or len(nodes) == 0:
-        raise ProblemError(f"points has shape {nodes.shape}; it must be (N, 2) or (N, 3)")
-    finite = np.isfinite(nodes).all(axis=1)
-    if not finite.all():
-        bad = int(np.flatnonzero(~finite)[0])
-        raise ProblemError(f"point {bad} = {nodes[bad].tolist()}; every coordinate must be finite")
-    connectivity = _index_array(cells, "cells", len(nodes))
-    dim = nodes.shape[1]
-    if connectivity.ndim != 2 or connectivity.shape[1] != dim + 1 or len(connectivity) == 0:
-        kind = "triangles" if dim == 2 else "tetrahedra"
-        raise ProblemError(f"cells has shape {connectivity.shape}; {kind} need shape (M, {dim + 1})")
-    return _frozen(nodes), _frozen(connectivity)
-
-
-def _check_cells(points: Array, cells: IntArray) -> None:
-    volume = _signed_volumes(points, cells)
-    longest = np.zeros(len(cells))
-    for a, b in _EDGES[points.shape[1]]:
-        np.maximum(longest, np.sum((points[cells[:, a]] - points[cells[:, b]]) ** 2, axis=1), out=longest)
-    flat = np.abs(volume) <= _FLAT * np.sqrt(longest) ** points.shape[1]
-    if flat.any():
-        raise ProblemError(
-            f"{np.count_nonzero(flat)} cells are degenerate (no volume): cells {_some(flat)}; remove them or "
-            f"separate their nodes"
-        )
-    if np.any(volume < 0):
-        raise ProblemError(
-            f"{np.count_nonzero(volume < 0)} cells are inverted: cells {_some(volume < 0)}; swap two of "
-            f"their nodes or build the mesh with Mesh.oriented(...)"
-        )
-    lonely = np.bincount(cells.ravel(), minlength=len(points)) == 0
-    if lonely.any():
-        raise ProblemError(
-            f"{np.count_nonzero(lonely)} nodes belong to no cell: nodes {_some(lonely)}; remove them from points"
-        )
-
-
-def _checked_regions(regions: Mapping[str, Any], count: int) -> dict[str, IntArray]:
-    result = {}
-    for name, value in regions.items():
-        ids = _index_array(value, f"region '{name}'", count)
-        if ids.size == 0:
-            raise ProblemError(f"region '{name}' holds no cells; remove it or fill it")
-        if ids.ndim != 1:
-            raise ProblemError(f"region '{name}' has shape {ids.shape}; it must list cell numbers, shape (k,)")
-        result[str(name)] = _frozen(np.unique(ids))
-    return result
-
-
-def _some(mask: Any, limit: int = 5) -> str:
-    """The first few numbers where ``mask`` holds, for messages."""
-    numbers = np.flatnonzero(mask)
-    return ", ".join(str(int(i)) for i in numbers[:limit]) + (", ..." if len(numbers) > limit else "")
+    return mesh_from_file(path)

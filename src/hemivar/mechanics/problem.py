@@ -14,10 +14,11 @@ import numpy as np
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
+from hemivar.mechanics._mesh_arrays import _facet_keys
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.mesh import Mesh, _facet_keys
+from hemivar.mechanics.mesh import Mesh
 from hemivar.mechanics.obstacles import Normals, Obstacle
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
