@@ -24,12 +24,12 @@ from hemivar.mechanics.assembly import EdgeBlocks, linear_stiffness, load_vector
 from hemivar.mechanics.discretize import (
     JoinedContact,
     NodalConditions,
-    _rigid_motions,
-    admitted,
     nodal_conditions,
-    refuse_free_motion,
 )
+from hemivar.mechanics.free_motion import describe, geometric_slack, refuse
+from hemivar.mechanics.hold import Growth, decide, growth_along
 from hemivar.mechanics.mesh import Mesh
+from hemivar.mechanics.parts import admitted, rigid_basis
 from hemivar.mechanics.problem import ContactProblem, Quadrature
 
 __all__ = ["BodyOnRanks", "assemble"]
@@ -279,7 +279,7 @@ def assemble(
     del blocks
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
     diagonal = K.getDiagonal().array_r
-    admissible, names, moves = _admissible_motions(ranks, nodal, skin, piece, owned)
+    admissible, moves = _admissible_motions(ranks, nodal, skin, piece, owned)
     body = BodyOnRanks(
         ranks=ranks,
         piece=piece,
@@ -311,7 +311,7 @@ def assemble(
         coarser=coarser,
     )
     if check_coercivity:
-        _check_held(body, admissible, names, moves)
+        _check_held(body, admissible, moves)
     return body
 
 
@@ -513,27 +513,27 @@ def _near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) ->
 
 def _admissible_motions(
     ranks: Ranks, nodal: NodalConditions, skin: Mesh, piece: Piece, owned: BoolArray
-) -> tuple[Array, list[str], Array]:
-    """Rigid motions that the supports admit, names of all motions, and these as displacements (N, d, motions)."""
+) -> tuple[Array, Array]:
+    """Rigid motions that the supports admit, and all of them as displacements (N, d, motions)."""
     points = piece.mesh.points
     far = np.concatenate([points.max(axis=0, initial=-np.inf), -points.min(axis=0, initial=np.inf)])
     far = ranks.largest(*far)
     dim = piece.mesh.dim
-    motions, names = _rigid_motions(points, (-far[dim:], far[:dim]))
+    motions, _ = rigid_basis(points, (-far[dim:], far[:dim]))
     count = nodal.supports.count[: len(points)]
     node, slot = np.nonzero((np.arange(dim) < count[:, None]) & owned[:, None])
     moves = motions.reshape(len(points), dim, motions.shape[1])
     stopped = np.einsum("kd,kdr->kr", nodal.supports.directions[node, slot], moves[node])
     triangle = np.linalg.qr(stopped, mode="r") if len(stopped) else stopped
     every = np.concatenate(ranks.mpi.allgather(triangle))
-    return admitted(every), names, moves
+    return admitted(every), moves
 
 
-def _check_held(body: BodyOnRanks, admissible: Array, names: list[str], moves: Array) -> None:
-    """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does."""
+def _check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
+    """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does; the first rank decides."""
     if not admissible.shape[1]:
         return
-    ranks, law, weights = body.ranks, body.law, body.weights
+    ranks = body.ranks
     rigid = moves @ admissible
     vectors = []
     for k in range(admissible.shape[1]):
@@ -542,18 +542,18 @@ def _check_held(body: BodyOnRanks, admissible: Array, names: list[str], moves: A
     load = body.f.array_r
     local = np.stack([body.spread(column[body.unknown]) for column in columns.T], axis=2)
     totals = ranks.total(*(columns.T @ load), float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0)))
-    work, scale = totals[:-1], float(totals[-1])
-
-    def growth(direction: Array) -> tuple[float, float]:
-        shift = local @ direction
-        shift[np.abs(shift) < 1e-10] = 0.0
-        rate = weights * law.recession(shift) if len(shift) else np.zeros(0)
-        finite = rate[np.isfinite(rate)]
-        gained, size = ranks.total(float(rate.sum()), float(np.abs(finite).sum()))
-        return float(gained) - float(work @ direction), scale + float(size)
-
+    own = growth_along(body.law, local, body.weights, totals[:-1], float(totals[-1]))
+    slack = geometric_slack(body.contact.points, body.contact.weights)
+    everywhere = ranks.mpi.gather((own.rows, own.up, own.down, own.cones, own.rates, slack), root=0)
+    hold = None
+    if ranks.rank == 0:
+        parts = list(zip(*everywhere, strict=True))
+        rows, up, down, cones, rates = (np.concatenate(part) for part in parts[:5])
+        hold = decide(Growth(own.work, own.load, rows, up, down, cones, rates, max(parts[5])))
+    hold = ranks.mpi.bcast(hold, root=0)
+    motion = "" if hold.direction is None else describe(admissible @ hold.direction)
     try:
-        refuse_free_motion(admissible, names, growth)
+        refuse(hold, motion)
     except ProblemError as error:
         raise shared(error) from None
 

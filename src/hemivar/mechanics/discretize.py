@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
@@ -26,6 +22,7 @@ from hemivar.mechanics.conditions import (
     evaluate_vector,
 )
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
+from hemivar.mechanics.free_motion import refuse_free_motion
 from hemivar.mechanics.mesh import Mesh
 from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.problem import ContactProblem, Quadrature
@@ -33,16 +30,13 @@ from hemivar.mechanics.problem import ContactProblem, Quadrature
 __all__ = [
     "JoinedContact",
     "NodalConditions",
-    "admitted",
     "discretize",
     "nodal_conditions",
-    "refuse_free_motion",
 ]
 
 _DEPENDENT = 1e-8
 _ZERO = 1e-12
 _CORNER = np.cos(np.pi / 4)
-_BALANCE = 1e-10
 
 
 def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> DiscreteProblem:
@@ -125,7 +119,7 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         statement=problem,
     )
     if check_coercivity:
-        _check_coercivity(supports, discrete, full_load)
+        refuse_free_motion(discrete, full_load)
     return discrete
 
 
@@ -611,172 +605,6 @@ def _local_components(average: sp.csr_array, frames: Array) -> sp.csr_array:
     data = entries.data[:, None, None] * frames[entries.row]
     shape = (count * dim, average.shape[1] * dim)
     return sp.csr_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
-
-
-# ---- coercivity ------------------------------------------------------------------------------------------
-
-
-def _check_coercivity(supports: _Supports, discrete: DiscreteProblem, load: Array) -> None:
-    """Refuse a body that is free to move.
-
-    For every rigid motion s that the supports admit, ``-F.s + sum_j w_j j_j^inf(B s) > 0`` is required, where
-    ``j^inf`` is the asymptotic slope of the law; then the energy grows along s.
-    """
-    nodes = supports.nodes
-    motions, names = _rigid_motions(nodes)
-    admissible = _admissible(supports, motions)
-    if admissible.shape[1] == 0 or discrete.field is None:
-        return
-    rigid = motions @ admissible
-    work = rigid.T @ load
-    local = (discrete.trace @ (discrete.field.basis.T @ rigid)).reshape(-1, nodes.shape[1], admissible.shape[1])
-    scale = float(np.abs(load) @ np.abs(motions).max(axis=1))
-
-    def growth(direction: Array) -> tuple[float, float]:
-        """Growth of the energy along a direction, and a scale to compare it with."""
-        shift = local @ direction
-        shift[np.abs(shift) < 1e-10] = 0.0
-        rate = discrete.weights * discrete.law.recession(shift) if len(shift) else np.zeros(0)
-        finite = rate[np.isfinite(rate)]
-        total = float(np.sum(rate)) - float(work @ direction)
-        return total, scale + float(np.sum(np.abs(finite)))
-
-    refuse_free_motion(admissible, names, growth)
-
-
-def refuse_free_motion(admissible: Array, names: list[str], growth: Callable[[Array], tuple[float, float]]) -> None:
-    """Refuse a body whose energy does not grow along one of its admissible rigid motions.
-
-    Parameters
-    ----------
-    admissible : array, shape (3 or 6, a)
-        Orthonormal coefficients of the motions that the supports admit.
-    names : list of str
-        What each of the 3 or 6 motions is called.
-    growth : function
-        Growth of the energy along a direction (a,), and a scale to compare it with.
-
-    Raises
-    ------
-    ProblemError
-    """
-    worst, where, size = np.inf, admissible[0], 1.0
-    axes = _axes(admissible)
-    for number, direction in enumerate(itertools.chain(axes, _sample(axes, growth))):
-        if number == len(axes) and worst < -_BALANCE:
-            break  # a plain motion makes the better message
-        value, reference = growth(direction)
-        relative = value / reference if reference > 0 else (0.0 if value == 0.0 else value)
-        if relative < worst:
-            worst, where, size = relative, direction, value
-    if worst > _BALANCE:
-        return
-    motion = _describe(admissible @ where, names)
-    if worst < -_BALANCE:
-        raise ProblemError(
-            f"the body is free to move: the loads push it along the rigid motion {motion} with more than "
-            f"supports and laws can resist (energy falls by {-size:.3g} per unit of motion); add a support "
-            f"or a law that holds it"
-        )
-    raise ProblemError(
-        f"the body is free to move: nothing holds it against the rigid motion {motion} (along it the loads "
-        f"are in balance with what supports and laws can resist); add a support or a law that holds it"
-    )
-
-
-def _rigid_motions(nodes: Array, corners: tuple[Array, Array] | None = None) -> tuple[Array, list[str]]:
-    """Translations and rotations about the middle, scaled to size one; shape (nodes * d, 3 or 6), and their names.
-
-    ``corners`` are the lowest and the highest of the body, shape (d,), where the nodes are not all of them.
-    """
-    count, dim = nodes.shape
-    lowest, highest = (nodes.min(axis=0), nodes.max(axis=0)) if corners is None else corners
-    middle = 0.5 * (highest + lowest)
-    arm = (nodes - middle) / (0.5 * np.linalg.norm(highest - lowest))
-    motions, names = [], []
-    for axis in range(dim):
-        motions.append(np.broadcast_to(np.eye(dim)[axis], nodes.shape).ravel())
-        names.append(_vector(np.eye(dim)[axis]))
-    for i, j in itertools.combinations(range(dim), 2):
-        turn = np.zeros((count, dim))
-        turn[:, i], turn[:, j] = -arm[:, j], arm[:, i]
-        motions.append(turn.ravel())
-        names.append("" if dim == 2 else f" about the {'zyx'[i + j - 1]} axis")
-    return np.column_stack(motions), names
-
-
-def _admissible(supports: _Supports, motions: Array) -> Array:
-    """Orthonormal coefficients, shape (3 or 6, a), of the rigid motions that the supports admit."""
-    node, slot = np.nonzero(np.arange(supports.nodes.shape[1]) < supports.count[:, None])
-    direction = supports.directions[node, slot]
-    values = motions.reshape(*supports.nodes.shape, -1)[node]
-    moved = np.einsum("kd,kdr->kr", direction, values)
-    return admitted(moved)
-
-
-def admitted(moved: Array) -> Array:
-    """Orthonormal coefficients of the motions that move no support: ``moved`` is (conditions, motions)."""
-    if not len(moved):
-        return np.eye(moved.shape[1])
-    triangle = np.linalg.qr(moved, mode="r")
-    return np.asarray(scipy.linalg.null_space(triangle, rcond=1e-9))
-
-
-def _axes(admissible: Array) -> Array:
-    """Admissible motions next to translations along and rotations about the axes, and their opposites."""
-    count = admissible.shape[1]
-    axes = np.vstack([np.eye(count), admissible])
-    size = np.linalg.norm(axes, axis=1)
-    axes = axes[size > 1e-6] / size[size > 1e-6, None]
-    axes[np.abs(axes) < 1e-14] = 0.0
-    return np.vstack([axes, -axes])
-
-
-def _sample(axes: Array, growth: Callable[[Array], tuple[float, float]]) -> Array:
-    """Unit directions among which the energy of a rigid motion grows least."""
-    count = axes.shape[1]
-    if count == 1:
-        return axes
-    if count == 2:
-        angle = 2 * np.pi * np.arange(720) / 720
-        cloud = np.column_stack([np.cos(angle), np.sin(angle)])
-    else:
-        cloud = np.random.default_rng(20210314).standard_normal((1500, count))
-        cloud /= np.linalg.norm(cloud, axis=1, keepdims=True)
-    candidates = np.vstack([axes, cloud])
-    values = np.array([growth(direction)[0] for direction in candidates])
-    refined = []
-    for start in candidates[np.argsort(values, kind="stable")[:3]]:
-        found = scipy.optimize.minimize(
-            lambda s: min(growth(s / np.linalg.norm(s))[0], 1e300),
-            start,
-            method="Nelder-Mead",
-            options={
-                "xatol": 1e-10,
-                "fatol": 1e-14,
-                "maxiter": 150 * count,
-                "initial_simplex": _simplex(start),
-            },
-        ).x
-        refined.append(found / np.linalg.norm(found))
-    return np.vstack([candidates, refined])
-
-
-def _simplex(start: Array) -> Array:
-    return np.vstack([start, start + 0.02 * np.eye(len(start))])
-
-
-def _describe(coefficients: Array, names: list[str]) -> str:
-    """A rigid motion in words."""
-    dim = 2 if len(names) == 3 else 3
-    coefficients = np.where(np.abs(coefficients) < 1e-6 * np.abs(coefficients).max(), 0.0, coefficients)
-    parts = []
-    if np.any(coefficients[:dim]):
-        parts.append(f"translation {_vector(coefficients[:dim])}")
-    turns = [name for name, value in zip(names[dim:], coefficients[dim:], strict=True) if value]
-    if turns:
-        parts.append("rotation" + " and".join(turns))
-    return "(" + " with ".join(parts) + ")"
 
 
 def _vector(values: Array) -> str:

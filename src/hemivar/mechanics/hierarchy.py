@@ -10,7 +10,8 @@ import scipy.spatial
 
 from hemivar._typing import Array, IntArray
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
-from hemivar.mechanics.discretize import _rigid_motions, discretize
+from hemivar.mechanics.discretize import discretize
+from hemivar.mechanics.parts import rigid_basis
 
 __all__ = ["Coarser", "coarser", "rigid_motions"]
 
@@ -86,5 +87,5 @@ def _shared_points(fine: DiscreteProblem, coarse: DiscreteProblem) -> IntArray:
 
 def rigid_motions(field: FieldMap) -> Array:
     """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6)."""
-    motions, _ = _rigid_motions(field.nodes)
+    motions, _ = rigid_basis(field.nodes)
     return np.asarray(field.basis.T @ motions)
