@@ -282,7 +282,7 @@ def test_bad_input_is_refused_once_for_all_ranks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("how", "code", "words"), [
-    ("exit", 7, None), ("kill", 137, None), ("bug", 1, "something broke"), ("refusal", 2, "friction is negative"),
+    ("exit", 7, None), ("kill", 137, None), ("bug", 70, "something broke"), ("refusal", 2, "friction is negative"),
 ])  # fmt: skip
 def test_a_rank_that_fails_ends_all_of_them(tmp_path: Path, how: str, code: int, words: str | None) -> None:
     done = _mpirun(3, _HERE / "probe.py", _written(tmp_path, "crossed"), how, limit=60.0)

@@ -33,6 +33,10 @@ class Alarm:
         self.began = time.perf_counter()
         self._called: float | None = None
 
+    def start(self, limit: float) -> None:
+        """Begin to count the time."""
+        self.limit, self.began = limit, time.perf_counter()
+
     @property
     def spent(self) -> float:
         """Seconds since the start."""

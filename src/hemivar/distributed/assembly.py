@@ -21,15 +21,17 @@ from hemivar.distributed.ranks import Ranks, shared
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.assembly import EdgeBlocks, linear_stiffness, load_vector
+from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.discretize import (
     JoinedContact,
     NodalConditions,
+    discretize,
     nodal_conditions,
 )
-from hemivar.mechanics.free_motion import describe, geometric_slack, refuse
+from hemivar.mechanics.free_motion import describe, geometric_slack, refuse, refuse_free_motion
 from hemivar.mechanics.hold import Growth, decide, growth_along
 from hemivar.mechanics.mesh import Mesh
-from hemivar.mechanics.parts import admitted, rigid_basis
+from hemivar.mechanics.parts import admitted, free_motions, rigid_basis
 from hemivar.mechanics.problem import ContactProblem, Quadrature
 
 __all__ = ["BodyOnRanks", "assemble"]
@@ -301,7 +303,7 @@ def assemble(
         compliance=_compliance(ranks, contact.weights, active, unknown, diagonal),
         contact_diagonal=diagonal[unknown].copy(),
         typical=typical,
-        supported=admissible.shape[1] == 0,
+        supported=_supported(ranks, piece, state, coarser) if piece.parts > 1 else admissible.shape[1] == 0,
         row_sums=row_sums,
         unknowns=int(unknowns),
         contact_points=int(points),
@@ -310,9 +312,32 @@ def assemble(
         seconds=time.perf_counter() - began,
         coarser=coarser,
     )
-    if check_coercivity:
+    if check_coercivity and piece.parts > 1:
+        ranks.agree(lambda: None if piece.whole is None else refuse_free_motion(_unrefined(piece.whole, state)))
+    elif check_coercivity:
         _check_held(body, admissible, moves)
     return body
+
+
+def _unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem]) -> DiscreteProblem:
+    """The serial problem on the unrefined mesh, where parts of a body are told from one another."""
+    return discretize(state(mesh), check_coercivity=False)
+
+
+def _supported(
+    ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], coarser: BodyOnRanks | None
+) -> bool:
+    """Whether the supports hold every part of a body of several parts; they are the same on every mesh."""
+    if coarser is not None:
+        return coarser.supported
+
+    def look() -> bool | None:
+        if piece.whole is None:
+            return None
+        field = _unrefined(piece.whole, state).field
+        return field is not None and free_motions(field).count == 0
+
+    return bool(ranks.mpi.bcast(ranks.agree(look)))
 
 
 def _check_suited(problem: ContactProblem) -> None:

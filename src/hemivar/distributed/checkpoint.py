@@ -17,11 +17,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from hemivar._typing import Array, IntArray
-from hemivar.disk import regular_file
+from hemivar.disk import regular_file, shown
 from hemivar.distributed.assembly import BodyOnRanks
 from hemivar.distributed.files import one_writer, read_rows, write_rows
 from hemivar.distributed.newton import Iterate
-from hemivar.distributed.ranks import Ranks, shared, shown
+from hemivar.distributed.ranks import Ranks, shared
 from hemivar.distributed.solve import Saved
 from hemivar.errors import ProblemError
 from hemivar.solvers import Progress
@@ -35,13 +35,18 @@ _LENGTHS = 10.0 ** np.arange(-6, 1)  # of displacements at which laws are compar
 _KNOWN: WeakKeyDictionary[BodyOnRanks, list[float]] = WeakKeyDictionary()
 
 
-def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> None:
+def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
     """Write an iterate; what stood there before stays until all of it is written. All ranks call this.
+
+    Returns
+    -------
+    bool
+        False if the iterate is not finite; then nothing is written.
 
     Raises
     ------
     ProblemError
-        On all ranks: the file cannot be written, or the iterate is not finite.
+        On all ranks: the file cannot be written.
     """
     path, ranks = Path(path), body.ranks
     vectors = [saved.iterate.x]
@@ -56,7 +61,7 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> None:
     wrong = [float(not np.isfinite(natural.array_r).all()) for natural in naturals]
     wrong.append(float(not np.isfinite([saved.iterate.energy, saved.iterate.stiffening, *saved.changes]).all()))
     if ranks.largest(*wrong).any():
-        raise shared(ProblemError(f"checkpoint '{shown(path)}' is not written, for the iterate is not finite"))
+        return False
     record = {
         "format": _FORMAT,
         "nodes": body.piece.total,
@@ -79,6 +84,7 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> None:
         for natural in naturals:
             write_rows(ranks, sink, natural.array_r)
             natural.destroy()
+    return True
 
 
 def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
@@ -194,7 +200,7 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
     except (ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
         if isinstance(error, ProblemError):
             raise
-        reason = f"its first line lacks {error}" if isinstance(error, KeyError) else shown(error)
+        reason = f"its first line lacks {error}" if isinstance(error, KeyError) else str(error)
         raise ProblemError(f"'{name}' is no checkpoint ({reason}); give the file named by --checkpoint") from None
     other = f"checkpoint '{name}' belongs to another problem"
     for key, mine, what in (

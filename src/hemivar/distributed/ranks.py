@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 import traceback
@@ -14,9 +15,10 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 
 from hemivar._typing import Array, IntArray
+from hemivar.disk import shown
 from hemivar.errors import HemivarError, MethodError, ProblemError
 
-__all__ = ["Ranks", "all_or_none", "shared", "shown", "world"]
+__all__ = ["Ranks", "all_or_none", "shared", "world"]
 
 T = TypeVar("T")
 
@@ -86,6 +88,15 @@ class Ranks:
         out: Array = np.empty(len(values))
         self.mpi.Allreduce(mine, out, op=operation)
         return out
+
+    def neighbours(self) -> int:
+        """How many ranks run on the machine of this one, itself included."""
+        from mpi4py import MPI
+
+        here = self.mpi.Split_type(MPI.COMM_TYPE_SHARED)
+        count = int(here.size)
+        here.Free()
+        return count
 
     def offset(self, count: int) -> tuple[int, int]:
         """How many of something the ranks before this one have, and all together."""
@@ -200,31 +211,33 @@ def world() -> Ranks:
     return Ranks(PETSc.COMM_WORLD, MPI.COMM_WORLD)
 
 
-def shown(text: object) -> str:
-    """A name or a text as it may go to a terminal: on one line, without control characters."""
-    return " ".join("".join(c if c.isprintable() else " " for c in str(text)).split())
+def _one_line(text: object) -> str:
+    return shown(" ".join(str(text).split()))
 
 
 @contextmanager
 def all_or_none(ranks: Ranks) -> Iterator[None]:
-    """Whatever ends the work on one rank ends it on all, with one message and exit code 1, or 2 for bad input."""
+    """Whatever ends the work on one rank ends it on all, with one message and exit code 2 for bad input, or 70.
+
+    With HEMIVAR_TRACEBACK=1 in the environment an error that should not occur is shown with its traceback.
+    """
     try:
         yield
     except HemivarError as error:
         if getattr(error, "shared", False):
             if ranks.rank == 0:
-                _say(f"hemivar: error: {shown(error)}")
+                _say(f"hemivar: error: {_one_line(error)}")
             ranks.mpi.Barrier()
             raise SystemExit(2) from None
-        _end_all(ranks, 2, f"hemivar: error: {shown(error)} (rank {ranks.rank} of {ranks.size})")
+        _end_all(ranks, 2, f"hemivar: error: {_one_line(error)} (rank {ranks.rank} of {ranks.size})")
     except KeyboardInterrupt:
         _end_all(ranks, 130, "hemivar: interrupted")
     except MemoryError:
         _end_all(ranks, 2, f"hemivar: error: {_NO_MEMORY} (rank {ranks.rank} of {ranks.size})")
     except Exception as error:
-        reason = f"{type(error).__name__}: {shown(error)}{_place(error)}"
+        reason = f"{type(error).__name__}: {_one_line(error)[:300]}{_place(error)}"
         line = f"hemivar: error: rank {ranks.rank} of {ranks.size} failed ({reason}); all ranks end"
-        _end_all(ranks, 1, line, error)
+        _end_all(ranks, 70, line, error)
 
 
 def _place(error: Exception) -> str:
@@ -244,7 +257,7 @@ def _say(line: str) -> None:
 def _end_all(ranks: Ranks, code: int, line: str, error: Exception | None = None) -> NoReturn:
     """End every rank; ranks that fail together leave the word to the lowest of them, whose end is that of all."""
     time.sleep(0.5 * math.log2(1 + ranks.rank))
-    if error is not None and sys.flags.dev_mode:
+    if error is not None and os.environ.get("HEMIVAR_TRACEBACK"):
         traceback.print_exception(error)
     _say(line)
     if ranks.size > 1:
