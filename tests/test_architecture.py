@@ -19,7 +19,8 @@ PACKAGE = ROOT / "src" / "hemivar"
 #: Modules and packages of hemivar by rank: each may import itself and what stands on a lower line.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "_typing"),
-    ("arrays", "disk", "memory"),
+    ("arrays", "deadline", "disk", "expression", "memory", "portable"),
+    ("smooth",),
     ("formula",),
     ("laws",),
     ("mechanics",),
@@ -144,6 +145,62 @@ def test_import_is_quick(module: str, absent: tuple[str, ...]) -> None:
     code = f"import sys, {module}; print(*[name for name in {absent!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+#: Methods that write or read a file; a temporary name of ``whole_file`` may be written to.
+WRITING = {"write_text", "write_bytes", "savefig", "screenshot", "to_csv", "tofile", "savez", "savetxt", "touch"}
+READING = {"read_text", "read_bytes", "loadtxt", "genfromtxt"}
+#: Where files are opened otherwise: descriptors of the process, files of the system, parallel writers of one file.
+OPENING = ("disk", "commands.terminal", "memory", "solvers.memory", "distributed", "report.on_ranks")
+
+
+def opened(path: Path) -> Iterator[tuple[str, int]]:
+    """Calls that open a file, or make a library do so, outside ``with whole_file(...)``."""
+
+    def search(node: ast.AST, inside: bool) -> Iterator[tuple[str, int]]:
+        if isinstance(node, ast.With):
+            calls = [item.context_expr for item in node.items if isinstance(item.context_expr, ast.Call)]
+            inside = inside or any(isinstance(c.func, ast.Name) and c.func.id == "whole_file" for c in calls)
+        if isinstance(node, ast.Call) and not inside:
+            name, owner = "", ""
+            if isinstance(node.func, ast.Attribute):
+                name = node.func.attr
+                owner = node.func.value.id if isinstance(node.func.value, ast.Name) else ""
+            elif isinstance(node.func, ast.Name) and node.func.id == "open":
+                name = "open"
+            keywords = {keyword.arg for keyword in node.keywords}
+            direct = owner != "disk" and name in {"open", *WRITING, *READING}
+            by_meshio = name in ("write", "save") and "file_format" in keywords
+            if direct or by_meshio:
+                yield name, node.lineno
+        for child in ast.iter_child_nodes(node):
+            yield from search(child, inside)
+
+    yield from search(ast.parse(path.read_text(encoding="utf-8")), False)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
+def test_files_are_opened_by_one_module(path: Path) -> None:
+    own = module_name(path)
+    if any(own == room or own.startswith(room + ".") for room in OPENING):
+        return
+    found = [f"{path}:{line}: {name}" for name, line in opened(path)]
+    assert not found, f"read and write by hemivar.disk: {found}"
+
+
+def test_a_file_opened_elsewhere_is_found(tmp_path: Path) -> None:
+    code = tmp_path / "a.py"
+    for text, count in (
+        ("with whole_file(path) as name:\n    fig.savefig(name)\n    name.write_text('')", 0),
+        ("fig.savefig(path)", 1),
+        ("path.open('w')", 1),
+        ("open(path)", 1),
+        ("grid.write(path, file_format='vtu')", 1),
+        ("stream.write('text')\ndisk.write_text(path, '')\nread_text(path)", 0),
+        ("with whole_file(path) as name:\n    pass\npath.write_text('')", 1),
+    ):
+        code.write_text(text)
+        assert len(list(opened(code))) == count, text
 
 
 def public_modules() -> list[str]:

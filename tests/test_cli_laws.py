@@ -36,7 +36,7 @@ def test_a_law_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 def test_a_law_from_a_formula_and_with_parameters(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["laws", "--formula", "log(1+r)", "--friction", "--set", "bound=0.5"]) == 0
-    assert "alpha = 0.5 (sampled)" in capsys.readouterr().out
+    assert "alpha = 0.5, attained" in capsys.readouterr().out
     assert main(["laws", "softening", "--set", "softening=3"]) == 0
     out = capsys.readouterr().out
     assert "alpha = 3" in out

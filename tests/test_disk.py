@@ -29,6 +29,66 @@ def test_what_fails_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) ->
     assert os.listdir(tmp_path) == ["a.json"]
 
 
+def test_a_disk_error_is_told_though_another_hides_it(tmp_path: Path) -> None:
+    def stumble() -> None:
+        with disk.whole_file(tmp_path / "a"):
+            try:
+                raise OSError(28, "No space left on device")
+            finally:
+                raise AttributeError("pos")
+
+    def elsewhere() -> None:
+        try:
+            raise OSError(28, "No space left on device")
+        except OSError:
+            with disk.whole_file(tmp_path / "a"):
+                raise AttributeError("pos") from None
+
+    with pytest.raises(FileError, match="no space left on device"):
+        stumble()
+    with pytest.raises(AttributeError):
+        elsewhere()
+    assert os.listdir(tmp_path) == []
+
+
+def test_trying_an_output_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "old").write_text("old")
+    os.mkfifo(tmp_path / "pipe")
+    before = sorted(os.listdir(tmp_path))
+    disk.try_output(tmp_path / "new")
+    disk.try_output(tmp_path / "old")
+    for name in ("nowhere/a", "a\0b", ".", "pipe", 300 * "a"):
+        with pytest.raises(FileError, match="cannot write"):
+            disk.try_output(tmp_path / name)
+    assert sorted(os.listdir(tmp_path)) == before
+    assert (tmp_path / "old").read_text() == "old"
+
+
+def test_long_names_can_be_written(tmp_path: Path) -> None:
+    name = 80 * "\u4e2d" + ".json"  # 245 bytes
+    disk.write_text(tmp_path / name, "text")
+    assert os.listdir(tmp_path) == [name]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="the superuser may write everywhere")
+def test_a_protected_file_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "kept").write_text("old")
+    (tmp_path / "kept").chmod(0o400)
+    with pytest.raises(FileError, match="write-protected"):
+        disk.write_text(tmp_path / "kept", "new")
+
+
+def test_files_read_are_noted(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("a")
+    disk.read_text(tmp_path / "a")
+    with disk.noting_files_read() as files:
+        disk.read_text(tmp_path / "a")
+        with pytest.raises(FileError):
+            disk.read_text(tmp_path / "nowhere")
+    disk.read_text(tmp_path / "a")
+    assert files == [tmp_path / "a"]
+
+
 def test_size_limit_names_the_file_and_keeps_the_old_one(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text("old")

@@ -871,6 +871,8 @@ def _print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
     print(title or stated.name)
     print(f"mesh              {size}")
     print(f"unknowns          {discrete.unknowns}")
+    for warning in discrete.warnings:
+        print(f"warning           {warning}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
     print(f"contact points    {discrete.contact_points}{where}", flush=True)
 

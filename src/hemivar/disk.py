@@ -6,6 +6,7 @@ import contextlib
 import os
 import secrets
 import stat
+import sys
 from collections.abc import Iterator
 from contextvars import ContextVar
 from pathlib import Path
@@ -111,9 +112,11 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     FileError
-        In one sentence that names the file, for every :class:`OSError` of the block.
+        In one sentence that names the file, for every :class:`OSError` of the block, also where another error hides
+        it: libraries stumble when they clean up after a full disk.
     """
     temporary: Path | None = None
+    around = sys.exc_info()[1]
     try:
         target, mode = _target(path)
         if mode is not None and not stat.S_ISREG(mode):
@@ -129,10 +132,13 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         _flush_directory(target.parent)
     except FileError:
         raise
-    except (OSError, ValueError) as error:
-        if isinstance(error, ValueError) and temporary is not None:
-            raise  # of the block; before it, a NUL in the name
-        raise FileError(f"cannot write {shown(path)}: {_reason(error)}") from error
+    except Exception as error:
+        cause = _disk_error(error, around)
+        if cause is None and temporary is None and isinstance(error, ValueError):
+            cause = error  # a NUL in the name
+        if cause is None:
+            raise
+        raise FileError(f"cannot write {shown(path)}: {_reason(cause)}") from error
     finally:
         if temporary is not None:
             with contextlib.suppress(OSError):
@@ -231,6 +237,16 @@ def same_file(one: str | Path, other: str | Path) -> bool:
             return os.path.realpath(one) == os.path.realpath(other)
         except (OSError, ValueError):
             return str(one) == str(other)
+
+
+def _disk_error(error: BaseException, around: BaseException | None) -> OSError | None:
+    """The error of the system that an error is, or came after; ``around`` was there before and is none of them."""
+    found: BaseException | None = error
+    while found is not None and found is not around:
+        if isinstance(found, OSError):
+            return found
+        found = found.__context__
+    return None
 
 
 def _flush(path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import difflib
+import functools
 import itertools
 import re
 import warnings
@@ -20,8 +21,10 @@ import numpy as np
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
+from hemivar.expression import Graph
+from hemivar.smooth import WIDE, SmoothFormula
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "VARIABLES", "Formula", "FormulaArray", "ScalarFormula", "SmoothFormula"]
+__all__ = ["CONSTANTS", "FUNCTIONS", "VARIABLES", "Formula", "FormulaArray", "ScalarFormula"]
 
 #: Coordinates that a formula may use.
 VARIABLES = ("x", "y", "z")
@@ -45,21 +48,9 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = MappingProxyType(
     }
 )
 
-_OPERATORS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-}
-_COMPARISONS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Lt: np.less,
-    ast.LtE: np.less_equal,
-    ast.Gt: np.greater,
-    ast.GtE: np.greater_equal,
-}
+_OPERATORS: Mapping[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "^"}
+_COMPARISONS: Mapping[type[ast.AST], str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _PIECEWISE = "piecewise"
-_WIDE = 1e6  # how much farther than the reach switches are found that are linear
 _FOREIGN = re.compile(r"[^A-Za-z0-9_+\-*/^()., ]")
 _FOREIGN_TO_PIECES = re.compile(r"[^A-Za-z0-9_+\-*/^()., <>=]")
 _LONGEST = 1000
@@ -92,10 +83,13 @@ class Formula:
     text: str
     where: str = ""
     minimum: float | None = None
-    _tree: ast.expr = field(init=False, repr=False, compare=False)
+    _graph: Graph = field(init=False, repr=False, compare=False)
+    _node: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_tree", _Reader(self.text, self._prefix).tree())
+        graph, node = _Reader(self.text, self._prefix).graph()
+        object.__setattr__(self, "_graph", graph)
+        object.__setattr__(self, "_node", node)
 
     @property
     def _prefix(self) -> str:
@@ -104,8 +98,7 @@ class Formula:
     @property
     def variables(self) -> frozenset[str]:
         """Names of the coordinates that occur in the formula."""
-        names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
-        return frozenset(names & set(VARIABLES))
+        return self._graph.names(self._node)
 
     def __call__(self, points: Array) -> Array:
         """Values at points.
@@ -127,7 +120,7 @@ class Formula:
                 f"{points.shape[1]} coordinates; use {', '.join(at)}"
             )
         with np.errstate(all="ignore"):
-            values = np.asarray(_value(self._tree, at), dtype=float)
+            values = np.asarray(self._graph.value(self._node, at), dtype=float)
         values = np.broadcast_to(values, (len(points),)).copy()
         self._check(values, points, ~np.isfinite(values), "give a formula that is finite there")
         if self.minimum is not None:
@@ -165,39 +158,6 @@ class FormulaArray:
         return np.stack(columns, axis=-1).reshape(len(points), *self.shape)
 
 
-@dataclass(frozen=True, eq=False)
-class SmoothFormula:
-    """A function of one variable without switches, and its derivatives.
-
-    Parameters
-    ----------
-    tree : ast.expr
-        A checked tree without abs, min, max and piecewise.
-    variable : str
-    """
-
-    tree: ast.expr
-    variable: str
-
-    def __call__(self, r: Array) -> Array:
-        """Values at ``r``, of its shape; not finite where the formula is not."""
-        r = np.asarray(r, dtype=float)
-        with np.errstate(all="ignore"):
-            return np.broadcast_to(np.asarray(_value(self.tree, {self.variable: r}), dtype=float), r.shape)
-
-    def derivative(self) -> SmoothFormula:
-        """The derivative, in symbols."""
-        return SmoothFormula(_differentiated(self.tree, self.variable), self.variable)
-
-    @property
-    def constant(self) -> bool:
-        """Whether the variable does not occur."""
-        return not _depends(self.tree, self.variable)
-
-    def __str__(self) -> str:
-        return re.sub(r"(\d)\.0\b", r"\1", ast.unparse(self.tree).replace("**", "^"))
-
-
 @dataclass(frozen=True)
 class ScalarFormula:
     """A function of one variable, such as ``piecewise((0, r < 0), (10*r^2, r < 0.1), (0.1, True))``.
@@ -224,296 +184,125 @@ class ScalarFormula:
     text: str
     variable: str = "r"
     where: str = ""
-    _tree: ast.expr = field(init=False, repr=False, compare=False)
+    graph: Graph = field(init=False, repr=False, compare=False)
+    node: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        reader = _Reader(self.text, self.prefix, (self.variable,), pieces=True)
-        object.__setattr__(self, "_tree", reader.tree())
+        graph, node = _Reader(self.text, self.prefix, (self.variable,), pieces=True).graph()
+        object.__setattr__(self, "graph", graph)
+        object.__setattr__(self, "node", node)
 
     @property
     def prefix(self) -> str:
         """What stands before every message."""
         return f"{self.where}: " if self.where else ""
 
+    @property
+    def shown(self) -> str:
+        """Name of the formula in messages."""
+        return f"{self.prefix}formula '{_shown(self.text)}'"
+
     def __call__(self, r: Array) -> Array:
         """Values at ``r``, of its shape; not finite where the formula is not."""
-        return SmoothFormula(self._tree, self.variable)(r)
+        return SmoothFormula(self.graph, self.node, self.variable)(r)
 
-    def switches(self, reach: float) -> Array:
-        """Where branches may change: zeros of what abs, min, max and conditions compare, in increasing order.
+    def switches(self, reach: float) -> tuple[Array, bool]:
+        """Where branches may change: zeros of what abs, min, max and conditions compare.
 
-        They are exact where that is linear, and found on a fine grid of ``[-reach, reach]`` otherwise.
+        Returns
+        -------
+        places : array (k,)
+            Increasing; within ``[-reach, reach]``, and far beyond where what is compared is linear.
+        sure : bool
+            Whether none is missing; False where one of the differences is too intricate, and was sampled.
+
+        Raises
+        ------
+        ProblemError
+            If there are too many of them.
         """
-        found: list[float] = []
-        for difference in _switching(self._tree):
-            for smooth in self._alternatives(difference, reach):
-                found += _zeros(smooth, reach)
-        found.sort()
-        kept: list[float] = []
-        for place in found:
-            if not kept or place - kept[-1] > 1e-12 * max(1.0, abs(place)):
-                kept.append(place)
-        return np.array(kept)
+        found = _Switches(self, reach)
+        return found.breaks(self.node), found.sure
 
-    def _alternatives(self, tree: ast.expr, reach: float) -> list[SmoothFormula]:
-        """A switching function itself, or its branches if it holds switches of its own."""
-        inner = _switching(tree)
-        if not inner:
-            return [SmoothFormula(tree, self.variable)]
-        places = [z for d in inner for smooth in self._alternatives(d, reach) for z in _zeros(smooth, reach)]
-        ends = np.concatenate([[-2.0 * _WIDE * reach], np.unique(places), [2.0 * _WIDE * reach]])
-        return [SmoothFormula(_resolved(tree, {self.variable: m}), self.variable) for m in 0.5 * (ends[1:] + ends[:-1])]
+    def branches(self, places: Array) -> list[SmoothFormula]:
+        """The functions without switches that hold around some places."""
+        nodes = self.graph.branches(self.node, self.variable, np.asarray(places, dtype=float))
+        return [SmoothFormula(self.graph, node, self.variable) for node in nodes.tolist()]
 
     def branch(self, place: float) -> SmoothFormula:
         """The function without switches that holds around ``place``."""
-        return SmoothFormula(_resolved(self._tree, {self.variable: np.float64(place)}), self.variable)
+        return self.branches(np.array([place]))[0]
 
 
-def _switching(tree: ast.expr) -> list[ast.expr]:
-    """What the switches of a tree compare with zero."""
-    found: list[ast.expr] = []
-    for node in ast.walk(tree):
-        match node:
-            case ast.Call(func=ast.Name(id="abs"), args=[inner]):
-                found.append(inner)
-            case ast.Call(func=ast.Name(id="min" | "max"), args=several):
-                found += [_minus(a, b) for i, a in enumerate(several) for b in several[i + 1 :]]
-            case ast.Compare(left=left, comparators=others):
-                sides = [left, *others]
-                found += [_minus(a, b) for a, b in itertools.pairwise(sides)]
-    return found
+#: Places at which the branches of a formula may change, and branches of one part, that are followed.
+_MOST_SWITCHES = 2000
+_MOST_BRANCHES = 200
 
 
-def _zeros(smooth: SmoothFormula, reach: float) -> list[float]:
-    """Zeros in ``[-reach, reach]``: exactly for linear functions, else from sign changes on a fine grid."""
-    slope = smooth.derivative()
-    if slope.derivative().constant and slope.constant:
-        at_zero, rate = float(smooth(np.zeros(1))[0]), float(slope(np.zeros(1))[0])
-        place = -at_zero / rate if rate != 0.0 and np.isfinite(rate) else np.inf
-        return [place + 0.0] if abs(place) <= _WIDE * reach else []
-    grid = _grid(reach)
-    values = smooth(grid)
-    found = [float(r) for r in grid[values == 0.0]] if np.count_nonzero(values == 0.0) < 50 else []
-    for i in np.flatnonzero(values[:-1] * values[1:] < 0.0):
-        low, high = float(grid[i]), float(grid[i + 1])
-        for _ in range(200):
-            middle = 0.5 * (low + high)
-            if middle in (low, high):
-                break
-            same = float(smooth(np.array([middle]))[0]) * values[i] > 0.0
-            low, high = (middle, high) if same else (low, middle)
-        found.append(0.5 * (low + high))
-    return found
+class _Switches:
+    """The places where the branches of every part of a formula may change, each found once."""
+
+    def __init__(self, formula: ScalarFormula, reach: float) -> None:
+        self.formula, self.graph, self.reach = formula, formula.graph, reach
+        self.wide = 2.0 * WIDE * reach
+        self.sure = True
+        self._breaks: dict[int, Array] = {}
+        self._zeros: dict[int, Array] = {}
+
+    def breaks(self, node: int) -> Array:
+        """Places where the branch of a part may change."""
+        if node not in self._breaks:
+            parts = [self.zeros(difference) for difference in self.graph.switching(node)]
+            found = _merged(np.concatenate([np.zeros(0), *parts]))
+            if found.size > _MOST_SWITCHES:
+                raise ProblemError(
+                    f"{self.formula.shown} changes its branch at more than {_MOST_SWITCHES} places up to the reach "
+                    f"{self.reach:g}; take a smaller reach, or give a table"
+                )
+            self._breaks[node] = found
+        return self._breaks[node]
+
+    def zeros(self, node: int) -> Array:
+        """Zeros of what a switch compares, in the intervals in which its branches hold."""
+        if node in self._zeros:
+            return self._zeros[node]
+        ends = np.concatenate([[-self.wide], self.breaks(node), [self.wide]])
+        held = self.graph.branches(node, self.formula.variable, 0.5 * (ends[1:] + ends[:-1]))
+        branches = np.unique(held)
+        if branches.size > _MOST_BRANCHES:
+            raise ProblemError(
+                f"{self.formula.shown} has more than {_MOST_BRANCHES} branches; simplify it, or give a table"
+            )
+        found = [np.zeros(0)]
+        for branch in branches.tolist():
+            smooth = SmoothFormula(self.graph, branch, self.formula.variable)
+            places = smooth.zeros(self.reach)
+            if places is None:
+                self.sure = False
+                places = _sign_changes(smooth, self.reach)
+            for low, high in zip(ends[:-1][held == branch], ends[1:][held == branch], strict=True):
+                slack = 1e-12 * max(1.0, *(abs(x) for x in (low, high) if abs(x) < self.wide), 0.0)
+                found.append(places[(places >= low - slack) & (places <= high + slack)])
+        self._zeros[node] = _merged(np.concatenate(found))
+        return self._zeros[node]
 
 
-def _grid(reach: float) -> Array:
-    """Places on a linear and on a logarithmic scale, zero among them."""
+def _merged(places: Array) -> Array:
+    """Sorted, and those that differ by rounding only taken together."""
+    places = np.sort(places)
+    keep = np.ones(places.size, dtype=bool)
+    keep[1:] = np.diff(places) > 1e-12 * np.maximum(1.0, np.abs(places[1:]))
+    return np.asarray(places[keep])
+
+
+def _sign_changes(smooth: SmoothFormula, reach: float) -> Array:
+    """Zeros where the sign changes between places on a linear and on a logarithmic scale."""
     fine = np.geomspace(1e-9 * reach, reach, 1500)
-    return np.unique(np.concatenate([-fine, np.linspace(-reach, reach, 4001), fine]))
-
-
-def _resolved(node: ast.expr, at: Mapping[str, Any]) -> ast.expr:
-    """The tree with every switch replaced by the branch it takes at a place."""
-    match node:
-        case ast.UnaryOp(op=sign, operand=operand):
-            inner = _resolved(operand, at)
-            return _negative(inner) if isinstance(sign, ast.USub) else inner
-        case ast.BinOp(left=left, op=operator, right=right):
-            return ast.BinOp(left=_resolved(left, at), op=operator, right=_resolved(right, at))
-        case ast.Call(func=ast.Name(id="abs"), args=[inner]):
-            kept = _resolved(inner, at)
-            return kept if _value(inner, at) >= 0.0 else _negative(kept)
-        case ast.Call(func=ast.Name(id="min" | "max" as name), args=several):
-            values = [float(_value(one, at)) for one in several]
-            pick = np.argmin(values) if name == "min" else np.argmax(values)
-            return _resolved(several[int(pick)], at)
-        case ast.Call(func=ast.Name(id="piecewise"), args=entries):
-            for entry in entries:
-                if not isinstance(entry, ast.Tuple):
-                    return _resolved(entry, at)
-                if np.all(_value(entry.elts[1], at)):
-                    return _resolved(entry.elts[0], at)
-            return ast.Constant(value=float("nan"))
-        case ast.Call(func=name_node, args=[inner]):
-            return ast.Call(func=name_node, args=[_resolved(inner, at)], keywords=[])
-    return node
-
-
-def _depends(node: ast.expr, variable: str) -> bool:
-    return any(isinstance(part, ast.Name) and part.id == variable for part in ast.walk(node))
-
-
-def _is(node: ast.expr, number: float) -> bool:
-    return isinstance(node, ast.Constant) and node.value == number
-
-
-def _number(value: float) -> ast.expr:
-    return ast.Constant(value=value)
-
-
-def _both(a: ast.expr, b: ast.expr) -> tuple[float, float] | None:
-    if isinstance(a, ast.Constant) and isinstance(b, ast.Constant):
-        return float(a.value), float(b.value)  # type: ignore[arg-type]
-    return None
-
-
-def _negative(a: ast.expr) -> ast.expr:
-    if isinstance(a, ast.Constant):
-        return _number(-float(a.value))  # type: ignore[arg-type]
-    if isinstance(a, ast.UnaryOp) and isinstance(a.op, ast.USub):
-        return a.operand
-    return ast.UnaryOp(op=ast.USub(), operand=a)
-
-
-def _inner(a: ast.expr) -> ast.expr | None:
-    """What a tree is the negative of."""
-    return a.operand if isinstance(a, ast.UnaryOp) and isinstance(a.op, ast.USub) else None
-
-
-def _plus(a: ast.expr, b: ast.expr) -> ast.expr:
-    if _is(a, 0):
-        return b
-    if _is(b, 0):
-        return a
-    if (negative := _inner(b)) is not None:
-        return ast.BinOp(left=a, op=ast.Sub(), right=negative)
-    numbers = _both(a, b)
-    return _number(sum(numbers)) if numbers else ast.BinOp(left=a, op=ast.Add(), right=b)
-
-
-def _minus(a: ast.expr, b: ast.expr) -> ast.expr:
-    if _is(b, 0):
-        return a
-    if _is(a, 0):
-        return _negative(b)
-    if (negative := _inner(b)) is not None:
-        return _plus(a, negative)
-    numbers = _both(a, b)
-    return _number(numbers[0] - numbers[1]) if numbers else ast.BinOp(left=a, op=ast.Sub(), right=b)
-
-
-def _times(a: ast.expr, b: ast.expr) -> ast.expr:
-    if _is(a, 0) or _is(b, 0):
-        return _number(0.0)
-    if _is(a, 1):
-        return b
-    if _is(b, 1):
-        return a
-    if isinstance(b, ast.Constant) and not isinstance(a, ast.Constant):
-        a, b = b, a
-    if _is(a, -1):
-        return _negative(b)
-    for one, other in ((a, b), (b, a)):
-        if (negative := _inner(one)) is not None:
-            return _negative(_times(negative, other))
-    match a, b:
-        case ast.Constant(), ast.BinOp(left=ast.Constant() as first, op=ast.Mult(), right=rest):
-            return _times(_times(a, first), rest)
-    numbers = _both(a, b)
-    return _number(numbers[0] * numbers[1]) if numbers else ast.BinOp(left=a, op=ast.Mult(), right=b)
-
-
-def _over(a: ast.expr, b: ast.expr) -> ast.expr:
-    if _is(a, 0):
-        return _number(0.0)
-    return a if _is(b, 1) else ast.BinOp(left=a, op=ast.Div(), right=b)
-
-
-def _power(a: ast.expr, b: ast.expr) -> ast.expr:
-    if _is(b, 0):
-        return _number(1.0)
-    return a if _is(b, 1) else ast.BinOp(left=a, op=ast.Pow(), right=b)
-
-
-def _function(name: str, inner: ast.expr) -> ast.expr:
-    return ast.Call(func=ast.Name(id=name, ctx=ast.Load()), args=[inner], keywords=[])
-
-
-def _differentiated(node: ast.expr, v: str) -> ast.expr:
-    """Derivative of a tree without switches in the variable ``v``."""
-    if not _depends(node, v):
-        return _number(0.0)
-    match node:
-        case ast.Name():
-            return _number(1.0)
-        case ast.UnaryOp(op=sign, operand=operand):
-            inner = _differentiated(operand, v)
-            return _negative(inner) if isinstance(sign, ast.USub) else inner
-        case ast.BinOp(left=a, op=ast.Add(), right=b):
-            return _plus(_differentiated(a, v), _differentiated(b, v))
-        case ast.BinOp(left=a, op=ast.Sub(), right=b):
-            return _minus(_differentiated(a, v), _differentiated(b, v))
-        case ast.BinOp(left=a, op=ast.Mult(), right=b):
-            return _plus(_times(_differentiated(a, v), b), _times(a, _differentiated(b, v)))
-        case ast.BinOp(left=a, op=ast.Div(), right=b):
-            first = _over(_differentiated(a, v), b)
-            if not _depends(b, v):
-                return first
-            return _minus(first, _over(_times(a, _differentiated(b, v)), _power(b, _number(2))))
-        case ast.BinOp(left=a, op=ast.Pow(), right=b):
-            if not _depends(b, v):
-                return _times(_times(b, _power(a, _minus(b, _number(1)))), _differentiated(a, v))
-            by_exponent = _times(_differentiated(b, v), _function("log", a))
-            by_base = _over(_times(b, _differentiated(a, v)), a)
-            return _times(node, _plus(by_exponent, by_base))
-        case ast.Call(func=ast.Name(id=name), args=[u]):
-            inner = _differentiated(u, v)
-            match name:
-                case "sin":
-                    outer = _function("cos", u)
-                case "cos":
-                    outer = _negative(_function("sin", u))
-                case "tan":
-                    outer = _plus(_number(1.0), _power(node, _number(2)))
-                case "tanh":
-                    outer = _minus(_number(1.0), _power(node, _number(2)))
-                case "exp":
-                    outer = node
-                case "log":
-                    return _over(inner, u)
-                case "sqrt":
-                    return _over(inner, _times(_number(2.0), node))
-                case _:  # pragma: no cover
-                    raise AssertionError(f"no derivative of {name}")
-            return _times(outer, inner)
-    raise AssertionError(f"unchecked node {node!r}")  # pragma: no cover
-
-
-def _value(node: ast.expr, at: Mapping[str, Any]) -> Any:
-    """Value of a checked tree."""
-    match node:
-        case ast.Constant(value=bool() as truth):
-            return np.bool_(truth)
-        case ast.Compare(left=first, ops=operators, comparators=others):
-            sides = [_value(side, at) for side in (first, *others)]
-            holds: Any = np.bool_(True)
-            for operator, low, high in zip(operators, sides, sides[1:], strict=False):
-                holds = holds & _COMPARISONS[type(operator)](low, high)
-            return holds
-        case ast.Call(func=ast.Name(id="piecewise"), args=entries):
-            chosen: Any = np.float64("nan")
-            for entry in reversed(entries):
-                if isinstance(entry, ast.Tuple):
-                    chosen = np.where(_value(entry.elts[1], at), _value(entry.elts[0], at), chosen)
-                else:
-                    chosen = _value(entry, at)
-            return chosen
-        case ast.Constant(value=int() | float() as number):
-            return np.float64(number)
-        case ast.Name(id=name):
-            return at[name] if name in at else CONSTANTS[name]
-        case ast.UnaryOp(op=sign, operand=operand):
-            inner = _value(operand, at)
-            return -inner if isinstance(sign, ast.USub) else inner
-        case ast.BinOp(left=left, op=operator, right=right):
-            return _OPERATORS[type(operator)](_value(left, at), _value(right, at))
-        case ast.Call(func=ast.Name(id=name), args=arguments):
-            values = [_value(argument, at) for argument in arguments]
-            result = FUNCTIONS[name](*values[:2])
-            for value in values[2:]:
-                result = FUNCTIONS[name](result, value)
-            return result
-    raise AssertionError(f"unchecked node {node!r}")  # pragma: no cover
+    grid = np.unique(np.concatenate([-fine, np.linspace(-reach, reach, 20_001), fine]))
+    values = smooth(grid)
+    found = grid[values == 0.0] if np.count_nonzero(values == 0.0) < 50 else np.zeros(0)
+    changes = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    return np.concatenate([found, smooth.crossings(grid[changes], grid[changes + 1])])
 
 
 class _Reader:
@@ -538,9 +327,13 @@ class _Reader:
         if column is not None and self.places:
             index = min(max(column + self.skipped, 0), len(self.places) - 1)
             place = f" at character {self.places[index] + 1}"
-        shown = self.text if len(self.text) <= 60 else self.text[:57] + "..."
-        shown = "".join(c if c.isprintable() else " " for c in shown)
-        return ProblemError(f"{self.prefix}formula '{shown}'{place}: {what}")
+        return ProblemError(f"{self.prefix}formula '{_shown(self.text)}'{place}: {what}")
+
+    def graph(self) -> tuple[Graph, int]:
+        """The formula as a node of a graph."""
+        tree = self.tree()
+        graph = Graph(f"{self.prefix}formula '{_shown(self.text)}': ")
+        return graph, _planted(tree, graph)
 
     def tree(self) -> ast.expr:
         if not self.code:
@@ -558,8 +351,6 @@ class _Reader:
                 warnings.simplefilter("ignore")
                 tree = ast.parse(self.code, mode="eval").body
             self.check(tree, 0)
-            with np.errstate(all="ignore"):
-                _value(tree, {name: np.ones(1) for name in self.variables})
         except SyntaxError as error:
             reason = (error.msg or "invalid syntax").split(". ")[0]
             raise self.error(
@@ -608,7 +399,14 @@ class _Reader:
         example = "write piecewise((value, condition), ..., (value, True))"
         if not entries:
             raise self.error(f"{_PIECEWISE} has no entry; {example}", column)
+        everywhere = False
         for number, entry in enumerate(entries):
+            if everywhere:
+                raise self.error(
+                    f"this entry of {_PIECEWISE} is never reached, for the one before it holds everywhere (True); put "
+                    f"it first, or leave it out",
+                    entry.col_offset,
+                )
             if not isinstance(entry, ast.Tuple):
                 if number < len(entries) - 1 or number == 0:
                     raise self.error(f"this entry of {_PIECEWISE} has no condition; {example}", entry.col_offset)
@@ -619,7 +417,7 @@ class _Reader:
             self.check(entry.elts[0], depth + 1)
             match entry.elts[1]:
                 case ast.Constant(value=True):
-                    pass
+                    everywhere = True
                 case ast.Compare(left=left, ops=operators, comparators=others) if all(
                     type(operator) in _COMPARISONS for operator in operators
                 ):
@@ -646,6 +444,51 @@ class _Reader:
         if count < 2 if several else count != 1:
             wanted = "two or more arguments" if several else "one argument"
             raise self.error(f"{name} takes {wanted}, not {count}", column)
+
+
+def _planted(tree: ast.expr, graph: Graph) -> int:
+    """The node of a checked tree, as it is written."""
+    match tree:
+        case ast.Constant(value=bool()):
+            return graph.node("true")
+        case ast.Constant(value=int() | float() as number):
+            return graph.number(number)
+        case ast.Name(id=name):
+            return graph.number(CONSTANTS[name]) if name in CONSTANTS else graph.name(name)
+        case ast.UnaryOp(op=sign, operand=operand):
+            inner = _planted(operand, graph)
+            return graph.node("neg", inner) if isinstance(sign, ast.USub) else inner
+        case ast.BinOp(left=left, op=operator, right=right):
+            return graph.node(_OPERATORS[type(operator)], _planted(left, graph), _planted(right, graph))
+        case ast.Compare(left=first, ops=operators, comparators=others):
+            sides = [_planted(side, graph) for side in (first, *others)]
+            holds = [
+                graph.node(_COMPARISONS[type(operator)], *pair)
+                for operator, pair in zip(operators, itertools.pairwise(sides), strict=True)
+            ]
+            return functools.reduce(lambda a, b: graph.node("and", a, b), holds)
+        case ast.Call(func=ast.Name(id="piecewise"), args=entries):
+            arguments: list[int] = []
+            for entry in entries:
+                if isinstance(entry, ast.Tuple):
+                    value, condition = entry.elts
+                    arguments += [_planted(condition, graph), _planted(value, graph)]
+                else:
+                    arguments.append(_planted(entry, graph))
+            return graph.node("piecewise", *arguments)
+        case ast.Call(func=ast.Name(id=name), args=several):
+            return (
+                functools.reduce(lambda a, b: graph.node(name, a, b), [_planted(one, graph) for one in several])
+                if (len(several) > 1)
+                else graph.node(name, _planted(several[0], graph))
+            )
+    raise AssertionError(f"unchecked node {tree!r}")  # pragma: no cover
+
+
+def _shown(text: str) -> str:
+    """A formula as it may stand in a message."""
+    short = text if len(text) <= 60 else text[:57] + "..."
+    return "".join(c if c.isprintable() else " " for c in short)
 
 
 def _hint(name: str, known: Sequence[str]) -> str:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, SurveyLaw, Tresca
+from hemivar.laws.bounds import stack_bounds
 from hemivar.laws.nonmonotone import ExponentialWeakening
 from hemivar.mechanics import DiscreteProblem, residual
 
@@ -29,6 +32,44 @@ def test_bounds_of_the_penetration(source: object) -> None:
 )
 def test_jumps_are_not_lipschitz(source: object) -> None:
     assert PenetrationBound(source).lipschitz[0] == np.inf
+
+
+def test_a_formula_is_differentiated_not_sampled() -> None:
+    """A step of width 3e-4, which a grid steps over: the steepest slope between its points is 0.52."""
+    text = "6e-4*(1 + tanh((s - 1)/3e-4))"
+    bound = PenetrationBound(text)
+    assert 2.0 <= bound.lipschitz[0] <= 2.0 * (1.0 + 1e-6)
+    assert not bound.lipschitz_sampled
+    own = PenetrationBound(lambda s: 6e-4 * (1.0 + np.tanh((s - 1.0) / 3e-4)))
+    assert own.lipschitz_sampled
+    assert own.lipschitz[0] < 2.0
+    assert PenetrationBound("s^2").lipschitz_sampled  # no constant holds for every s
+    assert PenetrationBound("s^2").lipschitz[0] >= 20.0
+    for jump in ("piecewise((0, s < 0.1), (1, True))", "piecewise((0, s < 0.1234567), (1e-4, True))"):
+        assert PenetrationBound(jump).lipschitz[0] == np.inf
+        assert not PenetrationBound(jump).lipschitz_sampled
+    stacked = stack_bounds([(own, 2), (np.array([0.3]), 1)])
+    assert stacked.lipschitz_sampled
+    assert not stack_bounds([(bound, 2), (np.array([0.3]), 1)]).lipschitz_sampled
+
+
+@given(height=st.floats(0.01, 2.0), width=st.floats(1e-4, 3.0), place=st.floats(-3.0, 3.0), rate=st.floats(0.1, 20.0))
+@settings(max_examples=25, deadline=None)
+def test_no_slope_of_a_formula_exceeds_its_constant(height: float, width: float, place: float, rate: float) -> None:
+    text = f"{height}*(1 + tanh((s - ({place}))/{width})) + 0.1*(1 + sin({rate}*s)) + min(max(s, 0), 0.5)^2"
+    bound = PenetrationBound(text)
+    s = np.unique(np.concatenate([np.linspace(-9.0, 9.0, 4001), place + width * np.linspace(-3.0, 3.0, 4001)]))
+    slopes = np.abs(np.diff(bound.value(s, s))) / np.diff(s)
+    wide = np.diff(s) > 1e-9
+    assert slopes[wide].max() <= bound.lipschitz[0] * (1.0 + 1e-6)
+    assert not bound.lipschitz_sampled
+    assert bound.lipschitz[0] <= height / width + 0.1 * rate + 1.0 + 1e-6 * height / width
+
+
+def test_a_dip_below_zero_is_found_between_the_places_of_any_grid() -> None:
+    PenetrationBound("1 - 0.999*exp(-((s - 0.123)/1e-5)^2)")
+    with pytest.raises(ProblemError, match=r"-0.001 at penetration 0.123; it must be at least 0"):
+        PenetrationBound("1 - 1.001*exp(-((s - 0.123)/1e-5)^2)")
 
 
 def test_coulomb() -> None:

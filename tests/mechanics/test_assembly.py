@@ -189,7 +189,7 @@ def test_loads(name: str, order: int) -> None:
     [
         (lambda x: x[:, 0], {}, "body_force: the callable returned shape"),
         (lambda x: np.full(x.shape, np.nan), {}, "body_force: the callable returned .*nan"),
-        (lambda x: "strong", {}, "does not return numbers"),
+        (lambda x: "strong", {}, "what the callable returns is no array of numbers"),
         (0.0, {"left": lambda x: x[:1]}, r"tractions\['left'\]"),
         (0.0, {"left": Pressure(lambda x: x)}, r"tractions\['left'\]"),
     ],

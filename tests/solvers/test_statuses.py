@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -114,6 +114,25 @@ def test_a_method_that_leaves_the_numbers_keeps_the_last_good_iterate() -> None:
     found = solve(discrete_square(n=4), _Idle(float("nan")))
     assert found.status is Status.NONFINITE
     assert np.isfinite(found.unknowns).all()
+
+
+@dataclass(frozen=True)
+class _Boaster(Solver):
+    """A method that ends where it began, with a bound of its own for the error."""
+
+    name: ClassVar[str] = "boaster"
+
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        return replace(start, ended=Status.CONVERGED, error_bound=1e-15)
+
+    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+        raise AssertionError("never asked")
+
+
+def test_an_error_bound_does_not_excuse_a_residual() -> None:
+    found = solve(discrete_square(n=4), _Boaster())
+    assert found.residual.relative > 0.1
+    assert found.status is Status.INACCURATE
 
 
 def test_active_sets_that_repeat_are_reported() -> None:

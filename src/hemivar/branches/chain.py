@@ -28,6 +28,11 @@ from hemivar.solvers.condensed import CondensedProblem
 __all__ = ["Chain", "chain_of"]
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
+_Kind = TypeVar("_Kind", bound="Chain")
+
+#: Relative rounding that a zero of F may carry; more for one where the Jacobian is nearly singular, up to _SAME.
+_ROUNDING = 64.0 * float(np.finfo(float).eps)
+_SAME = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,8 @@ class Chain:
         theta at the two ends (lengths), infinite at the outer ones.
     origin, value : arrays (n, S)
         theta at a finite point of the segment, and r (piece) or lambda (kink) there.
+    low, high : arrays (n, S)
+        The ends themselves: r (piece), lambda to the left and to the right (kink); may be infinite.
     affine : bool array (n, S)
         Whether lambda is affine in r on the segment.
     """
@@ -71,6 +78,8 @@ class Chain:
     end: Array
     origin: Array
     value: Array
+    low: Array
+    high: Array
     affine: BoolArray
 
     @property
@@ -92,7 +101,17 @@ class Chain:
     @cached_property
     def tau(self) -> Array:
         """Compliance that turns a multiplier into a length, (n,)."""
-        return np.asarray(self.system.compliance[self.point, np.minimum(self.column, 1)])
+        return self.lengths(self.system, self.point, self.column)
+
+    @staticmethod
+    def graph_law(system: CondensedProblem) -> ContactLaw:
+        """The law whose graph the curves are."""
+        return system.law
+
+    @staticmethod
+    def lengths(system: CondensedProblem, point: IntArray, column: IntArray) -> Array:
+        """tau, see there."""
+        return np.asarray(system.compliance[point, np.minimum(column, 1)])
 
     @cached_property
     def force(self) -> Array:
@@ -129,7 +148,7 @@ class Chain:
         value = self.pick(self.value, segment)
         r = np.where(kink, self.pick(self.knot, segment), value + step)
         affine = self.pick(self.affine, segment)
-        base, slopes = self._affine_pieces
+        base, slopes = self.affine_pieces
         slope, curvature = self.pick(base, segment) + self.pick(slopes, segment) * step, self.pick(slopes, segment)
         if not (affine | kink).all():
             curved = ~(affine | kink)
@@ -140,7 +159,7 @@ class Chain:
         return r, lam, np.where(kink, 0.0, 1.0), np.where(kink, rate, curvature)
 
     @cached_property
-    def _affine_pieces(self) -> tuple[Array, Array]:
+    def affine_pieces(self) -> tuple[Array, Array]:
         """lambda at the origin of each affine piece, and its slope, (n, S)."""
         base, slope = np.zeros(self.kink.shape), np.zeros(self.kink.shape)
         for s in range(self.kink.shape[1]):
@@ -155,7 +174,7 @@ class Chain:
         pieces[self.point, self.column] = piece
         values[self.point, self.column] = r
         slope, curvature = np.zeros((m, d)), np.zeros((m, d))
-        for c, law in enumerate(_laws(self.system.law, d)):
+        for c, law in enumerate(_laws(self.graph_law(self.system), d)):
             with np.errstate(all="ignore"):
                 slope[:, c] = law.piece_derivative(pieces[:, c], values[:, c])
                 curvature[:, c] = law.piece_curvature(pieces[:, c], values[:, c])
@@ -168,14 +187,59 @@ class Chain:
         jacobian[np.diag_indices(self.size)] += self.weights * dlam
         return self.matrix @ r + self.weights * lam - force, jacobian
 
+    def out_of_balance(self, theta: Array, segment: IntArray, force: Array) -> Array:
+        """F on the given segments."""
+        r, lam, _, _ = self.evaluate(theta, segment)
+        return np.asarray(self.matrix @ r + self.weights * lam - force)
+
     def local(self, theta: Array, segment: IntArray) -> tuple[Array, Array]:
         """Local displacement and multiplier (m, d) of all components; held ones as in the condensed problem."""
         r = self.system.fixed.copy()
         values, lam_values, _, _ = self.evaluate(theta, segment)
         r[self.point, self.column] = values
         lam = self.system.multiplier(r)
-        lam[self.point, self.column] = lam_values
+        lam[self.point, self.column] = self.factors(values, lam_values) * lam_values
         return r, lam
+
+    def factors(self, r: Array, lam: Array) -> Array:
+        """What the curve's lambda is to be multiplied with to give pressure or friction, all (n,)."""
+        return np.ones(self.size)
+
+    def balanced(self, theta: Array, segment: IntArray) -> tuple[Array, Array]:
+        """Like :meth:`local` for a zero of F: at kinks the multiplier of equilibrium, free of the law's rounding."""
+        r, lam = self.local(theta, segment)
+        point, column = self.point, self.column
+        values, lam_values, dr, _ = self.evaluate(theta, segment)
+        from_balance = (self.force - self.matrix @ values) / self.weights
+        factor = self.factors(values, lam_values)
+        ends = np.stack([self.pick(self.low, segment), self.pick(self.high, segment)])
+        ends = np.where(np.isfinite(ends), factor * np.where(np.isfinite(ends), ends, 0.0), ends)
+        held = (dr == 0.0) & (from_balance >= ends.min(axis=0)) & (from_balance <= ends.max(axis=0))
+        lam[point, column] = np.where(held, from_balance, lam[point, column])
+        return r, lam
+
+    def error(self, theta: Array, segment: IntArray) -> Array:
+        """An estimate of the rounding error of r (m, d) at a zero of F."""
+        r, lam, dr, _ = self.evaluate(theta, segment)
+        _, J = self.balance(theta, segment, self.force)
+        lam = self.factors(r, lam) * lam
+        doubt = np.abs(self.force) + np.abs(self.matrix) @ np.abs(r) + self.weights * np.abs(lam)
+        try:
+            spread = np.abs(np.linalg.inv(J)) @ doubt
+        except np.linalg.LinAlgError:
+            spread = np.full(self.size, np.inf)
+        with np.errstate(invalid="ignore"):
+            moved = np.where(dr == 0.0, 0.0, np.minimum(_ROUNDING * spread, _SAME * self.length))
+        out = np.zeros(self.system.shape)
+        out[self.point, self.column] = moved + _ROUNDING * np.abs(r)
+        return out
+
+    def at(self, r: Array, lam: Array, segment: IntArray) -> Array:
+        """theta of points ``(r, lam)`` of the given segments, (n,) each."""
+        kink = self.pick(self.kink, segment)
+        value, origin = self.pick(self.value, segment), self.pick(self.origin, segment)
+        rate = self.pick(self.direction, segment) / self.tau
+        return np.asarray(origin + np.where(kink, (lam - value) / rate, r - value))
 
     def nearest(self, r: Array, lam: Array) -> tuple[Array, IntArray]:
         """theta and segment of the point of each curve nearest to ``(r, lam)``, both (m, d)."""
@@ -184,11 +248,7 @@ class Chain:
         theta, segment = np.zeros(self.size), np.zeros(self.size, dtype=np.int64)
         for s in range(self.kink.shape[1]):
             choice = np.minimum(np.full(self.size, s), self.count - 1)
-            kink = self.pick(self.kink, choice)
-            value, origin = self.pick(self.value, choice), self.pick(self.origin, choice)
-            rate = self.pick(self.direction, choice) / self.tau
-            at = origin + np.where(kink, (lam - value) / rate, r - value)
-            at = np.clip(at, self.pick(self.start, choice), self.pick(self.end, choice))
+            at = np.clip(self.at(r, lam, choice), self.pick(self.start, choice), self.pick(self.end, choice))
             found, found_lam, _, _ = self.evaluate(at, choice)
             distance = np.abs(found - r) + self.tau * np.abs(found_lam - lam)
             closer = distance < best
@@ -257,8 +317,8 @@ def _laws(law: ContactLaw, d: int) -> tuple[Superpotential, ...]:
     return (law.normal,) if d == 1 else (law.normal, law.tangential)
 
 
-def chain_of(system: CondensedProblem) -> Chain:
-    """The curves of all free components of a condensed problem.
+def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]
+    """The curves of all free components of a condensed problem, of one kind or another.
 
     Raises
     ------
@@ -268,9 +328,9 @@ def chain_of(system: CondensedProblem) -> Chain:
     m, d = system.shape
     if d > 2:
         raise MethodError("the graph of the law is a curve only in one and two dimensions; this problem has three")
-    tables = [_SegmentTable(law, m) for law in _laws(system.law, d)]
+    tables = [_SegmentTable(law, m) for law in _laws(kind.graph_law(system), d)]
     point, column = np.divmod(system.free, d)
-    tau = system.compliance[point, np.minimum(column, 1)]
+    tau = kind.lengths(system, point, column)
     rows = [tables[c].row(int(j), float(t)) for j, c, t in zip(point, column, tau, strict=True)]
     width = max((len(row) for row in rows), default=1)
 
@@ -280,7 +340,7 @@ def chain_of(system: CondensedProblem) -> Chain:
             out[i, : len(row)] = [getattr(segment, name) for segment in row]
         return out
 
-    return Chain(
+    return kind(
         system=system,
         point=point,
         column=column,
@@ -293,6 +353,8 @@ def chain_of(system: CondensedProblem) -> Chain:
         end=table("end", np.inf),
         origin=table("origin", 0.0),
         value=table("value", 0.0),
+        low=table("low", np.inf),
+        high=table("high", np.inf),
         affine=table("affine", True).astype(bool),
     )
 

@@ -11,6 +11,7 @@ from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.errors import MethodError, ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.portable import Portable
 from hemivar.solvers import CondensedProblem, Controls, LoadLine, LoadStepping, Solution, Status, condense, solve
 from hemivar.solvers.condensed import depends_on_state
 
@@ -56,7 +57,7 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class Path(Portable):
     """Equilibria in the order in which they are met.
 
     Attributes

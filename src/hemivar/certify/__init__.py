@@ -1,5 +1,6 @@
 """Certificates: constants, error bounds and the kind of a point, recomputed from the problem alone."""
 
+from hemivar.certify._bound import equilibrium_multiplier, trace_force
 from hemivar.certify._kind import PointKind
 from hemivar.certify._linear import EnergyNorm, MultigridNorm, energy_norm, factorises
 from hemivar.certify.certificate import Certificate, certify
@@ -15,8 +16,13 @@ __all__ = [
     "certify",
     "ellipticity",
     "energy_norm",
+    "equilibrium_multiplier",
     "factorises",
     "one_solution",
     "smallness",
     "trace_constants",
+    "trace_force",
 ]
+
+# ``hemivar.certify`` is the function: it leads to what is in this package of the same name.
+vars(certify).update({name: value for name, value in globals().items() if not name.startswith("__")})

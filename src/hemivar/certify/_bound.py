@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar._typing import Array, BoolArray
+from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.certify._linear import EnergyNorm, Norm, gram_solve, lift, symmetric_inverse
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.deadline import check_time
+from hemivar.laws import ContactLaw, StateBound, Superpotential
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import contact_compliance
 
-__all__ = ["Point", "equilibrium_multiplier", "error_bound", "snap"]
+__all__ = ["Point", "equilibrium_multiplier", "error_bound", "friction_bound", "snap", "trace_force"]
 
 #: Search for a better pair if the bound is above this part of |u|_K: on a small problem, on a large one.
 _POOR = (1e-10, 1e-7)
@@ -32,6 +33,8 @@ _SMALL = 2_000_000
 _SEARCHABLE = 1500
 _SEARCH_STEPS = 60
 _ROWS = 1 << 14
+#: Contact points times knots that are looked at in one go.
+_PAIRS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +74,15 @@ class Point:
 
 def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
     """The multiplier (m, d) that balances ``f - K u`` on the contact unknowns, in the sense of least squares."""
-    m, d = problem.contact_points, problem.dim
+    return trace_force(problem, problem.load - problem.stiffness @ u) / problem.weights[:, None]
+
+
+def trace_force(problem: DiscreteProblem, force: Array) -> Array:
+    """The contact forces (m, d) that balance a force (n,) on the contact unknowns, in the sense of least squares."""
     active = np.diff(problem.trace.indptr) > 0
-    force = np.where(active, problem.trace @ (problem.load - problem.stiffness @ u), 0.0)
-    inner = gram_solve(problem.trace, force, active)
-    return np.zeros((m, d)) if inner is None else inner.reshape(m, d) / problem.weights[:, None]
+    inner = gram_solve(problem.trace, np.where(active, problem.trace @ force, 0.0), active)
+    shape = (problem.contact_points, problem.dim)
+    return np.zeros(shape) if inner is None else inner.reshape(shape)
 
 
 def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
@@ -96,20 +103,81 @@ def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
 
 
 def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
-    best, place = law.distance(r, lam), r
-    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
-    for i in range(knots.shape[-1]):
-        at = knots[:, i]
+    """r, or the knot of least ``hypot((r - knot)/tau, distance of lam to dj(knot))`` if below ``distance(r)``.
+
+    Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
+    """
+    place, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
+    knots = law.knots
+    left, right = law.knot_slopes()
+    low, high = np.minimum(left, right), np.maximum(left, right)
+    shared = knots.shape[0] == 1 or knots.strides[0] == 0
+    width = knots.shape[-1]
+
+    def look(point: IntArray, index: IntArray) -> Array:
+        at = knots[0, index] if shared else knots[point, index]
+        row = point if low.shape[0] > 1 else np.zeros_like(point)
+        off = np.maximum(np.maximum(low[row, index] - lam[point], lam[point] - high[row, index]), 0.0)
         usable = np.isfinite(at) & (at >= at_least)
-        at = np.where(usable, at, 0.0)
-        off = np.hypot((r - at) / tau, law.distance(at, lam))
-        better = usable & (off < best)
-        best, place = np.where(better, off, best), np.where(better, at, place)
+        return np.where(usable, np.hypot((r[point] - np.where(usable, at, 0.0)) / tau[point], off), np.inf)
+
+    def between(low_end: Array, high_end: Array) -> tuple[IntArray, IntArray]:
+        if shared:
+            return np.searchsorted(knots[0], low_end), np.searchsorted(knots[0], high_end, side="right")
+        return (knots < low_end[:, None]).sum(axis=1), (knots <= high_end[:, None]).sum(axis=1)
+
+    every = np.arange(r.size)
+    after = between(r, r)[0]
+    for side in (after - 1, after):  # the two knots around r first
+        index = np.clip(side, 0, width - 1)
+        off = look(every, index)
+        better = off < best
+        best = np.where(better, off, best)
+        place = np.where(better, knots[0, index] if shared else knots[every, index], place)
+    reach = best * tau
+    first, last = between(r - reach, r + reach)
+    count = last - first
+    starts = np.concatenate([[0], np.cumsum(count)])
+    point = 0
+    while point < r.size:
+        check_time()
+        stop = max(int(np.searchsorted(starts, starts[point] + _PAIRS, side="right")) - 1, point + 1)
+        rows = np.repeat(every[point:stop], count[point:stop])
+        begins = starts[point:stop] - starts[point]
+        index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
+        some = np.flatnonzero(count[point:stop] > 0)
+        if some.size:
+            off = look(rows, index)
+            least = np.minimum.reduceat(off, begins[some])
+            here = np.flatnonzero(off == np.repeat(least, count[point:stop][some]))
+            _, which = np.unique(rows[here], return_index=True)
+            chosen = here[which]  # the first of the best ones
+            better = least < best[point:stop][some]
+            rows, index = rows[chosen][better], index[chosen][better]
+            best[rows] = least[better]
+            place[rows] = knots[0, index] if shared else knots[rows, index]
+        point = stop
     return place
 
 
-def error_bound(point: Point, margin: float) -> float:
-    """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive."""
+def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
+    """The friction bound (m,) in a state, where it depends on the state."""
+    bound = problem.law.friction.bound
+    assert isinstance(bound, StateBound)
+    return np.asarray(bound.value(r[:, 0], lam[:, 0]))
+
+
+def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> float:
+    """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive.
+
+    Parameters
+    ----------
+    point : Point
+    margin : float
+    ceiling : array (m,), optional
+        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None
+        if it holds for all solutions, and so for all pairs.
+    """
     if not (margin > 0.0 and point.energy.definite):
         return np.inf
     problem = point.problem
@@ -125,16 +193,18 @@ def error_bound(point: Point, margin: float) -> float:
         lam = point.lam if given else equilibrium_multiplier(problem, point.u)
         law = point.law(r, lam)
         snapped = np.where(point.active, snap(law, r, lam, tau), r)
-        best = min(best, _admissible(point, point.u, snapped, lam, margin))
+        best = min(best, _admissible(point, point.u, snapped, lam, margin, ceiling))
         if best <= poor * scale and not point.energy.factorised:
             break
     if best > poor * scale and 0 < rows <= _SEARCHABLE and isinstance(point.energy, EnergyNorm):
-        best = min(best, _search(point, point.energy, margin, best))
+        best = min(best, _search(point, point.energy, margin, best, ceiling))
     return best
 
 
-def _admissible(point: Point, base: Array, r: Array, lam: Array, margin: float) -> float:
+def _admissible(point: Point, base: Array, r: Array, lam: Array, margin: float, ceiling: Array | None = None) -> float:
     """The bound from the pair ``(base moved to r, element of dj(r) nearest to lam)``; inf if there is no such pair."""
+    if ceiling is not None and not bool((friction_bound(point.problem, r, lam) <= ceiling).all()):
+        return np.inf
     law = point.law(r, lam)
     with np.errstate(invalid="ignore"):
         if not np.isfinite(law.value(r)).all():
@@ -223,7 +293,7 @@ def _product(matrix: sp.csr_array, x: Any) -> Any:
     return out
 
 
-def _search(point: Point, energy: EnergyNorm, margin: float, best: float) -> float:
+def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceiling: Array | None) -> float:
     """Look for a better pair by Newton steps on the condensed problem; every iterate gives a pair."""
     problem = point.problem
     m, d = problem.contact_points, problem.dim
@@ -295,4 +365,4 @@ def _search(point: Point, energy: EnergyNorm, margin: float, best: float) -> flo
     if not np.isfinite(least):
         return best
     load = problem.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
-    return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin))
+    return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin, ceiling))

@@ -6,9 +6,10 @@ cycles where a factorisation would cost more than the solve.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import ClassVar
+from functools import cached_property, wraps
+from typing import Any, ClassVar, ParamSpec, TypeVar
 
 import numpy as np
 import scipy.linalg as la
@@ -16,8 +17,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.linear.definite import free_unknowns, indefinite, lowest_quotient, positive_pivots, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
+from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects, sole_use
 from hemivar.mechanics.discrete import DiscreteProblem
 
 __all__ = [
@@ -32,13 +34,14 @@ __all__ = [
     "symmetric_inverse",
 ]
 
+_Arguments = ParamSpec("_Arguments")
+_Answer = TypeVar("_Answer")
+
 #: Unknowns up to which K is factorised, in two dimensions and in three: a moment's work.
 _FACTORISED = (30_000, 6_000)
 
-#: A pivot this small against the diagonal entry of its row means that the matrix is singular.
+#: A pivot of the coarsest matrix this small against the diagonal entry of its row means that the matrix is singular.
 _SINGULAR = 1e-13
-#: The same for the smallest eigenvalue of K scaled to a unit diagonal.
-_SINGULAR_VALUE = 1e-12
 #: Relative accuracy asked of an eigenvalue; what is returned is raised by as much.
 _EIGEN_TOLERANCE = 1e-8
 _DENSE = 24
@@ -80,11 +83,16 @@ class Mode:
 class EnergyNorm:
     """A symmetric positive definite matrix K, factorised: ``|v|_K``, ``K^-1 b`` and ``|b|_{K^-1}``.
 
+    K counts as definite if its pivots are positive and its smallest eigenvalue, scaled to a unit diagonal, is above
+    what rounding makes of zero: a pivot alone may be a rounding error many times larger than that.
+
     Parameters
     ----------
     stiffness : sparse array (n, n)
-        K; if it is singular (a body that nothing but contact holds), :attr:`definite` is False and nothing else
-        may be asked for but :meth:`norm`.
+        K; if it is not shown to be definite (a body that nothing but contact holds), :attr:`definite` is False and
+        nothing else may be asked for but :meth:`norm` and :attr:`indefinite`.
+    singular : bool
+        Whether K is known to be singular, by the motions without deformation of its mesh.
 
     Attributes
     ----------
@@ -94,11 +102,12 @@ class EnergyNorm:
 
     factorised: ClassVar[bool] = True
 
-    def __init__(self, stiffness: sp.csr_array) -> None:
+    def __init__(self, stiffness: sp.csr_array, singular: bool = False) -> None:
         self.stiffness = stiffness
         self.diagonal = stiffness.diagonal()
+        self._singular = singular
         self._factor: spla.SuperLU | None = None
-        if stiffness.shape[0] == 0:
+        if stiffness.shape[0] == 0 or singular:
             return
         try:
             factor = spla.splu(
@@ -109,14 +118,21 @@ class EnergyNorm:
             )
         except RuntimeError:
             return
-        order = np.argsort(factor.perm_c)
-        if np.all(factor.U.diagonal() > _SINGULAR * self.diagonal[order]):
-            self._factor = factor
+        if not positive_pivots(factor):
+            return
+        self._factor = factor
+        if not self.lowest > rounding(stiffness, self.diagonal):
+            self._factor = None
 
     @property
     def definite(self) -> bool:
-        """Whether K is positive definite."""
+        """Whether K has been shown to be positive definite."""
         return self._factor is not None
+
+    @cached_property
+    def indefinite(self) -> float | None:
+        """An eigenvalue of K, scaled to a unit diagonal, below zero by more than rounding; None if there is none."""
+        return None if self.definite or self._singular else indefinite(self.stiffness)
 
     def solve(self, rhs: Array) -> Array:
         """``K^-1 rhs`` for one (n,) or several (n, k) right-hand sides."""
@@ -187,6 +203,28 @@ class EnergyNorm:
         return Mode(float(top), float(top * (1.0 + _EIGEN_TOLERANCE)))
 
 
+def _alone(method: Callable[_Arguments, _Answer]) -> Callable[_Arguments, _Answer]:
+    """A method that no other thread disturbs at the levels of its problem."""
+
+    @wraps(method)
+    def run(*arguments: _Arguments.args, **options: _Arguments.kwargs) -> _Answer:
+        norm: Any = arguments[0]
+        with sole_use(norm.problem):
+            return method(*arguments, **options)
+
+    return run
+
+
+class _alone_once(cached_property[_Answer]):  # noqa: N801 - used as cached_property is
+    """A cached property that is computed while no other thread is at the levels; this lock is taken first of all."""
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        if instance is None:
+            return self
+        with sole_use(instance.problem):
+            return super().__get__(instance, owner)
+
+
 class MultigridNorm:
     """The same by multigrid: a few cycles for each question, to the accuracy that certificates need.
 
@@ -207,12 +245,34 @@ class MultigridNorm:
         self.stiffness = problem.stiffness
         self._levels = ElasticMultigrid.of(problem).levels
         self._top = len(self._levels.sizes) - 1
-        self._diagonal = problem.stiffness.diagonal()
+        self._negative: float | None = None
 
-    @property
+    @cached_property
+    def _known(self) -> bool | None:
+        """Whether the mesh and its supports leave no motion without deformation; None if there is no mesh."""
+        free = free_unknowns(self.problem)
+        return None if free is None else free.shape[1] == 0
+
+    @cached_property
     def definite(self) -> bool:
-        """Whether K is positive definite."""
-        return self.lowest > _SINGULAR_VALUE
+        """Whether K is positive definite: by mesh and supports, and as far as :attr:`lowest` is an estimate."""
+        if self._known is False:
+            return False
+        return bool(self.lowest > rounding(self.stiffness, self.problem.diagonal))
+
+    @cached_property
+    def indefinite(self) -> float | None:
+        """An eigenvalue of K, scaled to a unit diagonal, below zero by more than rounding; None if none was met.
+
+        For matrices without a mesh: sought by Lanczos steps, and met where the levels' eigenvectors are sought.
+        """
+        if self._known is not None:
+            return None
+        guard = rounding(self.stiffness, self.problem.diagonal)
+        found = lowest_quotient(self.stiffness)
+        if not self.definite and self._negative is not None:
+            found = min(found, self._negative)
+        return found if found < -guard else None
 
     @property
     def diagonal(self) -> Array:
@@ -256,7 +316,7 @@ class MultigridNorm:
         """Bound of ``|b|_{K^-1}`` over all b with ``|D^-1/2 b|_2 <= weighted``, as good as :attr:`lowest` is."""
         return float(weighted / np.sqrt(self.lowest))
 
-    @cached_property
+    @_alone_once
     def lowest(self) -> float:
         """The smallest eigenvalue of K scaled to a unit diagonal, by half; from the coarser levels."""
         levels = self._levels
@@ -273,10 +333,14 @@ class MultigridNorm:
                 subspace.improve(_STEPS, 0.1)
             elif self._cheap(k):
                 subspace.improve(2, 0.1)
+            if subspace.negative is not None:
+                if k == self._top:
+                    self._negative = quotient(self.stiffness, subspace.negative, self.problem.diagonal)
+                return 0.0
             X, lowest = subspace.X, 1.0 / float(subspace.values[0])
         return _SAFETY * lowest
 
-    @cached_property
+    @_alone_once
     def quality(self) -> float:
         """The smallest eigenvalue of C K, by half: how good a cycle C is, on a coarser level.
 
@@ -322,6 +386,7 @@ class MultigridNorm:
         """Whether work on a level is for nothing."""
         return k <= 1 or self._levels.sizes[k] <= _CHEAP * self._levels.sizes[self._top]
 
+    @_alone
     def _descend(self, k: int, b: Array, before: float = 0.0) -> tuple[Array, float, float]:
         """Conjugate gradients on a level: x near ``K^-1 b``, ``b'x``, and a bound of what ``b'K^-1 b`` has above it.
 
@@ -346,6 +411,7 @@ class MultigridNorm:
         x = conjugate_gradients(levels.matrix(k), levels.diagonal(k), b, precondition, 0.0, _CYCLES, gained).solution
         return x, max(found, 0.0), left
 
+    @_alone
     def largest_eigenvalue(self, trace: sp.csr_array, weight: Array, near: float | None = None) -> Mode:
         """Largest eigenvalue of ``(B' diag(weight) B, K)``, by locally optimal conjugate gradients from coarse to fine.
 
@@ -381,6 +447,7 @@ class MultigridNorm:
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0])
 
+    @_alone
     def constrained_eigenvalue(self, rows: sp.csr_array, weight: Array, held: BoolArray) -> Mode | None:
         """Largest eigenvalue of ``(C' diag(weight) C, K)`` on the displacements that leave the held components at rest.
 
@@ -436,7 +503,10 @@ Norm = EnergyNorm | MultigridNorm
 
 def energy_norm(problem: DiscreteProblem) -> Norm:
     """The energy norm of a problem: factorised where that takes no more than a moment, by multigrid beyond."""
-    return EnergyNorm(problem.stiffness) if factorises(problem) else MultigridNorm(problem)
+    if not factorises(problem):
+        return MultigridNorm(problem)
+    free = free_unknowns(problem)
+    return EnergyNorm(problem.stiffness, singular=free is not None and free.shape[1] > 0)
 
 
 def factorises(problem: DiscreteProblem) -> bool:
@@ -459,6 +529,8 @@ class _Subspace:
     ) -> None:
         self._norm, self._k, self._S, self._sign, self._held = norm, k, S, sign, held
         self._A = norm._levels.matrix(k)
+        #: A vector of the span along which K is not positive, where one was met.
+        self.negative: Array | None = None
         self._pick(X, self._A @ X, S @ X, count)
 
     def _pick(self, X: Array, KX: Array, SX: Array, count: int) -> Array:
@@ -467,6 +539,8 @@ class _Subspace:
         scale = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), np.finfo(float).tiny))
         sizes, axes = np.linalg.eigh(scale[:, None] * gram * scale)
         kept = sizes > 1e-12 * sizes[-1]
+        if sizes[0] < -1e-12 * sizes[-1]:
+            self.negative = X @ (scale * axes[:, 0])
         root = scale[:, None] * axes[:, kept] / np.sqrt(sizes[kept])
         image = SX @ root
         values, vectors = np.linalg.eigh(image.T @ (self._sign[:, None] * image))

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify._kind import LocalStudy, PointKind, study
 from hemivar.certify._linear import Norm, energy_norm
 from hemivar.certify.smallness import Smallness, one_solution, smallness
 from hemivar.errors import ProblemError
+from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual, residual
@@ -47,7 +49,8 @@ class Certificate:
     margin : float
         ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
     error_bound : float
-        Guaranteed bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.
+        Bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.  Guaranteed unless
+        :attr:`error_bound_sampled`.
     error_bound_relative : float
         The same over ``|u|_K``.
     kind : PointKind
@@ -68,6 +71,10 @@ class Certificate:
         "factorisation", or "multigrid" for a large problem: then the constants are less accurate, on the safe side.
     seconds : float
         Spent on it.
+    warnings : tuple of str
+        What it does not cover on this problem, such as locking; one sentence each.
+    error_bound_sampled : bool
+        Whether margin and error bound rest on sampled constants, and so are estimates.
     """
 
     equilibrium: float
@@ -89,6 +96,8 @@ class Certificate:
     smallness: Smallness
     method: str = "factorisation"
     seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
+    error_bound_sampled: bool = False
 
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
@@ -108,6 +117,8 @@ class Certificate:
         for name, value in values.items():
             if isinstance(value, StrEnum):
                 value = value.value
+            elif isinstance(value, tuple):
+                value = list(value)
             elif isinstance(value, np.ndarray):
                 value = value.tolist()
             elif isinstance(value, float) and not math.isfinite(value):
@@ -150,33 +161,48 @@ def certify(
     Raises
     ------
     ProblemError
-        Wrong shapes, or numbers that are not finite.
+        Wrong shapes, numbers that are not finite, or a stiffness with a negative eigenvalue.
 
     Notes
     -----
     The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is another matter.
     """
-    u = np.asarray(displacement, dtype=float)
+    u = real_array(displacement, "the displacement", finite=False)
     m, d = problem.contact_points, problem.dim
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
+    if not 0.0 <= tolerance <= 0.1:
+        raise ProblemError(f"the tolerance is {tolerance:g}; it must lie between 0 and 0.1 of the load")
     if not np.isfinite(u).all():
         raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
     began = time.perf_counter()
     energy = energy_norm(problem) if factor is None else factor
     if energy.stiffness is not problem.stiffness and energy.stiffness.shape != problem.stiffness.shape:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
+    if not energy.definite:
+        refuse_indefinite(energy.indefinite)
     if multiplier is None:
         lam = _multiplier(problem, u)
     else:
-        lam = np.asarray(multiplier, dtype=float)
+        lam = real_array(multiplier, "the multiplier", finite=False)
         if lam.shape != (m, d):
             raise ProblemError(f"the multiplier has shape {lam.shape}; this problem needs ({m}, {d})")
         if not np.isfinite(lam).all():
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
-        return _certified(Point(problem, energy, u, lam), tolerance, trace_constant, began)
+        return _known(_certified(Point(problem, energy, u, lam), tolerance, trace_constant, began))
+
+
+def _known(certificate: Certificate) -> Certificate:
+    """The certificate, without the word unique where a number came out as nan: nothing is proved then."""
+    numbers = [getattr(certificate, item.name) for item in fields(certificate)]
+    numbers += [getattr(certificate.smallness, item.name) for item in fields(certificate.smallness)]
+    if not any(isinstance(number, float) and math.isnan(number) for number in numbers):
+        return certificate
+    proved = (PointKind.UNIQUE_MINIMISER, PointKind.UNIQUE_SOLUTION, PointKind.GLOBAL_MINIMISER)
+    kind = PointKind.DIRECTIONALLY_STATIONARY if certificate.kind in proved else certificate.kind
+    return replace(certificate, unique=None, kind=kind)
 
 
 def _certified(point: Point, tolerance: float, trace_constant: bool, began: float) -> Certificate:
@@ -184,7 +210,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
     problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
     m, r = problem.contact_points, problem.local(point.u)
     law = problem.law.frozen(r, lam) if m else None
-    constants = smallness(problem, law, factor=energy, trace_constant=trace_constant)
+    constants = smallness(problem, displacement=u, multiplier=lam, factor=energy, trace_constant=trace_constant)
     found = residual(problem, u, lam)
     equilibrium = point.imbalance[1] if energy.definite else np.inf
     load_norm = energy.least_dual_norm(problem.load) if energy.definite else np.inf
@@ -214,6 +240,8 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, began: floa
         smallness=constants,
         method="factorisation" if energy.factorised else "multigrid",
         seconds=time.perf_counter() - began,
+        warnings=problem.warnings,
+        error_bound_sampled=constants.sampled,
     )
 
 
@@ -251,7 +279,7 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     local = study(point)
     if dependent:
         return local.kind, None, local
-    if constants.m_alpha == 0.0:
+    if constants.m_alpha == 0.0 and not constants.alpha_sampled:
         if local.kind is PointKind.LOCAL_MINIMISER:
             return PointKind.UNIQUE_MINIMISER, True, local
         return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)

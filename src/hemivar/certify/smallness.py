@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array
+from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certify._linear import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
@@ -19,6 +20,11 @@ from hemivar.mechanics.assembly import quadrature_rule, region_masks, stiffness_
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.discretize import discretize
 from hemivar.mechanics.material import Material
+
+#: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
+_NEAR = 1e-6
+#: Roundings of an eigenvalue, in units of the condition number of K scaled to a unit diagonal.
+_HIDDEN = 16.0
 
 __all__ = ["Smallness", "TraceConstants", "ellipticity", "one_solution", "smallness", "trace_constants"]
 
@@ -46,7 +52,8 @@ class Smallness:
     ----------
     alpha_normal, alpha_tangential : float
         Largest weak convexity constant of the normal law and of the friction law over the contact boundary (force per
-        area and length); inf where a derivative jumps down.
+        area and length); inf where a derivative jumps down. Where the friction bound depends on the penetration, that
+        of the profile times the largest bound that any solution can have; inf if that is not known.
     alpha_sampled : bool
         True if a law knows its alpha from samples only; what follows then holds as far as the samples do.
     m_alpha : float
@@ -64,8 +71,8 @@ class Smallness:
     survey_margin : float or None
         ``1 - (m_alpha + m_L) c_gamma^2 / m_A``; (H_s) holds if it is positive.
     constant : float
-        c, largest eigenvalue of ``(B'W diag(alpha) B, K)``: the energy (for a state-dependent bound, frozen) is
-        strictly convex if c < 1.
+        c, largest eigenvalue of ``(B'W diag(alpha) B, K)``: the energy (for a state-dependent bound, frozen at any
+        solution) is strictly convex if c < 1.
     constant_normal, constant_tangential : float or None
         The same with the normal or the tangential alpha alone; c is at most their sum, at least either.  None where
         both laws soften and multigrid serves, for each costs as much as c itself.
@@ -76,7 +83,10 @@ class Smallness:
         ``coupling / (1 - c)``: factor by which an outer fixed-point step on the state reduces the error in the energy
         norm; inf if c >= 1.
     margin : float
-        ``1 - c - coupling``; positive if the discrete problem has one solution.
+        ``1 - c - coupling``, less the rounding in it; positive if the discrete problem has one solution.
+    m_L_sampled : bool
+        The same as ``alpha_sampled`` for m_L: the friction bound is a function, or a formula without a bound of its
+        slope.
     """
 
     alpha_normal: float
@@ -94,23 +104,33 @@ class Smallness:
     coupling: float
     contraction: float
     margin: float
+    m_L_sampled: bool = False  # noqa: N815 - the survey's name
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the margin rests on samples: then it proves nothing."""
+        return self.alpha_sampled or self.m_L_sampled
 
 
 def smallness(
     problem: DiscreteProblem,
-    law: ContactLaw | None = None,
     *,
+    displacement: Array | None = None,
+    multiplier: Array | None = None,
     factor: Norm | None = None,
     trace_constant: bool = True,
 ) -> Smallness:
-    """The constants of a discrete problem.
+    """The constants of a discrete problem; they hold for all its solutions at once.
 
     Parameters
     ----------
     problem : DiscreteProblem
-    law : ContactLaw, optional
-        Where the friction bound depends on the solution: the law frozen at the state in question
-        (``problem.law.frozen(r, lam)``); at zero displacement and pressure by default.
+    displacement : array (n,), optional
+        Unknowns near a solution, from which the reach of all solutions is bounded: needed where friction weakens with
+        the slip and its bound depends on the penetration.  Without them, or where they bound nothing, its alpha is
+        infinite.
+    multiplier : array (m, d), optional
+        That in equilibrium with ``displacement`` by default.
     factor : EnergyNorm or MultigridNorm, optional
         The energy norm, where it is there already.
     trace_constant : bool
@@ -121,14 +141,61 @@ def smallness(
     Smallness
     """
     energy = energy_norm(problem) if factor is None else factor
+    bounds: Array | None = None
+    if problem.contact_points and problem.law.state_dependent:
+        point: Point | None = None
+        if displacement is not None:
+            u = np.asarray(displacement, dtype=float)
+            lam = equilibrium_multiplier(problem, u) if multiplier is None else np.asarray(multiplier, dtype=float)
+            point = Point(problem, energy, u, lam)
+        bounds = largest_bounds(problem, energy, point)
+    return _constants(problem, energy, bounds, trace_constant)
+
+
+def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) -> Array:
+    """What the friction bound of each contact point is at most in any solution, (m,); inf where that is not known.
+
+    Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is
+    in docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair.
+    """
     m, d = problem.contact_points, problem.dim
-    if law is None and m:
-        law = problem.law.frozen(-problem.offset.reshape(m, d), np.zeros((m, d)))
-    if m and law is not None:
-        normal, tangential = (np.broadcast_to(alpha, (m,)) for alpha in law.weak_convexity)
-        coupling_weight = np.broadcast_to(_coupling(problem.law), (m,))
+    rate = np.broadcast_to(problem.law.lipschitz, (m,))
+    weakens = np.broadcast_to(problem.law.friction.profile.weak_convexity, (m,)) > 0.0
+    if point is None:
+        r, lam = -problem.offset.reshape(m, d), np.zeros((m, d))
+        return np.where(rate > 0.0, np.inf, friction_bound(problem, r, lam))
+    if d == 1 or not (energy.definite and np.any(weakens)) or not np.isfinite(rate).all():
+        return np.full(m, np.inf)
+    r = problem.local(point.u)
+    here = friction_bound(problem, r, point.lam)
+    near = here * (1.0 + _NEAR) + rate * _NEAR * float(np.abs(r).max(initial=0.0))
+    margin = _constants(problem, energy, near, False).margin
+    if not margin > 0.0:
+        return np.full(m, np.inf)
+    radius = error_bound(point, margin, near)
+    # |(B e)_nu| at a contact point is at most |e|_K sqrt(largest eigenvalue of (B_nu'W B_nu, K) / weight)
+    weight = np.zeros((m, d))
+    weight[:, 0] = problem.weights
+    stretch = energy.largest_eigenvalue(problem.trace, weight.ravel()).bound
+    reached = here + rate * radius * np.sqrt(stretch / problem.weights)
+    return near if bool((reached <= near).all()) else np.where(np.isnan(reached), np.inf, reached)
+
+
+def _constants(problem: DiscreteProblem, energy: Norm, bounds: Array | None, trace_constant: bool) -> Smallness:
+    """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state."""
+    m, d = problem.contact_points, problem.dim
+    if m:
+        law = problem.law
+        normal = np.broadcast_to(law.normal.weak_convexity, (m,))
+        if bounds is None:
+            tangential = np.broadcast_to(law.tangential.weak_convexity, (m,))
+        else:
+            profile = np.broadcast_to(law.friction.profile.weak_convexity, (m,))
+            with np.errstate(invalid="ignore"):
+                tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
+        coupling_weight = np.broadcast_to(_coupling(law), (m,))
         sampled = bool(
-            getattr(law.normal, "constants_sampled", False) or getattr(law.friction.profile, "constants_sampled", False)
+            getattr(law.normal, "alpha_sampled", False) or getattr(law.friction.profile, "alpha_sampled", False)
         )
     else:
         normal = tangential = coupling_weight = np.zeros(m)
@@ -191,18 +258,25 @@ def smallness(
         constant_tangential=c_tangential,
         coupling=coupling,
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
-        margin=(1.0 - c - coupling) if energy.definite else -np.inf,
+        margin=_margin(energy, c, coupling),
+        m_L_sampled=bool(coupling > 0.0 and problem.law.lipschitz_sampled),
     )
 
 
-def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
-    """Whether the constants prove that the discrete problem has one solution.
+def _margin(energy: Norm, c: float, coupling: float) -> float:
+    """``1 - c - coupling``, less what rounding can hide where K is badly conditioned."""
+    if not energy.definite:
+        return -np.inf
+    used = c + coupling
+    hidden = 0.0
+    if energy.factorised and 0.0 < used < 2.0:
+        hidden = _HIDDEN * float(np.finfo(float).eps) * used / max(energy.lowest, float(np.finfo(float).tiny))
+    return 1.0 - used - hidden
 
-    The alpha of friction that softens and whose bound depends on the solution belongs to one state; elsewhere it may
-    be larger, and nothing is proved.
-    """
-    dependent = bool(problem.contact_points and problem.law.state_dependent)
-    return constants.margin > 0.0 and not (dependent and constants.alpha_tangential > 0.0)
+
+def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
+    """Whether the constants prove that the discrete problem has one solution: nothing sampled, nothing unknown."""
+    return bool(constants.margin > 0.0 and not constants.sampled)
 
 
 def _coupling(law: ContactLaw) -> Array:

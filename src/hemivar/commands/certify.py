@@ -99,7 +99,10 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("residual", f"{certificate.residual.relative:.1e} relative, tolerance {certificate.tolerance:.0e}")
         say("energy", f"{certificate.energy:.10g}")
     unique = {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}
-    say("kind", f"{certificate.kind.value}; {unique[certificate.unique]}")
+    known = unique[certificate.unique]
+    if certificate.unique is None and certificate.margin > 0.0 and constants.sampled:
+        known += " (the margin is positive, but sampled)"
+    say("kind", f"{certificate.kind.value}; {known}")
     if certificate.curvature is not None:
         say("least curvature", f"{_text(certificate.curvature)} (the body alone: 1)")
     if whole or not math.isfinite(certificate.error_bound):
@@ -112,9 +115,14 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("margin", f"{_text(certificate.margin)} ({', '.join(parts)})")
     if math.isfinite(certificate.error_bound):
         size = f"{certificate.error_bound:.2e}, relative {certificate.error_bound_relative:.1e},"
-        say("distance", f"at most {size} to the exact discrete solution")
+        if certificate.error_bound_sampled:
+            say("distance", f"about {size} to an exact discrete solution: an estimate, from sampled constants")
+        else:
+            say("distance", f"at most {size} to the exact discrete solution")
     else:
         say("distance", "no bound, for the margin is not positive")
+    for warning in certificate.warnings:
+        say("warning", warning)
     say("certified", f"in {certificate.seconds:.2g} s by {certificate.method}")
     if whole:
         say("alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}")
@@ -128,7 +136,9 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
             holds = "holds" if constants.survey_condition else "does not hold"
             say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
         if constants.alpha_sampled:
-            say("note", "a law knows its alpha from samples only: margin and bound hold as far as the samples do")
+            say("note", "a law knows its alpha from samples only: margin and distance are estimates")
+        if constants.m_L_sampled:
+            say("note", "a friction bound knows its slope from samples only: margin and distance are estimates")
     return lines
 
 

@@ -258,6 +258,8 @@ def _print_head(problem: ProblemOnRanks) -> None:
     print(f"mesh              {piece.total} nodes on {len(problem.bodies)} levels")
     print(f"ranks             {body.ranks.size}, {piece.mesh.number_of_cells} cells on the first")
     print(f"unknowns          {body.unknowns}")
+    for warning in body.warnings:
+        print(f"warning           {warning}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
     print(f"contact points    {body.contact_points}{where}")
     print("method            petsc: truncated nonsmooth Newton, conjugate gradients with PETSc's multigrid")

@@ -81,11 +81,12 @@ def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) ->
         "energy": _finite(solution.energy),
         "stationary": stationary,
         "tolerance": tolerance,
+        "warnings": list(body.warnings),
     }
     infinite: list[str] = []
     minus: list[str] = []
     normal, tangential, dependent, sampled = _alphas(body)
-    record |= {"alpha_normal": _finite(normal), "alpha_sampled": sampled}
+    record |= {"alpha_normal": _finite(normal), "alpha_sampled": sampled, "error_bound_sampled": False}
     if not dependent:  # else it is that of one state only
         record |= {"alpha_tangential": _finite(tangential), "m_alpha": _finite(max(normal, tangential))}
     infinite += [
@@ -242,8 +243,7 @@ def _alphas(body: BodyOnRanks) -> tuple[float, float, bool, bool]:
     dependent = bool(body.points) and body.law.state_dependent
     sampled = False
     if body.points:
-        parts = (body.law.normal, body.law.friction.profile)
-        sampled = any(bool(getattr(part, "constants_sampled", False)) for part in parts)
+        sampled = bool(body.law.normal.alpha_sampled or body.law.friction.profile.alpha_sampled)
         normal = float(np.max(body.law.normal.weak_convexity))
         if not dependent:
             tangential = float(np.max(body.law.weak_convexity[1]))

@@ -283,9 +283,7 @@ class Method:
             inclusion = body.weights * law.graph_distance(body.local(now.x), lam, body.compliance)
         moved = body.row_sums.array_r * np.abs(now.x.array_r) + np.abs(body.f.array_r)
         balance, distance, pressed, size = body.ranks.norms(off, inclusion, contact, moved)
-        scale = max(body.load_scale, float(pressed))
-        rounding = min(8.0 * float(np.finfo(float).eps) * float(size), 1e-6 * scale)
-        return Residual(float(balance), float(distance), scale, rounding)
+        return Residual.of_sizes(float(balance), float(distance), body.against, float(pressed), float(size))
 
     # ---- the loop ----------------------------------------------------------------------------------------
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import itertools
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -14,18 +13,23 @@ import numpy as np
 
 from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.formula import ScalarFormula, SmoothFormula
+from hemivar.formula import ScalarFormula
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.scaled import ScaledLaw
+from hemivar.portable import Portable
+from hemivar.smooth import SmoothFormula, Supremum, supremum_of_pieces
 
 __all__ = ["FormulaLaw", "FunctionLaw"]
 
 _Scalar = Callable[[Array], Array]
 _FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
+#: Kinks and turns of the curvature that a formula may have.
+_MOST_KNOTS = 1000
+_EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _Piece(Portable):
     """Value, derivative and curvature on one piece."""
 
     value: _Scalar
@@ -115,7 +119,7 @@ class _OwnLaw(Superpotential):
         knots = self._knots
         far = np.array(_FAR) * max(self.reach, 2.0 * float(np.abs(knots).max()))
         r = np.unique(np.concatenate([-far, np.linspace(-self.reach, self.reach, 2001), far]))
-        piece = np.asarray(np.sum(r[:, None] > knots, axis=1), dtype=np.int64)
+        piece = np.asarray(np.searchsorted(knots, r, side="left"), dtype=np.int64)
         both = np.arange(knots.size, dtype=np.int64)
         return np.concatenate([r, knots, knots]), np.concatenate([piece, both, both + 1])
 
@@ -241,41 +245,136 @@ class _FormulaLaw(_OwnLaw):
         object.__setattr__(self, "_formula", ScalarFormula(self.text, "r", self.where))
         _ = self._own
 
-    def _pieces(self) -> tuple[Array, tuple[_Piece, ...]]:
+    @property
+    def _start(self) -> float:
+        return 0.0 if self.even else -np.inf
+
+    @cached_property
+    def _branches(self) -> tuple[Array, list[SmoothFormula], bool]:
+        """Places where one branch gives way to another, the branches, and whether no place is missing."""
         formula = self._formula
-        shown = f"{formula.prefix}formula '{self.text}'"
-        switches = formula.switches(self.reach)
+        switches, sure = formula.switches(self.reach)
         if self.even:
             switches = switches[switches > 1e-12 * self.reach]
-        ends = np.concatenate([[0.0 if self.even else -np.inf], switches, [np.inf]])
-        branches = [formula.branch(_middle(low, high)) for low, high in itertools.pairwise(ends)]
-        keep = [i for i in range(len(switches)) if not _alike(branches[i], branches[i + 1])]
-        branches = [branches[0], *(branches[i + 1] for i in keep)]
-        switches = switches[keep]
-        extra = [float(k) for k in self.kinks_at if k > 0.0 or not self.even]
-        knots, pieces = list(switches), []
-        smooth = [(b, b.derivative()) for b in branches]
-        plain = [_Piece(b, d, d.derivative(), str(d)) for b, d in smooth]
-        ends = np.concatenate([[0.0 if self.even else -np.inf], switches, [np.inf]])
-        for i, piece in enumerate(plain):
-            low, high = float(ends[i]), float(ends[i + 1])
-            inside = self._inside(low, high, 1000)
-            for part in (piece.value, piece.derivative):
-                bad = ~np.isfinite(part(inside))
+        ends = np.concatenate([[self._start], switches, [np.inf]])
+        branches = formula.branches(np.array([_middle(low, high) for low, high in itertools.pairwise(ends)]))
+        keep = [i for i in range(len(switches)) if branches[i].node != branches[i + 1].node]
+        return switches[keep], [branches[0], *(branches[i + 1] for i in keep)], sure
+
+    def _pieces(self) -> tuple[Array, tuple[_Piece, ...]]:
+        shown = self._formula.shown
+        switches, branches, _ = self._branches
+        ends = np.concatenate([[self._start], switches, [np.inf]])
+        count = int(np.clip(40_000 // len(branches), 60, 1000))
+        knots = [switches, np.array([k for k in map(float, self.kinks_at) if k > 0.0 or not self.even])]
+        plain: dict[int, _Piece] = {}
+        for node in dict.fromkeys(branch.node for branch in branches):
+            here = [i for i, branch in enumerate(branches) if branch.node == node]
+            smooth = branches[here[0]]
+            slope = smooth.derivative()
+            bend = slope.derivative()
+            plain[node] = _Piece(smooth, slope, bend, str(slope))
+            low, high = ends[here], ends[np.array(here) + 1]
+            inside = [self._inside(a, b, count) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+            places = np.concatenate(inside)
+            corners = np.concatenate([low[np.isfinite(low)], high[np.isfinite(high)]])
+            for what, part, at in (("", smooth, places), ("the derivative of ", slope, np.append(places, corners))):
+                bad = ~np.isfinite(part(at))
                 if bad.any():
-                    what = "" if part is piece.value else "the derivative of "
                     raise ProblemError(
-                        f"{what}{shown} is not finite at r = {inside[np.argmax(bad)]:.4g}; give a formula for every r"
-                        + (" >= 0" if self.even else " (use piecewise, max(r, 0) or abs(r))")
+                        f"{what}{shown} is not finite at r = {at[np.argmax(bad)]:.4g}; give a formula"
+                        + (" that is finite for every r >= 0" if self.even else _EVERYWHERE)
                     )
-            knots += _turns(smooth[i][1].derivative().derivative(), inside)
-        _joined(shown, switches, plain)
-        table = np.unique(np.concatenate([knots, extra]))
-        for low, high in zip(
-            np.concatenate([[0.0 if self.even else -np.inf], table]), np.concatenate([table, [np.inf]]), strict=True
-        ):
-            pieces.append(plain[int(np.sum(switches < _middle(low, high)))])
-        return table, tuple(pieces)
+            knots.append(_turns(bend.derivative(), inside))
+        _joined(shown, switches, [plain[branch.node] for branch in branches])
+        table = np.unique(np.concatenate(knots))
+        if table.size > _MOST_KNOTS:
+            raise ProblemError(
+                f"{shown} has {table.size} kinks and turns of its curvature up to the reach {self.reach:g}; at most "
+                f"{_MOST_KNOTS} are allowed: take a smaller reach, or give a table"
+            )
+        self._check_slopes()
+        low = np.concatenate([[self._start], table])
+        high = np.concatenate([table, [np.inf]])
+        middle = [_middle(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+        return table, tuple(plain[branches[i].node] for i in np.searchsorted(switches, middle).tolist())
+
+    def _supremum(self, order: int, sign: float, far: bool, slack: float = 0.0) -> Supremum:
+        """Enclosed supremum of ``sign`` times a derivative over all pieces, within the reach or also far away."""
+        switches, branches, _ = self._branches
+        ends = np.concatenate([[self._start], switches, [np.inf]])
+        if not far:
+            most = max(self.reach, 2.0 * float(np.abs(switches).max(initial=0.0)))
+            ends = np.clip(ends, -most, most)
+        return supremum_of_pieces(branches, ends, self.reach, order=order, sign=sign, slack=slack)
+
+    def _check_slopes(self) -> None:
+        """Refuse a derivative that grows without bound at some place within the reach."""
+        for sign in (1.0, -1.0):
+            found = self._supremum(1, sign, far=False)
+            if np.isfinite(found.bound):
+                continue
+            _, branches, _ = self._branches
+            for smooth in {branch.node: branch.derivative() for branch in branches}.values():
+                for side in (1.0, -1.0):
+                    size = np.abs(smooth(found.place + side * self.reach * np.array([1e-6, 1e-9, 1e-12])))
+                    if np.isfinite(size).all() and size[2] > 1.2 * size[1] > 1.2 * 1.2 * size[0]:
+                        raise ProblemError(
+                            f"the derivative of {self._formula.shown} grows without bound at r = {found.place:.4g}; a "
+                            f"law needs a finite slope everywhere (but at jumps of its derivative)"
+                        )
+
+    @cached_property
+    def _proved_alpha(self) -> float:
+        """Guaranteed bound of -j'' over the whole line; inf if none was found."""
+        return self._supremum(2, -1.0, far=True).bound
+
+    @property
+    def constants_sampled(self) -> bool:  # type: ignore[override]
+        """Whether a constant is sampled, for want of a bound that is proved."""
+        return self.alpha_sampled or self.growth_sampled
+
+    @cached_property
+    def _alpha_and_doubt(self) -> tuple[float, bool]:
+        """alpha, and whether it is no more than sampled: the bound of -j'' over the whole line, where one was found."""
+        sampled = float(_OwnLaw._alpha.func(self))  # type: ignore[attr-defined]
+        if np.isinf(sampled):
+            return sampled, False
+        r, piece = self._samples
+        size = np.abs(self._evaluate(piece, r, 2))
+        scale = float(np.max(size[np.isfinite(size)], initial=0.0))
+        proved = self._supremum(2, -1.0, far=True, slack=1e-12 * scale).bound
+        if self._branches[2] and sampled <= proved <= 1.01 * sampled + 1e-6 * scale:
+            return proved, False
+        return sampled, True
+
+    @property
+    def _alpha(self) -> float:  # type: ignore[override]
+        return self._alpha_and_doubt[0]
+
+    @property
+    def alpha_sampled(self) -> bool:
+        return self._alpha_and_doubt[1]
+
+    @cached_property
+    def _growth_and_doubt(self) -> tuple[tuple[float, float], bool]:
+        """c0 and c1, and whether they are sampled: else c0 bounds |j'| over the whole line."""
+        sampled: tuple[float, float] = _OwnLaw._growth.func(self)  # type: ignore[attr-defined]
+        if np.isinf(sampled[0]):
+            return sampled, False
+        found = [self._supremum(1, sign, far=True) for sign in (1.0, -1.0)]
+        proved, seen = max(one.bound for one in found), max(one.seen for one in found)
+        if self._branches[2] and proved <= 1.01 * seen:
+            return (proved, 0.0), False
+        return sampled, True
+
+    @property
+    def _growth(self) -> tuple[float, float]:  # type: ignore[override]
+        return self._growth_and_doubt[0]
+
+    @property
+    def growth_sampled(self) -> bool:
+        return self._growth_and_doubt[1]
 
 
 def _middle(low: Any, high: Any) -> float:
@@ -288,29 +387,22 @@ def _middle(low: Any, high: Any) -> float:
     return float(high - 1.0 - abs(high)) if np.isfinite(high) else 0.37
 
 
-def _alike(a: SmoothFormula, b: SmoothFormula) -> bool:
-    return ast.dump(a.tree) == ast.dump(b.tree)
-
-
-def _turns(third: SmoothFormula, places: Array) -> list[float]:
-    """Where a curvature turns round: sign changes of its derivative."""
+def _turns(third: SmoothFormula, inside: Sequence[Array]) -> Array:
+    """Where a curvature turns round: sign changes of its derivative between the places inside each piece."""
+    if third.constant:
+        return np.zeros(0)
+    places = np.concatenate(inside)
+    piece = np.repeat(np.arange(len(inside)), [at.size for at in inside])
     values = third(places)
     values = np.where(np.isfinite(values), values, 0.0)
     values[np.abs(values) < 1e-10 * np.abs(values).max(initial=0.0)] = 0.0
-    found = []
     nonzero = np.flatnonzero(values)
-    for i, k in itertools.pairwise(nonzero):
-        if values[i] * values[k] >= 0.0:
-            continue
-        low, high = places[i], places[k]
-        for _ in range(100):
-            middle = 0.5 * (low + high)
-            if middle in (low, high):
-                break
-            low, high = (middle, high) if float(third(np.array([middle]))[0]) * values[i] > 0.0 else (low, middle)
-        turn = 0.5 * (low + high)
-        found.append(float(turn) if abs(turn) > 1e-12 * float(np.abs(places).max()) else 0.0)
-    return found
+    first, last = nonzero[:-1], nonzero[1:]
+    turns = (piece[first] == piece[last]) & (values[first] * values[last] < 0.0)
+    if np.count_nonzero(turns) > _MOST_KNOTS:
+        return places[first[turns]]
+    found = third.crossings(places[first[turns]], places[last[turns]])
+    return np.where(np.abs(found) > 1e-12 * float(np.abs(places).max()), found, 0.0)
 
 
 #: Weights at -2, -1, 0, 1, 2 of the interpolating polynomial in powers of t.

@@ -19,6 +19,7 @@ import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.laws.description import LawDescription, LawKink
+from hemivar.portable import Portable
 
 __all__ = ["Interval", "Superpotential"]
 
@@ -42,7 +43,7 @@ class Interval:
         return self.distance(x) <= tolerance
 
 
-class Superpotential(ABC):
+class Superpotential(Portable, ABC):
     """A scalar law j, one for each contact point.
 
     Pieces are numbered 0..K: piece ``i`` lies between knot ``i - 1`` and knot ``i`` (the first and the last one
@@ -55,8 +56,18 @@ class Superpotential(ABC):
     #: Short name used in messages, files and tables.
     name: str = "law"
 
-    #: Whether alpha and the growth constants come from sampling, not from a formula.
+    #: Whether alpha or the growth constants come from sampling, so that they may be too small.
     constants_sampled: bool = False
+
+    @property
+    def alpha_sampled(self) -> bool:
+        """Whether alpha comes from sampling."""
+        return self.constants_sampled
+
+    @property
+    def growth_sampled(self) -> bool:
+        """Whether the growth constants come from sampling."""
+        return self.constants_sampled
 
     # ---- what a law supplies -------------------------------------------------------------------------
 
@@ -382,7 +393,8 @@ class Superpotential(ABC):
             c1=c1,
             recession=(rates[0], rates[1]),
             coercive_above=max(0.0, -outward),
-            constants_sampled=law.constants_sampled,
+            alpha_sampled=law.alpha_sampled,
+            growth_sampled=law.growth_sampled,
         )
 
     @cached_property

@@ -9,19 +9,23 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray, Parameter
+from hemivar._typing import Array, BoolArray, IntArray, Parameter
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
 from hemivar.laws.parameters import evaluate
+from hemivar.portable import Portable
+from hemivar.smooth import WIDE, supremum_of_pieces
 
 __all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
 
 
-class StateBound(ABC):
+class StateBound(Portable, ABC):
     """A friction bound h_tau(penetration, pressure) >= 0 at every contact point."""
 
     @abstractmethod
@@ -40,6 +44,11 @@ class StateBound(ABC):
     @abstractmethod
     def lipschitz(self) -> Array:
         """Lipschitz constant in the penetration, shape (m or 1,); inf where the bound jumps or needs the pressure."""
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        """Whether that constant comes from samples, or from some penetrations only, so that it may be too small."""
+        return False
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,52 +92,59 @@ class PenetrationBound(StateBound):
         ends and linear in between; or a formula of s such as ``"min(8*s, 0.8)"``; or a Python function
         ``s (m,) -> bound (m,)``. Where s < 0 (no contact), negative values of a formula or function count as zero.
     reach : float
-        For formulas and functions: the Lipschitz constant is that on ``[-reach, reach]``, measured.
+        For formulas and functions: penetrations up to which kinks are looked for and the bound is tried out.
 
     Raises
     ------
     ProblemError
-        A table that does not increase, is too short or is negative somewhere; a formula that is not understood.
-        :meth:`value` raises it where a formula or a function is not finite, or negative at a penetration s >= 0.
+        A table that does not increase, is too short or is negative somewhere; a formula that is not understood; a
+        formula or a function that, within the reach, is not finite or is negative at some s >= 0.  Beyond the reach
+        :meth:`value` raises it.
+
+    Notes
+    -----
+    The Lipschitz constant of a table is exact, and that of a formula a bound over all penetrations, found by interval
+    arithmetic on its derivative.  Where no such bound is found it holds on ``[-reach, reach]`` only, and that of a
+    function is the steepest slope that was met there: then :attr:`lipschitz_sampled` is true.
     """
 
     source: Any
     reach: float = 10.0
     _evaluate: Callable[[Array], Array] = field(init=False, repr=False)
     _lipschitz: float = field(init=False, repr=False)
+    _sampled: bool = field(init=False, repr=False, default=False)
 
     def __post_init__(self) -> None:
         source = self.source
+        if not (np.isfinite(self.reach) and self.reach > 0.0):
+            raise ProblemError(f"reach of the friction bound is {self.reach}; it must be a positive length")
         if isinstance(source, str):
             source = ScalarFormula(source, "s", "friction bound")
             object.__setattr__(self, "source", source)
         if callable(source):
             object.__setattr__(self, "_evaluate", source)
-            object.__setattr__(self, "_lipschitz", self._measured())
+            steepest = self._measured()
+            proved = _proved(source, self.reach) if isinstance(source, ScalarFormula) else None
+            if proved is not None and (steepest < np.inf or proved[0] < np.inf):
+                steepest = max(proved[0], 0.0 if proved[1] else steepest)
+            object.__setattr__(self, "_lipschitz", steepest)
+            object.__setattr__(self, "_sampled", steepest < np.inf and not (proved is not None and proved[1]))
             return
         try:
-            s, bound = (np.asarray(column, dtype=float) for column in source)
+            first, second = source
         except (TypeError, ValueError):
             raise ProblemError(
                 "a friction bound is a table (s, bound), a formula of s in quotes, or a function of s"
             ) from None
+        s = real_array(first, "s of the friction bound", finite=False)
+        bound = real_array(second, "the friction bound", finite=False)
         if s.ndim != 1 or s.shape != bound.shape or s.size < 1:
             raise ProblemError(f"friction bound: s has shape {s.shape} and bound {bound.shape}; give two equal lists")
-        for i in range(s.size):
-            if not (np.isfinite(s[i]) and np.isfinite(bound[i])):
-                raise ProblemError(f"friction bound, row {i + 1}: {s[i]}, {bound[i]} are not finite numbers")
-            if bound[i] < 0.0:
-                raise ProblemError(f"friction bound, row {i + 1}: the bound {bound[i]:g} is negative")
-            if i and s[i] < s[i - 1]:
-                raise ProblemError(
-                    f"friction bound, row {i + 1}: s = {s[i]:g} comes after {s[i - 1]:g}; s must not fall"
-                )
-            if i > 1 and s[i] == s[i - 2]:
-                raise ProblemError(f"friction bound, row {i + 1}: s = {s[i]:g} a third time; two rows make a jump")
+        _check_rows(s, bound)
         width = np.diff(s)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(width > 0.0, np.abs(np.diff(bound)) / width, np.where(np.diff(bound) == 0.0, 0.0, np.inf))
-        object.__setattr__(self, "_evaluate", lambda x: _interpolate(s, bound, x))
+        object.__setattr__(self, "_evaluate", partial(_interpolate, s, bound))
         object.__setattr__(self, "_lipschitz", float(np.max(slope, initial=0.0)))
 
     def _measured(self) -> float:
@@ -185,6 +201,57 @@ class PenetrationBound(StateBound):
     @property
     def lipschitz(self) -> Array:
         return np.array([self._lipschitz])
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        return self._sampled
+
+
+def _check_rows(s: Array, bound: Array) -> None:
+    """Refuse a table at its first bad row."""
+    rules: list[tuple[BoolArray, Callable[[int], str]]] = [
+        (~(np.isfinite(s) & np.isfinite(bound)), lambda i: f"{s[i]}, {bound[i]} are not finite numbers"),
+        (bound < 0.0, lambda i: f"the bound {bound[i]:g} is negative; a friction bound is at least 0"),
+        (np.append(False, s[1:] < s[:-1]), lambda i: f"s = {s[i]:g} comes after {s[i - 1]:g}; s must not fall"),
+        (
+            np.append([False] * 2, s[2:] == s[:-2])[: s.size],
+            lambda i: f"s = {s[i]:g} a third time; two rows make a jump",
+        ),
+    ]
+    broken = [(int(np.argmax(bad)), words) for bad, words in rules if bad.any()]
+    if broken:
+        row, words = min(broken, key=lambda one: one[0])
+        raise ProblemError(f"friction bound, row {row + 1}: {words(row)}")
+
+
+def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
+    """A Lipschitz constant of a formula and whether it holds everywhere, or within the reach only.
+
+    Negative values are cut to zero, which makes no slope steeper; inf where the formula jumps.
+    """
+    switches, sure = formula.switches(reach)
+    ends = np.concatenate([[-np.inf], switches, [np.inf]])
+    inner = np.concatenate([[-2.0 * WIDE * reach], switches, [2.0 * WIDE * reach]])
+    branches = formula.branches(0.5 * (inner[1:] + inner[:-1]))
+    for i, place in enumerate(switches):
+        at = np.array([place])
+        left, right = (max(float(branch(at)[0]), 0.0) for branch in branches[i : i + 2])
+        if not abs(right - left) <= 1e-9 * (abs(left) + abs(right)) + 1e-300:
+            return np.inf, True
+    near = np.clip(ends, -reach, reach)
+    lowest = supremum_of_pieces(branches, np.maximum(near, 0.0), reach, order=0, sign=-1.0)
+    rounding = 1e-12 * supremum_of_pieces(branches, np.maximum(near, 0.0), reach, order=0, sign=1.0).seen
+    if lowest.seen > rounding:
+        raise ProblemError(
+            f"{formula.shown}: the friction bound is {-lowest.seen:g} at penetration {lowest.place:g}; it must be at "
+            f"least 0 where the body penetrates"
+        )
+    for within in (ends, near):
+        found = [supremum_of_pieces(branches, within, reach, order=1, sign=sign) for sign in (1.0, -1.0)]
+        bound, seen = max(one.bound for one in found), max(one.seen for one in found)
+        if bound < np.inf and (bound <= 1.01 * seen or within is near):
+            return bound, sure and within is ends
+    return max(one.seen for one in found), False
 
 
 def _interpolate(s: Array, bound: Array, x: Array) -> Array:
@@ -246,6 +313,10 @@ class StackedBound(StateBound):
         for part, index in zip(self.parts, self.indices, strict=True):
             out[index] = part.value(penetration[index], pressure[index])
         return out
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        return any(part.lipschitz_sampled for part in self.parts)
 
     @property
     def lipschitz(self) -> Array:

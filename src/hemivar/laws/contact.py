@@ -14,6 +14,7 @@ from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound, stack_bounds
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.stacked import stack
+from hemivar.portable import Portable
 
 __all__ = ["ContactLaw", "Linearisation", "spread"]
 
@@ -38,7 +39,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactLaw:
+class ContactLaw(Portable):
     """j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
 
     The bound h_tau may depend on penetration or pressure (:class:`~hemivar.laws.StateBound`); then only the parts
@@ -110,6 +111,14 @@ class ContactLaw:
         """Lipschitz constant of the friction bound in the penetration, shape (m or 1,); 0 if it has none."""
         bound = self.friction.bound
         return bound.lipschitz if isinstance(bound, StateBound) else np.zeros(1)
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        """Whether a constant of friction that depends on the penetration is sampled: that of the bound, or c0, c1."""
+        bound = self.friction.bound
+        if not isinstance(bound, StateBound) or not np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf)):
+            return False
+        return bound.lipschitz_sampled or self.friction.profile.growth_sampled
 
     @staticmethod
     def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:

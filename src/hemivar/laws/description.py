@@ -61,8 +61,8 @@ class LawDescription:
         Growth rates of j towards -inf and +inf.
     coercive_above : float
         ``a/2 r^2 - b r + j(r)`` is bounded below for every b if the curvature a exceeds this number.
-    constants_sampled : bool
-        Whether alpha, c0 and c1 were found by sampling.
+    alpha_sampled, growth_sampled : bool
+        Whether alpha, or c0 and c1, were found by sampling; otherwise they hold for every r.
     """
 
     name: str
@@ -76,7 +76,13 @@ class LawDescription:
     c1: float
     recession: tuple[float, float]
     coercive_above: float
-    constants_sampled: bool
+    alpha_sampled: bool
+    growth_sampled: bool
+
+    @property
+    def constants_sampled(self) -> bool:
+        """Whether one of the constants was found by sampling."""
+        return self.alpha_sampled or self.growth_sampled
 
     @property
     def law_class(self) -> str:
@@ -88,7 +94,7 @@ class LawDescription:
     @property
     def lines(self) -> tuple[str, ...]:
         """The description, line by line."""
-        sampled = " (sampled)" if self.constants_sampled else ""
+        sampled = " (sampled)" if self.alpha_sampled else ""
         places = ", ".join(f"{place:.6g}" for place in self.alpha_places)
         if math.isinf(self.alpha):
             alpha = f"alpha = inf: the derivative jumps down at r = {places}"
@@ -97,7 +103,7 @@ class LawDescription:
         else:
             alpha = f"alpha = {self.alpha:.6g}{sampled}"
         growth = (
-            f"|dj(r)| <= {self.c0:.6g} + {self.c1:.6g} |r|{sampled}"
+            f"|dj(r)| <= {self.c0:.6g} + {self.c1:.6g} |r|{' (sampled)' if self.growth_sampled else ''}"
             if math.isfinite(self.c0) and math.isfinite(self.c1)
             else "no constants c0, c1 with |dj(r)| <= c0 + c1 |r|"
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.portable import Portable
 
 __all__ = ["ABSOLUTE_VALUE", "Friction", "NoFriction", "Tresca"]
 
@@ -23,7 +24,7 @@ ABSOLUTE_VALUE = PiecewiseQuadratic(
 
 
 @dataclass(frozen=True, eq=False)
-class Friction:
+class Friction(Portable):
     """Friction h_tau j_tau(|u_tau|).
 
     Parameters
@@ -40,6 +41,15 @@ class Friction:
     def __post_init__(self) -> None:
         if not isinstance(self.profile, Superpotential):
             raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
+
+    def _stated(self) -> dict[str, Any]:
+        state = super()._stated()
+        if self.profile is ABSOLUTE_VALUE:  # the same object wherever the law arrives
+            del state["profile"]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__({"profile": ABSOLUTE_VALUE} | state)
 
     @property
     def name(self) -> str:

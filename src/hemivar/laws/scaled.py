@@ -43,6 +43,14 @@ class ScaledLaw(Superpotential):
         """As for the law that is scaled."""
         return self.base.constants_sampled
 
+    @property
+    def alpha_sampled(self) -> bool:
+        return self.base.alpha_sampled
+
+    @property
+    def growth_sampled(self) -> bool:
+        return self.base.growth_sampled
+
     def _times(self, values: Array) -> Array:
         """Values times the factor, where 0 times infinity is 0."""
         with np.errstate(invalid="ignore"):

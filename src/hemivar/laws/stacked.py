@@ -96,6 +96,14 @@ class StackedLaw(Superpotential):
         return any(law.constants_sampled for law in self.parts)
 
     @property
+    def alpha_sampled(self) -> bool:
+        return any(law.alpha_sampled for law in self.parts)
+
+    @property
+    def growth_sampled(self) -> bool:
+        return any(law.growth_sampled for law in self.parts)
+
+    @property
     def weak_convexity(self) -> Array:
         return self._gather(lambda law, i: np.broadcast_to(law.weak_convexity, i.shape))
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +19,7 @@ from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.hierarchy import Coarser, coarser
 
-__all__ = ["ElasticMultigrid", "contact_unknowns", "selects"]
+__all__ = ["ElasticMultigrid", "contact_unknowns", "selects", "sole_use"]
 
 _NESTED = 1e-3
 _ITERATIONS = 100
@@ -49,12 +52,9 @@ class ElasticMultigrid:
     @staticmethod
     def of(problem: DiscreteProblem) -> ElasticMultigrid:
         """The hierarchy of a problem, which remembers it, as do copies of it with another load, gap or law."""
-        known = problem.__dict__.get("_multigrid")
-        if isinstance(known, ElasticMultigrid):
-            return known
-        made = _build(problem)
-        object.__setattr__(problem, "_multigrid", made)
-        return made
+        sole_use(problem)  # copies share the hierarchy, so that they must share the lock
+        known = vars(problem).get("_multigrid")
+        return known if isinstance(known, ElasticMultigrid) else vars(problem).setdefault("_multigrid", _build(problem))
 
     def poses(self, problem: DiscreteProblem) -> bool:
         """Whether the coarser problems have load, gap and law of this one."""
@@ -95,6 +95,11 @@ class ElasticMultigrid:
         diagonal = self.levels.diagonal(top)
         found = conjugate_gradients(A, diagonal, rest, lambda v: self.levels.cycle(top, v), size, _ITERATIONS)
         return x + found.solution, found.iterations
+
+
+def sole_use(problem: DiscreteProblem, wanted: bool = True) -> AbstractContextManager[Any]:
+    """A context in which no other thread works on the levels of a problem, if ``wanted``: these know what is held."""
+    return vars(problem).setdefault("_levels_in_use", threading.RLock()) if wanted else nullcontext()
 
 
 def _build(problem: DiscreteProblem) -> ElasticMultigrid:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
+from hemivar.portable import Portable
 
 __all__ = ["Clamped", "Fixed", "Prescribed", "Pressure", "Roller", "Support", "Traction", "VectorData"]
 
@@ -32,7 +34,7 @@ class Roller:
 
 
 @dataclass(frozen=True)
-class Fixed:
+class Fixed(Portable):
     """Prescribed single Cartesian components of the displacement; ``None`` leaves a component free.
 
     Attributes
@@ -50,12 +52,12 @@ class Fixed:
             raise ProblemError("Fixed() fixes nothing; give x, y or z, or leave the support out")
         for name in ("x", "y", "z"):
             value = getattr(self, name)
-            if value is not None and not callable(value):
-                _check_finite(value, f"Fixed({name}=...)")
+            if value is not None:
+                object.__setattr__(self, name, plain_data(value, f"Fixed({name}=...)", vector=False))
 
 
 @dataclass(frozen=True)
-class Prescribed:
+class Prescribed(Portable):
     """Prescribed displacement ``u = value``.
 
     Attributes
@@ -67,12 +69,11 @@ class Prescribed:
     value: VectorData
 
     def __post_init__(self) -> None:
-        if not callable(self.value):
-            _check_finite(self.value, "Prescribed(...)")
+        object.__setattr__(self, "value", plain_data(self.value, "Prescribed(...)"))
 
 
 @dataclass(frozen=True)
-class Pressure:
+class Pressure(Portable):
     """Traction ``-value nu``: a positive pressure pushes into the body.
 
     Attributes
@@ -84,10 +85,7 @@ class Pressure:
     value: ScalarData
 
     def __post_init__(self) -> None:
-        if not callable(self.value):
-            _check_finite(self.value, "Pressure(...)")
-            if np.ndim(self.value) != 0:
-                raise ProblemError(f"Pressure(...) takes one number or a callable, not shape {np.shape(self.value)}")
+        object.__setattr__(self, "value", plain_data(self.value, "Pressure(...)", vector=False))
 
 
 Support = Clamped | Roller | Fixed | Prescribed
@@ -95,13 +93,22 @@ Traction = VectorData | Pressure
 
 
 def _check_finite(value: Any, name: str) -> Array:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: {value!r} is not a number or vector of numbers") from error
+    array = real_array(value, name, finite=False)
     if not np.all(np.isfinite(array)):
         raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
     return array
+
+
+def plain_data(value: Any, name: str, vector: bool = True) -> Any:
+    """A callable as it is; numbers as floats of the condition's own, which compare and do not change with an array."""
+    if callable(value):
+        return value
+    array = _check_finite(value, name)
+    if array.ndim == 0:
+        return float(array)
+    if not vector:
+        raise ProblemError(f"{name} takes one number or a callable, not shape {array.shape}")
+    return tuple(array.tolist())
 
 
 def evaluate_vector(value: Any, points: Array, name: str) -> Array:
@@ -129,10 +136,7 @@ def evaluate_scalar(value: Any, points: Array, name: str) -> Array:
 
 
 def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str, constant: tuple[int, ...]) -> Array:
-    try:
-        result = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: the callable does not return numbers ({error})") from error
+    result = real_array(value, f"{name}: what the callable returns", finite=False)
     if result.shape == constant and shape != constant:
         result = np.broadcast_to(result, shape)
     if result.shape != shape:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array, real_matrix
 from hemivar.errors import ProblemError
+from hemivar.portable import Portable
 
 if TYPE_CHECKING:
     from hemivar.laws import ContactLaw
@@ -22,10 +24,12 @@ if TYPE_CHECKING:
 __all__ = ["DiscreteProblem", "FieldMap"]
 
 _SYMMETRY_TOLERANCE = 1e-10
+#: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
+_LEAST_WORK = 1e-270
 
 
 @dataclass(frozen=True, eq=False)
-class FieldMap:
+class FieldMap(Portable):
     """How the unknowns of a discrete problem become a displacement field.
 
     The full vector of nodal displacements is ``U = P u + u0``: the columns of ``P`` are orthonormal and span
@@ -53,6 +57,17 @@ class FieldMap:
     prescribed: Array
     material: Material | None = None
 
+    def __post_init__(self) -> None:
+        basis = real_matrix(self.basis, "the basis of the field map")
+        prescribed = real_array(self.prescribed, "the prescribed displacements of the field map", 1)
+        if basis.shape[0] != prescribed.size:
+            raise ProblemError(
+                f"the basis of the field map has {basis.shape[0]} rows; it needs one for each of the "
+                f"{prescribed.size} prescribed displacements"
+            )
+        object.__setattr__(self, "basis", basis)
+        object.__setattr__(self, "prescribed", prescribed)
+
     @property
     def dim(self) -> int:
         """Space dimension d."""
@@ -79,7 +94,7 @@ class FieldMap:
         -------
         array, shape (nodes, d)
         """
-        vector = np.asarray(unknowns, dtype=float)
+        vector = real_array(unknowns, "the unknowns", finite=False)
         if vector.shape != (self.basis.shape[1],):
             raise ProblemError(
                 f"the unknowns have shape {vector.shape}; this field map expects ({self.basis.shape[1]},)"
@@ -100,7 +115,7 @@ class FieldMap:
         -------
         array, shape (n,)
         """
-        field = np.asarray(displacement, dtype=float)
+        field = real_array(displacement, "the displacement", finite=False)
         if field.shape != (self.number_of_nodes, self.mesh.dim):
             raise ProblemError(
                 f"the displacement has shape {field.shape}; "
@@ -110,7 +125,7 @@ class FieldMap:
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteProblem:
+class DiscreteProblem(Portable):
     """Energy of a discrete contact problem.
 
     ``E(u) = 1/2 u'K u - f'u + sum_j w_j j_j(r_j) + constant``, ``r = (B u - offset)`` reshaped to (m, d):
@@ -152,6 +167,8 @@ class DiscreteProblem:
         a diagonal entry that is not positive, or a weight is not positive.
     """
 
+    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
+
     stiffness: sp.csr_array
     load: Array
     trace: sp.csr_array
@@ -166,7 +183,7 @@ class DiscreteProblem:
     statement: ContactProblem | None = None
 
     def __post_init__(self) -> None:
-        stiffness = _sparse(self.stiffness, "stiffness")
+        stiffness = real_matrix(self.stiffness, "stiffness", own=True)
         if stiffness.shape[0] != stiffness.shape[1]:
             raise ProblemError(f"stiffness has shape {stiffness.shape}; it must be square")
         _check_symmetry(stiffness)
@@ -179,15 +196,16 @@ class DiscreteProblem:
         problem = object.__new__(cls)
         for name, value in {"stiffness": stiffness, "load": load, **rest}.items():
             object.__setattr__(problem, name, value)
-        problem._check()
+        problem._check(own=False)
         return problem
 
-    def _check(self) -> None:
-        """Check all but the symmetry of the stiffness, and store arrays of floats."""
-        load = _dense(self.load, "load", 1)
-        trace = _sparse(self.trace, "trace")
-        weights = _dense(self.weights, "weights", 1)
-        gap = _dense(self.gap, "gap", 1)
+    def _check(self, own: bool = True) -> None:
+        """Check all but the symmetry of the stiffness, and store arrays of floats, read-only ones of its ``own``."""
+        load = real_array(self.load, "load", 1, own=own)
+        trace = real_matrix(self.trace, "trace", own=own)
+        weights = real_array(self.weights, "weights", 1, own=own)
+        gap = real_array(self.gap, "gap", 1, own=own)
+        constant = real_array(self.constant, "constant", 0, finite=False)
         n, m = load.shape[0], weights.shape[0]
         if self.stiffness.shape != (n, n):
             raise ProblemError(
@@ -209,22 +227,23 @@ class DiscreteProblem:
             raise ProblemError(f"weights[{bad}] = {weights[bad]:g}; every weight must be positive")
         if gap.shape != (m,):
             raise ProblemError(f"gap has shape {gap.shape}; it needs one number per contact point, ({m},)")
-        if not np.isfinite(self.constant):
+        if not np.isfinite(constant):
             raise ProblemError(f"constant = {self.constant}; the constant part of the energy must be finite")
         for name, value in (
             ("load", load),
             ("trace", trace),
             ("weights", weights),
             ("gap", gap),
-            ("constant", float(self.constant)),
+            ("constant", float(constant)),
         ):
             object.__setattr__(self, name, value)
+        _check_size(self.stiffness, load)
         d = self.dim
         for name, shape in (("slip_offset", (m, d - 1)), ("points", None), ("frames", (m, d, d))):
             value = getattr(self, name)
             if value is None:
                 continue
-            array = _dense(value, name, 2 if name != "frames" else 3)
+            array = real_array(value, name, 2 if name != "frames" else 3, own=own)
             if m > 0 and ((shape is not None and array.shape != shape) or array.shape[0] != m):
                 expected = shape if shape is not None else (m, d)
                 raise ProblemError(f"{name} has shape {array.shape}; it must be {expected}")
@@ -299,6 +318,14 @@ class DiscreteProblem:
             offset[:, 1:] = self.slip_offset
         return offset.ravel()
 
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what results of this problem do not show by themselves; empty for most problems."""
+        from hemivar.mechanics.locking import locking_warning
+
+        found = None if self.field is None else locking_warning(self.field)
+        return () if found is None else (found,)
+
     def local(self, unknowns: Array) -> Array:
         """Penetration and slip at the contact points: ``r = B u - offset``.
 
@@ -311,7 +338,10 @@ class DiscreteProblem:
         array, shape (m, d)
             Column 0 penetration, columns 1.. slip.
         """
-        return np.asarray(self.trace @ unknowns - self.offset).reshape(self.contact_points, self.dim)
+        u = real_array(unknowns, "the unknowns", finite=False)
+        if u.shape != self.load.shape:
+            raise ProblemError(f"the unknowns have shape {u.shape}; this problem has {self.load.shape}")
+        return np.asarray(self.trace @ u - self.offset).reshape(self.contact_points, self.dim)
 
     def energy(self, unknowns: Array, multiplier: Array | None = None) -> float:
         """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.
@@ -322,7 +352,9 @@ class DiscreteProblem:
         Where a law ends (a rigid foundation), a penetration beyond its end by rounding alone, 1e-12 of the largest
         displacement or gap, counts as being at the end; beyond that the energy is +inf.
         """
-        u = np.asarray(unknowns, dtype=float)
+        u = real_array(unknowns, "the unknowns", finite=False)
+        if u.shape != self.load.shape:
+            raise ProblemError(f"the unknowns have shape {u.shape}; this problem has {self.load.shape}")
         energy = 0.5 * float(u @ (self.stiffness @ u)) - float(self.load @ u) + self.constant
         if self.contact_points > 0:
             r = self.local(u)
@@ -346,7 +378,12 @@ class DiscreteProblem:
         -------
         array, shape (n,)
         """
-        scaled = self.weights[:, None] * np.asarray(multiplier, dtype=float)
+        lam = real_array(multiplier, "the multiplier", finite=False)
+        if lam.shape != (self.contact_points, self.dim):
+            raise ProblemError(
+                f"the multiplier has shape {lam.shape}; this problem has ({self.contact_points}, {self.dim})"
+            )
+        scaled = self.weights[:, None] * lam
         return np.asarray(self.trace.T @ scaled.ravel())
 
     def with_law(self, law: ContactLaw) -> DiscreteProblem:
@@ -369,36 +406,6 @@ class DiscreteProblem:
         return DiscreteProblem._assembled(**parts)
 
 
-def _sparse(value: Any, name: str) -> sp.csr_array:
-    """``value`` as a csr array of finite floats, duplicates summed."""
-    try:
-        matrix = sp.csr_array(value) if sp.issparse(value) else sp.csr_array(np.atleast_2d(np.asarray(value)))
-        matrix = matrix.astype(np.float64, copy=False)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name} is not a matrix of real numbers ({error})") from error
-    if not matrix.has_canonical_format:
-        matrix = matrix.copy()
-        matrix.sum_duplicates()
-    if not np.all(np.isfinite(matrix.data)):
-        raise ProblemError(f"{name} holds NaN or infinite entries")
-    return matrix
-
-
-def _dense(value: Any, name: str, ndim: int) -> Array:
-    """``value`` as a finite float array with ``ndim`` axes."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name} is not an array of real numbers ({error})") from error
-    if array.ndim != ndim:
-        raise ProblemError(f"{name} has {array.ndim} axes (shape {array.shape}); it needs {ndim}")
-    bad = ~np.isfinite(array)
-    if bad.any():
-        where = ", ".join(str(int(i)) for i in np.argwhere(bad)[0])
-        raise ProblemError(f"{name}[{where}] = {array[bad][0]}; every number must be finite")
-    return array
-
-
 def _check_diagonal(stiffness: sp.csr_array) -> None:
     diagonal = stiffness.diagonal()
     if not np.all(diagonal > 0):
@@ -406,6 +413,18 @@ def _check_diagonal(stiffness: sp.csr_array) -> None:
         raise ProblemError(
             f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
             f"remove unknowns that no element carries"
+        )
+
+
+def _check_size(stiffness: sp.csr_array, load: Array) -> None:
+    """Refuse a load whose work over- or underflows: no energy could be compared with another."""
+    with np.errstate(over="ignore", under="ignore"):
+        work = float(np.sum(np.abs(load) * (np.abs(load) / stiffness.diagonal())))
+    if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
+        raise ProblemError(
+            f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of "
+            f"{np.max(stiffness.diagonal()):.3g}: energies of that size {'over' if work > 1.0 else 'under'}flow; "
+            "state the problem in units that fit it"
         )
 
 

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.mechanics._elements import barycentric_gradients, shape_derivatives, voigt_index
 from hemivar.mechanics.assembly import quadrature_rule, region_masks
@@ -44,9 +45,10 @@ def strain(source: FieldSource | Mesh, displacement: Array) -> Array:
     -------
     array, shape (M, d, d)
     """
-    mesh, order = _mesh_and_order(source, displacement)
+    field = real_array(displacement, "the displacement", finite=False)
+    mesh, order = _mesh_and_order(source, field)
     centroid = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
-    return _strain_at(mesh, order, np.asarray(displacement, dtype=float), centroid)
+    return _strain_at(mesh, order, field, centroid)
 
 
 def stress(source: FieldSource, displacement: Array) -> Array:
@@ -110,7 +112,7 @@ def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:
     """
     mesh = source if isinstance(source, Mesh) else source.mesh
     order = 1 if isinstance(source, Mesh) else source.order
-    values = np.asarray(values, dtype=float)
+    values = real_array(values, "values", finite=False)
     if values.shape[:1] != (mesh.number_of_cells,):
         raise ProblemError(f"values has shape {values.shape}; it needs one entry per cell, {mesh.number_of_cells}")
     cells = mesh.cell_nodes(order)
@@ -135,8 +137,8 @@ def v_norm(source: FieldSource | Mesh, displacement: Array) -> float:
         For a mesh the order follows from the number of rows of ``displacement``.
     displacement : array, shape (nodes, d)
     """
-    mesh, order = _mesh_and_order(source, displacement)
-    field = np.asarray(displacement, dtype=float)
+    field = real_array(displacement, "the displacement", finite=False)
+    mesh, order = _mesh_and_order(source, field)
     barycentric, weights = quadrature_rule(mesh.dim, 2 * (order - 1) or 1)
     if order == 1:
         barycentric, weights = barycentric[:1], np.ones(1)

@@ -13,7 +13,7 @@ from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.hold import SLACK, Growth, Hold, Verdict, decide, growth_along
 from hemivar.mechanics.parts import FreeMotions, MovingGroup, free_motions, rigid_basis
 
-__all__ = ["describe", "free_growth", "geometric_slack", "refuse", "refuse_free_motion"]
+__all__ = ["describe", "free_growth", "geometric_slack", "known_to_be_held", "refuse", "refuse_free_motion"]
 
 
 def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> None:
@@ -39,6 +39,13 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> N
         if hold.verdict is not Verdict.HELD:
             assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
             raise _refusal(problem, motions, group, hold)
+    object.__setattr__(problem, "_held_under", (problem.load, problem.law))
+
+
+def known_to_be_held(problem: DiscreteProblem) -> bool:
+    """Whether :func:`refuse_free_motion` has passed this very load and law."""
+    load, law = problem.__dict__.get("_held_under", (None, None))
+    return load is problem.load and law is problem.law
 
 
 def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | None = None) -> list[Growth]:

@@ -44,6 +44,8 @@ _FEASIBLE = 1e-10
 _AT_REST = 1e-13
 #: Rates of the laws are cut off at this multiple of the load where they are bounded from below.
 _CUT_OFF = 1e3
+#: What it costs to break a condition, against the largest cut, where all faces are looked at together.
+_PENALTY = 1e3
 _CUTS = 400
 _BRANCHES = 100
 
@@ -227,8 +229,12 @@ class _Programme:
 
     def __post_init__(self) -> None:
         a = self.linear.size
-        starts = [*_plain(a), *(np.array(s, dtype=float) for s in itertools.product((-1.0, 1.0), repeat=a) if a <= 6)]
+        starts = list(_plain(a))
+        if a <= 6:
+            starts += [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=a)]
         self.cuts = [self.slope(z) for z in starts]
+        for z in starts:
+            self.violated(z)
 
     def convex_value(self, z: Array) -> float:
         """The convex part of the growth, without what is infinite."""
@@ -265,39 +271,74 @@ class _Programme:
                     new = True
         return new
 
+    def all_positive(self, enough: float) -> bool:
+        """Whether the first cuts show the growth to be positive on all faces: one programme instead of many."""
+        faces = list(itertools.product(range(self.linear.size), (1.0, -1.0)))
+        found = self._solve(faces, _PENALTY)
+        return found is not None and all(self.scale * bound + self.constant > enough for bound, _ in found)
+
     def lowest(self, face: int, sign: float, enough: float) -> tuple[float, Array | None]:
-        """A lower bound on a face, and where it is attained in the end; None if the face is forbidden."""
-        a = self.linear.size
-        bound = -np.inf
+        """A lower bound on a face, and where it is attained in the end; +inf and None if the face is forbidden."""
+        bound, z = -np.inf, None
         for _ in range(_CUTS):
-            cuts = np.array(self.cuts) / self.scale
-            hard = np.array(self.hard).reshape(-1, a)
-            left = np.vstack([np.hstack([cuts, -np.ones((len(cuts), 1))]), np.hstack([hard, np.zeros((len(hard), 1))])])
-            right = np.concatenate([np.zeros(len(cuts)), np.full(len(hard), self.growth.slack)])
-            box = [(-1.0, 1.0)] * a + [(None, None)]
-            box[face] = (sign, sign)
-            cost = np.zeros(a + 1)
-            cost[a] = 1.0
-            options = {"primal_feasibility_tolerance": _FEASIBLE, "dual_feasibility_tolerance": _FEASIBLE}
-            found = scipy.optimize.linprog(cost, left, right, bounds=box, method="highs", options=options)
-            if found.status == 2:
+            found = self._solve([(face, sign)])
+            if found is None:
                 return np.inf, None
-            if found.status != 0:
-                return bound, None
-            z = np.clip(found.x[:a], -1.0, 1.0)
-            z[face] = sign
-            duals = np.maximum(-found.ineqlin.marginals, 0.0)
-            share = duals[: len(cuts)]
-            bound = max(bound, self._certified(share, duals[len(cuts) :], cuts, hard, face, sign))
+            bound, z = max(bound, found[0][0]), found[0][1]
+            if z is None:
+                break
             if self.scale * bound + self.constant > enough:
-                return self.scale * bound + self.constant, z
+                break
             if self.violated(z):
                 continue
             value = self.convex_value(z)
             if value + self.constant < -enough or value / self.scale - bound <= 0.01 * _BALANCE:
-                return self.scale * bound + self.constant, z
+                break
             self.cuts.append(self.slope(z))
         return self.scale * bound + self.constant, z
+
+    def _solve(
+        self, faces: list[tuple[int, float]], penalty: float = np.inf
+    ) -> list[tuple[float, Array | None]] | None:
+        """Bounds and minimisers of the cuts on faces, together; None if a face is forbidden.
+
+        With a penalty conditions may be broken for it, which leaves the bounds true, and no face forbidden.
+        """
+        a, count = self.linear.size, len(faces)
+        cuts, hard = np.array(self.cuts) / self.scale, np.array(self.hard).reshape(-1, a)
+        height = len(cuts) + len(hard)
+        block = np.zeros((height, a + 2))
+        block[: len(cuts), :a], block[: len(cuts), a] = cuts, -1.0
+        block[len(cuts) :, :a], block[len(cuts) :, a + 1] = hard, -1.0
+        left = np.zeros((count, height, count, a + 2))
+        left[range(count), :, range(count)] = block
+        right = np.tile(np.concatenate([np.zeros(len(cuts)), np.full(len(hard), self.growth.slack)]), count)
+        broken = [0.0, np.inf if np.isfinite(penalty) else 0.0]
+        box = np.tile(np.array([[-1.0, 1.0]] * a + [[-np.inf, np.inf], broken]), (count, 1)).reshape(count, a + 2, 2)
+        for k, (face, sign) in enumerate(faces):
+            box[k, face] = sign
+        price = penalty * max(float(np.abs(cuts).max()), 1.0) if np.isfinite(penalty) else 0.0
+        cost = np.tile([0.0] * a + [1.0, price], count)
+        found = scipy.optimize.linprog(
+            cost,
+            left.reshape(count * height, -1),
+            right,
+            bounds=box.reshape(-1, 2),
+            method="highs",
+            options={"primal_feasibility_tolerance": _FEASIBLE, "dual_feasibility_tolerance": _FEASIBLE},
+        )
+        if found.status == 2:
+            return None
+        if found.status != 0:
+            return [(-np.inf, None)] * count
+        answers: list[tuple[float, Array | None]] = []
+        duals = np.maximum(-found.ineqlin.marginals, 0.0).reshape(count, height)
+        for k, (face, sign) in enumerate(faces):
+            z = np.clip(found.x.reshape(count, a + 2)[k, :a], -1.0, 1.0)
+            z[face] = sign
+            bound = self._certified(duals[k, : len(cuts)], duals[k, len(cuts) :], cuts, hard, face, sign)
+            answers.append((bound, z))
+        return answers
 
     def _certified(self, share: Array, force: Array, cuts: Array, hard: Array, face: int, sign: float) -> float:
         """The bound that multipliers give: the minimum of a linear function over the face."""
@@ -340,6 +381,8 @@ def _by_programme(cut: Growth, growth: Growth) -> Hold:
                 linear = linear + 0.5 * (cut.up[j] - cut.down[j]) * cut.rows[j]
                 constant += 0.5 * (cut.up[j] + cut.down[j]) * reach[j]
         programme = _Programme(cut, scale, linear, constant, cut.up + cut.down >= 0.0, hard=hard)
+        if programme.all_positive(enough):
+            continue
         for face, sign in itertools.product(range(cut.work.size), (1.0, -1.0)):
             bound, z = programme.lowest(face, sign, enough)
             if bound > enough:

@@ -13,6 +13,7 @@ import numpy as np
 from hemivar._typing import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import evaluate_scalar
+from hemivar.portable import Portable
 
 __all__ = ["Material", "PlaneState"]
 
@@ -27,7 +28,7 @@ class PlaneState(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class Material(Portable):
     """A linearly elastic material.
 
     Make one by :meth:`lame`, :meth:`young`, :meth:`tensor` or :meth:`by_region`.

@@ -42,12 +42,13 @@ from hemivar.mechanics._mesh_checks import (
     _place,
 )
 from hemivar.memory import mesh_bytes, refined_cells, require
+from hemivar.portable import Portable
 
 __all__ = ["Mesh", "Refinement", "box", "read_mesh", "rectangle"]
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Portable):
     """A conforming mesh of triangles (2D) or tetrahedra (3D).
 
     Attributes
@@ -567,7 +568,7 @@ def _rectangle_parent(
 
 
 @dataclass(frozen=True, eq=False)
-class Refinement:
+class Refinement(Portable):
     """How a mesh stems from a coarser one.
 
     Attributes

@@ -19,6 +19,7 @@ from hemivar._typing import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
+from hemivar.portable import Portable
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
 
@@ -39,7 +40,7 @@ class Normals(StrEnum):
     """The body's: the gap is measured along its outward normal; where that misses the obstacle there is no contact."""
 
 
-class Obstacle(ABC):
+class Obstacle(Portable, ABC):
     """A rigid obstacle, given by its signed distance: positive outside, zero on the surface, negative inside."""
 
     @property

@@ -15,11 +15,12 @@ from hemivar._typing import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
 from hemivar.mechanics._mesh_arrays import _facet_keys
-from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData
+from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Support, Traction, VectorData, plain_data
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.mesh import Mesh
 from hemivar.mechanics.obstacles import Normals, Obstacle
+from hemivar.portable import Portable
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
 
@@ -35,7 +36,7 @@ class Quadrature(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class Contact(Portable):
     """What the foundation does along one contact boundary.
 
     Attributes
@@ -69,8 +70,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         _ = self.law
-        if not callable(self.gap) and check_finite(self.gap, "gap").ndim != 0:
-            raise ProblemError(f"gap has shape {np.shape(self.gap)}; give one number or a callable of the points")
+        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False))
         self._check_obstacle()
 
     def _check_obstacle(self) -> None:
@@ -98,7 +98,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem:
+class ContactProblem(Portable):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes
@@ -165,6 +165,12 @@ class ContactProblem:
             for boundary in value:
                 self._check_name(name, boundary)
         self._check_values()
+        object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
+        forces = {
+            name: value if isinstance(value, Pressure) else plain_data(value, f"tractions['{name}']")
+            for name, value in self.tractions.items()
+        }
+        object.__setattr__(self, "tractions", MappingProxyType(forces))
         self._check_overlaps()
 
     def on(self, mesh: Mesh) -> ContactProblem:

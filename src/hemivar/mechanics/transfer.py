@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from scipy.spatial import KDTree
 
 from hemivar._typing import Array, IntArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.mechanics._elements import barycentric_gradients, shape_values
 from hemivar.mechanics.discrete import FieldMap
@@ -42,7 +43,7 @@ def interpolate(source: FieldMap | Mesh, values: Array, target: FieldMap | Mesh 
         on curved boundaries, get the continuation of the nearest cell.
     """
     mesh = source if isinstance(source, Mesh) else source.mesh
-    nodal = np.asarray(values, dtype=float)
+    nodal = real_array(values, "values", finite=False)
     rows = nodal.shape[0] if nodal.ndim else 0
     fits = 1 if rows == mesh.number_of_nodes else 2
     order = fits if isinstance(source, Mesh) else source.order
@@ -54,7 +55,7 @@ def interpolate(source: FieldMap | Mesh, values: Array, target: FieldMap | Mesh 
     elif isinstance(target, Mesh):
         points = target.points
     else:
-        points = np.asarray(target, dtype=float)
+        points = real_array(target, "points", finite=False)
     matrix = interpolation_matrix(mesh, order, points)
     return np.asarray(matrix @ nodal.reshape(rows, -1)).reshape(len(points), *nodal.shape[1:])
 
@@ -104,7 +105,7 @@ def locate(mesh: Mesh, points: Any) -> tuple[IntArray, Array]:
     cells : int array, shape (k,)
     barycentric : array, shape (k, d + 1)
     """
-    points = np.asarray(points, dtype=float)
+    points = real_array(points, "points", finite=False)
     if points.ndim != 2 or points.shape[1] != mesh.dim or not np.all(np.isfinite(points)):
         raise ProblemError(f"points must be finite, of shape (k, {mesh.dim}); they have shape {points.shape}")
     search = _Search(mesh, points)

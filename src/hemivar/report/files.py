@@ -74,8 +74,9 @@ def iteration_record(
 def solution_record(solution: Solution, certificate: Certificate | None = None) -> dict[str, Any]:
     """A solution as plain numbers, lists and strings, ready for JSON.
 
-    Keys: ``hemivar`` (version), ``status``, ``remedy``, ``method``, ``unknowns`` (their number), ``contact_points``,
-    ``dim``, ``energy``, ``residual`` (relative), ``residual_parts`` (equilibrium, inclusion, scale, rounding; units of
+    Keys: ``hemivar`` (version), ``status``, ``remedy``, ``warnings`` (sentences), ``method``,
+    ``unknowns`` (their number), ``contact_points``, ``dim``, ``energy`` (a friction bound that depends on the state is
+    taken at this pair), ``residual`` (relative), ``residual_parts`` (equilibrium, inclusion, scale, rounding; units of
     force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``contact_length``,
     ``resultants``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of a problem made of arrays) and,
     where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
@@ -96,6 +97,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "hemivar": _version(),
         "status": solution.status.value,
         "remedy": solution.status.remedy,
+        "warnings": solution.warnings,
         "method": solution.method,
         "unknowns": problem.unknowns,
         "contact_points": problem.contact_points,

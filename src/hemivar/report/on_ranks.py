@@ -51,6 +51,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
         "hemivar": _version(),
         "status": solution.status.value,
         "remedy": solution.status.remedy,
+        "warnings": body.warnings,
         "method": solution.method,
         "unknowns": body.unknowns,
         "contact_points": body.contact_points,

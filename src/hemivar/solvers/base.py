@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
 from hemivar._typing import Array, BoolArray
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.hold import Growth
 from hemivar.mechanics.residual import Residual
 from hemivar.solvers.condensed import condense
 from hemivar.solvers.controls import Budget
@@ -88,9 +88,8 @@ class System(Protocol):
         """All unknowns (n,), with the residual of the whole problem."""
         ...
 
-    def rigid_directions(self) -> Iterable[tuple[Array, float, float]]:
-        """Local displacements (m, d) of the rigid motions that the supports admit, the work of the load along each,
-        and the size of that work."""
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
         ...
 
     def for_problem(self, problem: DiscreteProblem) -> Self:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,14 +14,23 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
+from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, refuse_indefinite, rounding
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.mechanics.free_motion import free_growth
+from hemivar.mechanics.hold import Growth, growth_along
+from hemivar.mechanics.parts import free_motions
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
+from hemivar.portable import Portable
 from hemivar.solvers.factorisation import Factorisation, factorise
 from hemivar.solvers.memory import check_memory, shortage
 
 __all__ = ["CondensedProblem", "condense", "depends_on_state"]
+
+#: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
+_ROUNDED = 1e-9
 
 
 def depends_on_state(law: ContactLaw) -> bool:
@@ -29,7 +39,7 @@ def depends_on_state(law: ContactLaw) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class CondensedProblem:
+class CondensedProblem(Portable):
     """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
 
     ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
@@ -65,6 +75,12 @@ class CondensedProblem:
     seconds: float
     _recovery: _Recovery
     _body: _Body
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return condense, (self.problem,)  # factors cannot travel: they are made again on arrival
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> CondensedProblem:
+        return condense(copy.deepcopy(self.problem, memo))
 
     # ---- views -----------------------------------------------------------------------------------------
 
@@ -117,7 +133,13 @@ class CondensedProblem:
 
     @cached_property
     def rigid_modes(self) -> Array:
-        """Directions of the free components in which the body moves without deforming, (k, free.size)."""
+        """Directions of the free components in which the body moves without deforming, (k, free.size).
+
+        Those of mesh and supports; of a stiffness without a mesh, its eigenvectors with eigenvalue zero up to rounding.
+        """
+        known = free_unknowns(self.problem)
+        if known is not None:
+            return np.asarray((self.problem.trace[self.free] @ known).T)
         A = self.matrix[np.ix_(self.free, self.free)]
         if self.free.size == 0:
             return np.zeros((0, 0))
@@ -132,13 +154,19 @@ class CondensedProblem:
         values, vectors = la.eigh(scaled)
         return np.asarray((scale[:, None] * vectors[:, values < 1e-11]).T)
 
-    def rigid_directions(self) -> Iterator[tuple[Array, float, float]]:
-        """Local displacements (m, d) of each rigid motion, the work of the load along it, and the size of that work."""
-        for mode in self.rigid_modes:
-            direction = np.zeros(self.shape)
-            direction.ravel()[self.free] = mode
-            size = float(np.abs(self.force) @ np.abs(direction).ravel())
-            yield direction, float(self.force @ direction.ravel()), size
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
+        if free_unknowns(self.problem) is not None:
+            assert self.problem.field is not None
+            return free_growth(self.problem, free_motions(self.problem.field))
+        modes = self.rigid_modes
+        if not len(modes):
+            return []
+        local = np.zeros((*self.shape, len(modes)))
+        local.reshape(-1, len(modes))[self.free] = modes.T
+        flat = local.reshape(-1, len(modes))
+        size = float(np.abs(self.force) @ np.abs(flat).max(axis=1))
+        return [growth_along(self.law, local, self.weights, flat.T @ self.force, size, _ROUNDED)]
 
     @cached_property
     def length_scale(self) -> float:
@@ -180,7 +208,9 @@ class CondensedProblem:
     def start(self, guess: Array | None = None) -> Array:
         """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
         m, d = self.shape
-        r = -self.problem.offset.reshape(m, d) if guess is None else np.array(guess, dtype=float)
+        if guess is None:
+            guess = -self.problem.offset.reshape(m, d)
+        r = real_array(guess, "the starting point", finite=False)
         return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
 
     def energy(self, r: Array) -> float:
@@ -224,8 +254,8 @@ class CondensedProblem:
         return contact_compliance(self.problem)
 
     @cached_property
-    def _load_scale(self) -> float:
-        return float(np.linalg.norm(self.problem.load))
+    def _load_scale(self) -> LoadScale:
+        return load_scale(self.problem, self._full_compliance)
 
     # ---- the same body otherwise ---------------------------------------------------------------------------
 
@@ -251,6 +281,18 @@ class CondensedProblem:
     def unknowns(self, r: Array) -> Array:
         """All unknowns u (n,) in equilibrium with the local displacements ``r (m, d)``."""
         return self._recovery(r)
+
+    def follow(self, change: Array) -> Array:
+        """Change of all unknowns (n,) that goes with a change (m, d) of the local displacements alone."""
+        return self._recovery.linear(change)
+
+    def spread_force(self, force: Array, reaction: Callable[[DiscreteProblem, Array], Array]) -> tuple[Array, Array]:
+        """A small force (n,) taken up by the unknowns that no contact point sees: their change (n,), and what is left.
+
+        ``reaction`` gives the contact forces (m, d) of a force (n,).
+        """
+        inner = self._recovery.factor.solve_interior(force)
+        return inner, reaction(self.problem, force - self.problem.stiffness @ inner)
 
     def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
         """All unknowns u (n,) from the local displacements, with the residual of the full problem."""
@@ -279,6 +321,12 @@ class _Recovery:
         u[self.kept] = self.spread @ (r.ravel() + self.offset) + self.shift
         return u + self.factor.solve_interior(self.load - self.stiffness @ u)
 
+    def linear(self, change: Array) -> Array:
+        """The same for a change of the local displacements, without load and shift."""
+        u = np.zeros(self.load.size)
+        u[self.kept] = self.spread @ change.ravel()
+        return u - self.factor.solve_interior(self.stiffness @ u)
+
     def refine(self, u: Array, problem: DiscreteProblem, lam: Array) -> Array:
         rest = self.load - self.stiffness @ u - problem.contact_force(lam)
         return u + self.factor.solve_interior(rest)
@@ -294,7 +342,8 @@ def condense(problem: DiscreteProblem) -> CondensedProblem:
     Raises
     ------
     ProblemError
-        The interior is singular (part of the body can move freely), or contact rows depend on one another.
+        The interior is singular (part of the body can move freely), the stiffness has a negative eigenvalue, or contact
+        rows depend on one another.
     MethodError
         The memory that is free does not suffice.
     """
@@ -331,6 +380,8 @@ def _condense_body(problem: DiscreteProblem) -> _Body:
     trace = sp.csr_array(B[rows][:, kept])
     select = trace.nnz == rows.size == kept.size and np.all(trace.data == 1.0)
     S = factor.schur
+    if free_unknowns(problem) is None:
+        _check_semidefinite(problem, factor, kept)
     matrix = np.zeros((m * d, m * d))
     drift: Array | None = None
     if select:
@@ -351,6 +402,25 @@ def _condense_body(problem: DiscreteProblem) -> _Body:
         block = local.T @ S @ local
         matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
     return _Body(factor, kept, matrix, active, spread, drift)
+
+
+def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: IntArray) -> None:
+    """Refuse a stiffness without a mesh along which the energy falls: shown by a displacement, free of doubt."""
+    K, scale = problem.stiffness, problem.diagonal[kept]
+    if factor.interior_positive:
+        root = np.sqrt(scale)
+        scaled = factor.schur / np.outer(root, root)
+        try:
+            la.cho_factor(scaled + 1e-13 * np.eye(kept.size))
+            return
+        except la.LinAlgError:
+            u = np.zeros(problem.unknowns)
+            u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
+            u += factor.solve_interior(-(K @ u))
+            lowest = quotient(K, u, problem.diagonal)
+    else:
+        lowest = lowest_quotient(K, 200)
+    refuse_indefinite(lowest if lowest < -rounding(K, problem.diagonal) else None)
 
 
 def _load(body: _Body, problem: DiscreteProblem, began: float) -> CondensedProblem:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from hemivar.deadline import Budget, OutOfTime
 from hemivar.errors import ProblemError
 
 __all__ = ["Budget", "Controls", "OutOfTime", "Progress"]
+
+#: Largest relative tolerance.
+_COARSEST = 0.1
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Controls:
     Parameters
     ----------
     rtol : float
-        Relative tolerance: converged when the residual is at most ``atol + rtol |f|``.
+        Relative tolerance: converged when the residual is at most ``atol + rtol`` times the load; at most 0.1.
     atol : float
         Absolute tolerance, in units of force.
     max_steps : int, optional
@@ -66,27 +69,12 @@ class Controls:
             value = getattr(self, name)
             if not value >= 0.0:
                 raise ProblemError(f"Controls.{name} is {value}; it must be a number >= 0")
+        if self.rtol > _COARSEST:
+            raise ProblemError(
+                f"Controls.rtol is {self.rtol:g}; it must be at most {_COARSEST:g}, for a residual of that part of the "
+                "load shows nothing"
+            )
+        if not math.isfinite(self.atol):
+            raise ProblemError("Controls.atol is infinite; it must be a force that counts as nothing")
         if self.max_steps is not None and self.max_steps < 1:
             raise ProblemError(f"Controls.max_steps is {self.max_steps}; it must be at least 1")
-
-
-class OutOfTime(Exception):  # noqa: N818 - a signal, not an error
-    """Raised inside a method when the time limit is reached."""
-
-
-@dataclass(frozen=True)
-class Budget:
-    """The time that is left."""
-
-    limit: float
-    started: float = field(default_factory=time.perf_counter)
-
-    @property
-    def spent(self) -> float:
-        """Seconds since the start."""
-        return time.perf_counter() - self.started
-
-    def check(self) -> None:
-        """Raise :class:`OutOfTime` once the limit is passed."""
-        if self.spent > self.limit:
-            raise OutOfTime

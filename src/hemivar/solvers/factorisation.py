@@ -17,6 +17,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.linear.definite import positive_pivots
 
 __all__ = [
     "Factorisation",
@@ -44,6 +45,11 @@ class Factorisation(Protocol):
 
     def solve_interior(self, rhs: Array) -> Array:
         """``K_II^-1 rhs_I`` at the unknowns I, 0 at the kept ones; ``rhs (n,)``, its kept entries are ignored."""
+        ...
+
+    @property
+    def interior_positive(self) -> bool:
+        """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
         ...
 
 
@@ -113,6 +119,11 @@ class SuperLUFactorisation:
         schur = np.linalg.inv(0.5 * (inverse + inverse.T))
         return np.asarray(0.5 * (schur + schur.T))
 
+    @property
+    def interior_positive(self) -> bool:
+        """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
+        return positive_pivots(self._factor)  # with the shift on the kept unknowns, which only adds to it
+
     def _solve(self, rhs: Array) -> Array:
         out = np.empty(rhs.shape)
         out[self._order] = self._factor.solve(rhs[self._order])
@@ -160,6 +171,11 @@ class MumpsFactorisation:
         lower = np.tril(self._schur)
         self.schur = lower + np.tril(lower, -1).T
         self._check(matrix)
+
+    @property
+    def interior_positive(self) -> bool:
+        """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
+        return self._interior == 0 or int(self._context.mumps_instance.infog[11]) == 0
 
     def _check(self, matrix: sp.csr_array) -> None:
         """MUMPS goes on where a pivot is zero up to rounding; a solve shows it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -13,15 +13,19 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import norm
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.laws.contact import Linearisation
+from hemivar.linear.definite import free_unknowns, lowest_quotient, refuse_indefinite, rounding
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.linear.levels import COARSEST
 from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
 from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.hierarchy import rigid_motions
-from hemivar.mechanics.residual import Residual, contact_compliance, residual
+from hemivar.mechanics.free_motion import free_growth
+from hemivar.mechanics.hold import Growth, growth_along
+from hemivar.mechanics.parts import free_motions
+from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
@@ -34,6 +38,8 @@ __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 _NESTED = 1e-3
 _PATIENCE = 0.5
 _TIGHTEST = 1e-13
+#: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
+_ROUNDED = 1e-9
 #: How far, in powers of two of the length that the stiffness of the contact points suggests, a direction without
 #: curvature is followed.
 _FURTHEST = 60
@@ -123,28 +129,26 @@ class BodyProblem:
         r[self.active] = self.sign * x[self.unknown] - self.problem.offset.reshape(self.shape)[self.active]
         return r
 
-    def rigid_directions(self) -> Iterator[tuple[Array, float, float]]:
-        """Local displacements (m, d) of each rigid motion, the work of the load along it, and the size of that work.
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
 
-        A large problem without a mesh does not tell its rigid motions.
+        A large problem without a mesh does not tell its motions.
         """
-        problem, bottom = self.problem, self
-        while bottom.below is not None:
-            bottom = bottom.below
-        if bottom is not self and not any(True for _ in bottom.rigid_directions()):
-            return  # what holds the body on the coarsest mesh holds it here
-        if problem.field is not None:
-            motions = rigid_motions(problem.field)
-        elif problem.unknowns <= COARSEST:
-            motions = np.eye(problem.unknowns)
-        else:
-            return
-        energy = motions.T @ (problem.stiffness @ motions)
-        size = motions.T @ (self.hierarchy.levels.diagonal(self.top)[:, None] * motions)
-        values, vectors = la.eigh(energy, size + 1e-12 * np.trace(size) * np.eye(len(size)))
-        for mode in (motions @ vectors[:, values < 1e-12]).T:
-            work = problem.load * mode
-            yield self.spread(mode[self.unknown]), float(work.sum()), float(np.abs(work).sum())
+        problem = self.problem
+        if free_unknowns(problem) is not None:
+            assert problem.field is not None
+            return free_growth(problem, free_motions(problem.field))
+        if problem.unknowns > COARSEST:
+            return []
+        root = np.sqrt(problem.diagonal)
+        values, vectors = la.eigh(problem.stiffness.toarray() / np.outer(root, root))
+        modes = vectors[:, values < rounding(problem.stiffness, problem.diagonal)] / root[:, None]
+        if not modes.shape[1]:
+            return []
+        modes /= np.abs(modes).max(axis=0)
+        local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
+        size = float(np.abs(problem.load) @ np.abs(modes).max(axis=1))
+        return [growth_along(self.law, local, self.weights, modes.T @ problem.load, size, _ROUNDED)]
 
     def of_unknowns(self, unknowns: Array) -> Array:
         """The unknowns (n,) themselves."""
@@ -242,9 +246,9 @@ class BodyProblem:
         return replace(self, problem=problem, fixed=fixed, below=None, seconds=0.0)
 
     @cached_property
-    def load_scale(self) -> float:
-        """Size of the load, a force."""
-        return float(np.linalg.norm(self.problem.load))
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        return load_scale(self.problem, self.compliance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -625,7 +629,7 @@ class _Equation:
         right = self.force.copy()
         right[system.unknown] -= system.sign * (system.weights[:, None] * self.line.gradient)[active]
         right[system.unknown[held]] = 0.0
-        scale = max(system.load_scale, float(np.linalg.norm(self.force[system.unknown])))
+        scale = system.load_scale.of(norm(self.force[system.unknown]))
         found = conjugate_gradients(
             levels.matrix(system.top),
             levels.diagonal(system.top),
@@ -678,6 +682,9 @@ def _curvature(system: BodyProblem, hessian: Array, moving: BoolArray) -> sp.csr
 def set_up(problem: DiscreteProblem) -> BodyProblem:
     """The body of a problem on its mesh and on every coarser one."""
     began = time.perf_counter()
+    if free_unknowns(problem) is None:
+        lowest = lowest_quotient(problem.stiffness)
+        refuse_indefinite(lowest if lowest < -rounding(problem.stiffness, problem.diagonal) else None)
     hierarchy = ElasticMultigrid.of(problem)
     body: BodyProblem | None = None
     coarser = [step.problem for step in hierarchy.steps] if hierarchy.poses(problem) else []

@@ -206,7 +206,10 @@ def escape_saddle(system: CondensedProblem, r: Array, search: Search = Search.GL
 def room(law: ContactLaw, r: Array, direction: Array, moving: BoolArray) -> float:
     """How far ``r`` can go along ``direction`` until the first component meets the end of its piece."""
     far = float(np.abs(r).max(initial=0.0)) or 1.0
-    length = 100.0 * far / float(np.abs(direction).max())
+    largest = float(np.abs(direction).max())
+    if largest == 0.0:
+        return 0.0
+    length = 100.0 * far / largest
     for _ in range(60):
         aim = r + length * direction
         cut = np.where(moving, law.clamp(r, aim), aim)

@@ -13,6 +13,7 @@ from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.residual import Residual
+from hemivar.portable import Portable
 from hemivar.solvers.controls import Progress
 from hemivar.solvers.status import Status
 
@@ -33,7 +34,7 @@ class ContactState(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class Solution(Portable):
     """Displacement and multiplier of a discrete problem, with how they were obtained.
 
     Attributes
@@ -84,10 +85,15 @@ class Solution:
         """Nodal displacement (nodes, d) of the mesh, or the unknowns (n,) of a problem made of arrays."""
         return self.unknowns if self.problem.field is None else self.problem.field.displacement(self.unknowns)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the numbers do not show by themselves, such as locking; one sentence each."""
+        return self.problem.warnings
+
     @cached_property
     def energy(self) -> float:
-        """E(u), in units of work."""
-        return self.problem.energy(self.unknowns)
+        """E(u), in units of work; a friction bound that depends on the state is taken at this very pair."""
+        return self.problem.energy(self.unknowns, self.multiplier)
 
     @cached_property
     def local(self) -> Array:

@@ -1,0 +1,108 @@
+"""The last digits of a solution: refinement on the pieces and kinks that it was found on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar._typing import Array, IntArray
+from hemivar.branches.chain import Chain
+from hemivar.certify import trace_force
+from hemivar.mechanics.residual import Residual, residual
+from hemivar.solvers import CondensedProblem, Controls, NonsmoothNewton, Solution, solve, suited
+from hemivar.solvers.controls import Budget
+from hemivar.solvers.newton import newton_components, newton_system
+
+__all__ = ["Polished", "polish", "polish_by_solver"]
+
+_EPS = float(np.finfo(float).eps)
+_TIGHT = 1e-13
+_STEPS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """Unknowns (n,), multiplier (m, d) and their residual; ``rounding`` is what the arithmetic can leave in it."""
+
+    unknowns: Array
+    multiplier: Array
+    residual: Residual
+    rounding: float
+
+    def solves(self, controls: Controls, more: float = 0.0) -> bool:
+        """Whether the residual is below the tolerance, or no larger than rounding (``more`` of it from elsewhere)."""
+        if not np.isfinite(self.residual.total):
+            return False
+        allowed = controls.atol + controls.rtol * self.residual.scale + self.residual.rounding + self.rounding + more
+        return bool(self.residual.total <= allowed)
+
+
+def polish(
+    system: CondensedProblem, chain: Chain, r: Array, lam: Array, theta: Array, segment: IntArray, controls: Controls
+) -> Polished:
+    """All unknowns of a point of the graph, refined on the whole problem where the tolerance is not met at once."""
+    problem = system.problem
+    best = _best(system, system.recover(r, lam)[0], r, lam)
+    for _ in range(_STEPS):
+        if best.residual.below(controls.atol, 0.01 * controls.rtol) or chain.size == 0:
+            break
+        u, lam = best.unknowns, best.multiplier.copy()
+        rest = problem.load - problem.stiffness @ u - problem.contact_force(lam)
+        inner, force = system.spread_force(rest, trace_force)
+        _, J = chain.balance(theta, segment, chain.force)
+        try:
+            step = np.linalg.solve(J, force[chain.point, chain.column])
+        except np.linalg.LinAlgError:
+            break
+        theta = theta + step
+        _, on_graph, dr, dlam = chain.evaluate(theta, segment)
+        change = np.zeros(system.shape)
+        change[chain.point, chain.column] = dr * step
+        moved = lam[chain.point, chain.column] + dlam * step
+        lam[chain.point, chain.column] = np.where(dr == 0.0, moved, on_graph)
+        new = _best(system, u + inner + system.follow(change), r + change, lam)
+        if not new.residual.total < best.residual.total:
+            break
+        best = new
+    return best
+
+
+def _best(system: CondensedProblem, u: Array, r: Array, lam: Array) -> Polished:
+    """The unknowns, or none where a body is not moved but by rounding, with the better one of two multipliers."""
+    problem = system.problem
+    nearest = np.where(system.active, system.law_at(r, lam).nearest_multiplier(r, lam), lam)
+    bodies = [u]
+    if not np.any(problem.load):
+        bodies.append(np.zeros_like(u))
+    pairs = [(body, multiplier) for body in bodies for multiplier in (lam, nearest)]
+    found = [residual(problem, *pair) for pair in pairs]
+    # of equal ones, the element of the law itself
+    order = sorted(range(len(pairs)), key=lambda i: (max(found[i].total - found[i].rounding, 0.0), -i))
+    body, multiplier = pairs[order[0]]
+    moved = problem.row_sums * np.abs(body) + np.abs(problem.load) + np.abs(problem.contact_force(np.abs(multiplier)))
+    return Polished(body, multiplier, found[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
+
+
+def polish_by_solver(
+    system: CondensedProblem, solution: Solution, controls: Controls, budget: Budget
+) -> tuple[Solution, Array]:
+    """A solution, solved on from where it is as far as the arithmetic goes, and an estimate of its error (m, d)."""
+    problem = system.problem
+    tight = replace(controls, rtol=min(_TIGHT, controls.rtol), atol=0.0, max_time=budget.left, callback=None)
+    again = solve(problem, suited(NonsmoothNewton(), problem), tight, initial=solution, condensed=system)
+    if again.residual.total < solution.residual.total:
+        better = replace(again, status=solution.status, method=solution.method)
+        if better.residual.below(controls.atol, controls.rtol):
+            solution = better
+    r, lam = solution.local, solution.multiplier
+    frozen = system.for_problem(problem.with_law(system.law_at(r, lam)))
+    index = np.flatnonzero(newton_components(frozen.law, r, frozen.active).ravel())
+    length = system.length_scale
+    error = np.full(system.shape, 1e-12 * length)
+    if index.size:
+        H, _ = newton_system(frozen, r, index, frozen.out_of_balance(r))
+        least = float(np.abs(np.linalg.eigvalsh(H)).min())
+        force = solution.residual.total + _EPS * solution.residual.scale
+        error += min(10.0 * force / least if least > 0.0 else np.inf, 1e-6 * length)
+    return solution, error

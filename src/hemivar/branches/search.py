@@ -1,0 +1,328 @@
+"""The search for solutions: many starts, deflation and load paths, and what was found so far."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from hemivar._typing import Array, IntArray
+from hemivar.branches.chain import Chain
+from hemivar.branches.enumeration import Candidate
+from hemivar.branches.path import trace
+from hemivar.branches.polish import Polished, polish, polish_by_solver
+from hemivar.branches.state_chain import StateChain
+from hemivar.solvers import (
+    CondensedProblem,
+    Controls,
+    LoadStepping,
+    NonsmoothNewton,
+    Search,
+    Solution,
+    Solver,
+    Status,
+    solve,
+    suited,
+)
+from hemivar.solvers.condensed import depends_on_state
+from hemivar.solvers.controls import Budget, OutOfTime
+from hemivar.solvers.newton import newton_components, newton_system
+
+__all__ = ["SolutionSearch"]
+
+
+class SolutionSearch:
+    """What was found so far, and the ways to find more."""
+
+    def __init__(
+        self,
+        system: CondensedProblem,
+        chain: Chain | None,
+        controls: Controls,
+        limit: int,
+        random: np.random.Generator,
+        budget: Budget,
+    ) -> None:
+        self.system = system
+        self.chain = chain
+        self.controls = controls
+        self.limit = limit
+        self.random = random
+        self.starts = 0
+        self.found: list[Solution] = []
+        self.points: list[tuple[Array, IntArray]] = []
+        self.left_out = 0
+        self.full_and_more = False
+        self._places: list[Array] = []
+        self._errors: list[Array] = []
+        self._stiffness = np.sqrt(system.diagonal)
+        self.budget = budget
+        self.stopped = ""
+        self.interrupted = False
+
+    @contextmanager
+    def stopped_cleanly(self) -> Iterator[None]:
+        """An interruption or the time limit ends the search, and what was found stays."""
+        try:
+            yield
+        except OutOfTime:
+            self.stopped = "stopped at the time limit"
+        except KeyboardInterrupt:
+            self.stopped, self.interrupted = "interrupted", True
+
+    @property
+    def full(self) -> bool:
+        """Whether as many solutions as were asked for are there."""
+        return len(self.found) >= self.limit
+
+    def sorted(self) -> tuple[Solution, ...]:
+        """The solutions by their energy."""
+        return tuple(sorted(self.found, key=lambda solution: solution.energy))
+
+    # ---- what was found ------------------------------------------------------------------------------------
+
+    def known(self, r: Array, error: Array) -> bool:
+        """Whether a point (m, d) is one of those that were found, within the errors (m, d) of both.
+
+        Compared is the energy that moves each component by itself, so that rigid motions count as well.
+        """
+        if not self._places:
+            return False
+        size = np.array([(self._stiffness * np.abs(place - r)).max(initial=0.0) for place in self._places])
+        slack = (self._stiffness * error).max(initial=0.0)
+        return bool((size <= 2.0 * slack + 2.0 * np.array(self._errors)).any())
+
+    def add_candidate(self, candidate: Candidate) -> None:
+        """Add a point of the enumeration if it is new; one that is not shown to be a solution, or none, is counted."""
+        chain, system = self.chain, self.system
+        assert chain is not None
+        r, error = system.fixed.copy(), np.zeros(system.shape)
+        r[chain.point, chain.column], error[chain.point, chain.column] = candidate.r, candidate.error
+        if self.known(r, error):
+            return
+        lam = system.multiplier(r)
+        lam[chain.point, chain.column] = candidate.lam
+        theta, segment = chain.at(candidate.r, candidate.lam, candidate.segment), candidate.segment
+        found = polish(system, chain, r, lam, theta, segment, self.controls)
+        if not found.solves(self.controls, candidate.rounding):
+            self.left_out += 1
+        elif self.full:
+            self.full_and_more = True
+        else:
+            self._keep(self._solution(found, chain.kind(theta, segment)), r, error)
+            self.points.append((theta, segment))
+
+    def add_point(self, theta: Array, segment: IntArray) -> bool:
+        """Add a point of the chain if it is new and solves the problem."""
+        chain = self.chain
+        assert chain is not None
+        corrected = chain.correct(theta, segment, chain.force)
+        if corrected is not None and chain.inside(corrected, segment, 1e-9 * chain.length).all():
+            theta = np.clip(corrected, chain.pick(chain.start, segment), chain.pick(chain.end, segment))
+        r, lam = chain.balanced(theta, segment)
+        error = chain.error(theta, segment)
+        if self.full or self.known(r, error):
+            return False
+        found = polish(self.system, chain, r, lam, theta, segment, self.controls)
+        if not found.solves(self.controls):
+            return False
+        kind = _kind(self.system, r, lam) if isinstance(chain, StateChain) else chain.kind(theta, segment)
+        self._keep(self._solution(found, kind), r, error)
+        self.points.append((theta, segment))
+        return True
+
+    def add_solution(self, solution: Solution) -> bool:
+        """Add what a solver found if it converged and is new."""
+        if solution.status is not Status.CONVERGED or self.full:
+            return False
+        if self.chain is not None:
+            theta, segment = self.chain.nearest(solution.local, solution.multiplier)
+            corrected = self.chain.correct(theta, segment, self.chain.force)
+            if corrected is not None and self.chain.inside(corrected, segment, 1e-7 * self.chain.length).all():
+                return self.add_point(corrected, segment)
+        solution, error = polish_by_solver(self.system, solution, self.controls, self.budget)
+        if self.known(solution.local, error):
+            return False
+        kind = _kind(self.system, solution.local, solution.multiplier)
+        self._keep(replace(solution, kind=kind), solution.local, error)
+        if self.chain is not None:
+            self.points.append(self.chain.nearest(solution.local, solution.multiplier))
+        return True
+
+    def _solution(self, found: Polished, kind: str) -> Solution:
+        below = found.residual.below(self.controls.atol, self.controls.rtol)
+        return Solution(
+            problem=self.system.problem,
+            unknowns=found.unknowns,
+            multiplier=found.multiplier,
+            status=Status.CONVERGED if below else Status.STALLED,
+            residual=found.residual,
+            method="find-solutions",
+            kind=kind,
+        )
+
+    def _keep(self, solution: Solution, r: Array, error: Array) -> None:
+        self.found.append(solution)
+        self._places.append(r)
+        self._errors.append((self._stiffness * error).max(initial=0.0))
+
+    # ---- starts ------------------------------------------------------------------------------------------
+
+    def run(self, solver: Solver, r: Array | None) -> None:
+        problem = self.system.problem
+        self.budget.check()
+        self.starts += 1
+        initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
+        controls = replace(self.controls, max_time=max(self.budget.limit - self.budget.spent, 0.0))
+        found = solve(problem, suited(solver, problem), controls, initial=initial, condensed=self.system)
+        self.add_solution(found)
+        if found.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+
+    def from_solvers(self, count: int) -> None:
+        """The minimising methods, from zero, under and over the load, from every piece, and at random."""
+        m, d = self.system.shape
+        newton, downhill = NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL)
+        self.run(newton, None)
+        self.run(downhill, None)
+        self.run(LoadStepping(), None)
+        size = self.system.length_scale
+        places = [np.full(m, far * size) for far in (-5.0, 5.0)]
+        if not depends_on_state(self.system.law):
+            knots = np.broadcast_to(self.system.law.normal.knots, (m, self.system.law.normal.knots.shape[-1]))
+            ends = np.where(np.isfinite(knots), knots, np.nan)
+            for k in range(min(ends.shape[1], 12)):
+                for side in (-1e-3, 1e-3):  # from both sides of every kink
+                    places.append(np.where(np.isfinite(ends[:, k]), ends[:, k], 0.0) + side * size)
+                if k:
+                    middle = 0.5 * (ends[:, k - 1] + ends[:, k])
+                    places.append(np.where(np.isfinite(middle), middle, 0.0))
+        slips = (0.0,) if d == 1 else (0.0, size, -size)
+        for place in places:
+            for slip in slips:
+                r = np.zeros((m, d))
+                r[:, 0], r[:, 1:2] = place, slip
+                self.run(downhill, self.system.start(r))
+        for k in range(count):
+            if self.full:
+                return
+            spread = size * 10.0 ** self.random.uniform(-1.0, 0.7)
+            r = self.random.normal(size=(m, d)) * spread
+            self.run(newton if k % 4 == 0 else downhill, self.system.start(r))
+
+    def from_deflation(self, count: int) -> None:
+        """Newton's method on the residual deflated by the known solutions, from random points of the graph."""
+        chain = self.chain
+        assert chain is not None
+        rows = np.arange(chain.size)
+        for k in range(2 * count):
+            if self.full:
+                return
+            self.budget.check()
+            self.starts += 1
+            if k < chain.kink.shape[1]:  # every layer: all components on segments of one number
+                choice = np.minimum(np.full(chain.size, k), chain.count - 1)
+            else:
+                choice = self.random.integers(0, chain.count)
+            low, high = chain.start[rows, choice], chain.end[rows, choice]
+            # far off, and close to the ends of the pieces, where a steep law may turn
+            reach = chain.length * 10.0 ** self.random.uniform(-4.0 if k % 2 else -1.0, 0.5, size=chain.size)
+            low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - reach, -reach))
+            high = np.where(np.isfinite(high), high, low + reach)
+            theta = low + (high - low) * self.random.uniform(size=chain.size)
+            end = _deflated_newton(chain, theta, [point for point, _ in self.points])
+            if end is not None:
+                self.add_point(*end)
+
+    def from_paths_and_saddles(self, rounds: int = 40) -> None:
+        """The load path through every solution, and the ways down from every saddle."""
+        chain = self.chain
+        assert chain is not None
+        downhill = NonsmoothNewton(search=Search.DOWNHILL)
+        done = 0
+        while done < min(len(self.points), rounds) and not self.full:
+            self.budget.check()
+            theta, segment = self.points[done]
+            done += 1
+            rate = np.where(chain.force != 0.0, chain.force, float(np.abs(chain.force).max(initial=1.0)))
+            for point, where in trace(chain, chain.force, rate, theta, segment, -1.5, 3.0):
+                self.add_point(point, where)
+            r, _ = chain.local(theta, segment)
+            step = 1e-3 * chain.length
+            if not chain.stable(theta, segment):
+                for sign in (-1.0, 1.0):
+                    self.run(downhill, self.system.start(r + sign * step * _way_down(chain, theta, segment)))
+
+
+def _way_down(chain: Chain, theta: Array, segment: IntArray) -> Array:
+    """A direction (m, d) along which the energy falls from an unstable point, on both sides of it."""
+    out = np.zeros(chain.system.shape)
+    direction = np.zeros(chain.size)
+    falling = chain.pick(chain.kink, segment) & (chain.pick(chain.direction, segment) < 0.0)
+    if falling.any():
+        direction[falling] = 1.0
+    else:
+        moving = ~chain.pick(chain.kink, segment)
+        direction[moving] = np.linalg.eigh(chain.reduced_hessian(theta, segment))[1][:, 0]
+    out[chain.point, chain.column] = direction
+    return out
+
+
+def _deflated_newton(chain: Chain, theta: Array, known: list[Array]) -> tuple[Array, IntArray] | None:
+    """A zero of F away from the known ones (Farrell, Birkisson and Funke 2015), or None.
+
+    Newton's method for ``M(theta) F(theta)`` with ``M = prod(1 + L^2/|theta - theta_k|^2)``: the direction is that for
+    F, times a scalar.
+    """
+    force = chain.force
+    size = float(np.abs(force).max(initial=0.0)) + float(np.abs(chain.matrix).max()) * chain.length
+    centres = np.array(known).reshape(-1, chain.size)
+
+    def merit(x: Array) -> float:
+        segment = chain.segment_of(x)
+        F = chain.out_of_balance(x, segment, force)
+        gap = np.maximum(((x - centres) ** 2).sum(axis=1), 1e-300)
+        return float(np.linalg.norm(F) * np.exp(np.log1p(chain.length**2 / gap).sum()))
+
+    now = merit(theta)
+    for _ in range(60):
+        segment = chain.segment_of(theta)
+        F, J = chain.balance(theta, segment, force)
+        if np.abs(F).max(initial=0.0) <= 1e-12 * size:
+            return theta, segment
+        try:
+            step = np.linalg.solve(J, -F)
+        except np.linalg.LinAlgError:
+            step = np.linalg.lstsq(J, -F, rcond=1e-10)[0]
+        away = theta - centres
+        gap = np.maximum((away**2).sum(axis=1), 1e-300)
+        slope = (-2.0 * chain.length**2 * away / (gap * (gap + chain.length**2))[:, None]).sum(axis=0)
+        denominator = 1.0 - float(slope @ step)
+        step = step / denominator if abs(denominator) > 1e-3 else step
+        far = float(np.abs(step).max(initial=0.0))
+        length = min(1.0, 20.0 * chain.length / far) if far > 0.0 else 1.0
+        for _ in range(7):
+            trial = theta + length * step
+            value = merit(trial)
+            if value < now:
+                break
+            length *= 0.5
+        if not np.isfinite(value):
+            return None
+        theta, now = trial, value
+    return None
+
+
+def _kind(system: CondensedProblem, r: Array, lam: Array) -> str:
+    """The kind of a stationary point by the curvature of the components that are off the kinks, in any dimension."""
+    frozen = system.for_problem(system.problem.with_law(system.law_at(r, lam)))
+    index = np.flatnonzero(newton_components(frozen.law, r, frozen.active).ravel())
+    if index.size == 0:
+        return "minimum"
+    H, _ = newton_system(frozen, r, index, frozen.out_of_balance(r))
+    values = np.linalg.eigvalsh(H)
+    if values[0] > 0.0:
+        return "minimum"
+    return "maximum" if values[-1] < 0.0 and values.size == frozen.free.size else "saddle"

@@ -1,0 +1,69 @@
+"""The time that a piece of work may take, for rooms that do not know of one another.
+
+Whoever limits the time says ``with limited(Budget(seconds)):``; long loops below call :func:`check_time`, which raises
+:class:`OutOfTime` once the time is up.  The limit belongs to the thread that set it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+
+__all__ = ["Budget", "OutOfTime", "check_time", "limited"]
+
+
+class OutOfTime(Exception):  # noqa: N818 - a signal, not an error
+    """Raised inside a method when the time limit is reached."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The time that is left.
+
+    Parameters
+    ----------
+    limit : float
+        Seconds; may be infinite.
+    started : float
+        On the clock of ``time.perf_counter``; now by default.
+    """
+
+    limit: float
+    started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def spent(self) -> float:
+        """Seconds since the start."""
+        return time.perf_counter() - self.started
+
+    @property
+    def left(self) -> float:
+        """Seconds until the end, at least 0."""
+        return max(self.limit - self.spent, 0.0)
+
+    def check(self) -> None:
+        """Raise :class:`OutOfTime` once the limit is passed."""
+        if self.spent > self.limit:
+            raise OutOfTime
+
+
+_LIMITS: ContextVar[tuple[Budget, ...]] = ContextVar("limits", default=())
+
+
+@contextmanager
+def limited(budget: Budget) -> Iterator[None]:
+    """Within this block :func:`check_time` knows of the budget, and of those around it."""
+    token = _LIMITS.set((*_LIMITS.get(), budget))
+    try:
+        yield
+    finally:
+        _LIMITS.reset(token)
+
+
+def check_time() -> None:
+    """Raise :class:`OutOfTime` if the time of a block around this call is up; without a limit, nothing happens."""
+    for budget in _LIMITS.get():
+        budget.check()

@@ -1,0 +1,142 @@
+"""Whether a stiffness matrix is positive definite: by geometry where there is a mesh, by its numbers elsewhere.
+
+All eigenvalues are those of ``D^-1/2 K D^-1/2``, D the diagonal of K, so that units and scale do not matter.  Rounding
+moves them by about :func:`rounding`; what lies within that of zero counts as zero, neither definite nor indefinite.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from hemivar._typing import Array
+from hemivar.errors import ProblemError
+from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.parts import free_motions
+
+__all__ = [
+    "free_unknowns",
+    "indefinite",
+    "lowest_quotient",
+    "positive_pivots",
+    "quotient",
+    "refuse_indefinite",
+    "rounding",
+]
+
+_DENSE = 400
+#: What rounding in the entries may amount to, in units of the last place of the largest row.
+_ULPS = 64.0
+#: Motions that a stiffness resists by more than this, relative to its diagonal, are not in its kernel.
+_RESISTED = 1e-9
+
+
+def free_unknowns(problem: DiscreteProblem) -> Array | None:
+    """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
+
+    They are told by mesh and supports.  A stiffness that resists them is not the one of the mesh (springs may have been
+    added), and nothing is known.
+    """
+    field = problem.field
+    if field is None:
+        return None
+    motions = free_motions(field)
+    unknowns = np.asarray((field.basis.T @ motions.motions).toarray())
+    if not motions.count:
+        return unknowns
+    force = np.abs(problem.stiffness @ unknowns)
+    return unknowns if float((force / problem.diagonal[:, None]).max(initial=0.0)) <= _RESISTED else None
+
+
+def rounding(matrix: sp.csr_array, diagonal: Array | None = None) -> float:
+    """What rounding may make of an eigenvalue that is zero."""
+    root = np.sqrt(matrix.diagonal() if diagonal is None else diagonal)
+    sums = abs(matrix) @ (1.0 / root) / root
+    return float(_ULPS * np.finfo(float).eps * sums.max(initial=1.0))
+
+
+def quotient(matrix: sp.csr_array, vector: Array, diagonal: Array | None = None) -> float:
+    """Rayleigh quotient ``v'K v / v'D v``: K has an eigenvalue that is no larger."""
+    d = matrix.diagonal() if diagonal is None else diagonal
+    v = vector / max(float(np.abs(vector).max(initial=0.0)), np.finfo(float).tiny)
+    size = float(v @ (d * v))
+    return float(v @ (matrix @ v)) / size if size > 0.0 else 0.0
+
+
+def lowest_quotient(matrix: sp.csr_array, steps: int = 40) -> float:
+    """An upper bound of the smallest eigenvalue, near to it: exact for small matrices, by Lanczos steps for others."""
+    diagonal = matrix.diagonal()
+    root = np.sqrt(diagonal)
+    n = root.size
+    if n == 0:
+        return 1.0
+    if n <= _DENSE:
+        _, vectors = np.linalg.eigh(matrix.toarray() / np.outer(root, root))
+        return quotient(matrix, vectors[:, 0] / root, diagonal)
+    scaled = spla.LinearOperator((n, n), matvec=lambda x: (matrix @ (x.ravel() / root)) / root, dtype=float)
+    start = np.random.default_rng(13).standard_normal(n)
+    try:
+        _, vectors = spla.eigsh(scaled, k=1, which="SA", v0=start, ncv=min(steps, n - 1), maxiter=4, tol=1e-3)
+    except spla.ArpackNoConvergence as error:
+        vectors = error.eigenvectors
+    if not vectors.size:
+        vectors = _lanczos(scaled, start, steps)[:, None]
+    return quotient(matrix, vectors[:, 0] / root, diagonal)
+
+
+def _lanczos(operator: spla.LinearOperator, start: Array, steps: int) -> Array:
+    """The lowest Ritz vector after so many steps, the basis being kept orthogonal."""
+    basis = [start / np.linalg.norm(start)]
+    for _ in range(steps):
+        w = operator @ basis[-1]
+        for _ in range(2):
+            w = w - np.array(basis).T @ (np.array(basis) @ w)
+        size = float(np.linalg.norm(w))
+        if size < 1e-12:
+            break
+        basis.append(w / size)
+    Q = np.array(basis).T
+    image = np.stack([operator @ q for q in Q.T], axis=1)
+    projected = Q.T @ image
+    return np.asarray(Q @ np.linalg.eigh(0.5 * (projected + projected.T))[1][:, 0])
+
+
+def positive_pivots(factor: spla.SuperLU) -> bool:
+    """Whether the pivots of a symmetric factorisation are positive, so that the matrix is definite up to rounding.
+
+    That follows only if no rows were exchanged; False where they were.
+    """
+    return bool(np.array_equal(factor.perm_r, factor.perm_c) and np.all(factor.U.diagonal() > 0.0))
+
+
+def indefinite(matrix: sp.csr_array) -> float | None:
+    """An eigenvalue below zero by more than rounding, None if there is none; costs a factorisation."""
+    guard = rounding(matrix)
+    diagonal = matrix.diagonal()
+    if matrix.shape[0] > _DENSE:
+        shifted = sp.csc_array(matrix + sp.diags_array(guard * diagonal))
+        options = {"SymmetricMode": True, "Equil": False}
+        try:
+            if positive_pivots(spla.splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)):
+                return None
+        except RuntimeError:
+            pass
+    found = lowest_quotient(matrix, 200)
+    return found if found < -guard else None
+
+
+def refuse_indefinite(lowest: float | None) -> None:
+    """Refuse a stiffness matrix with a negative eigenvalue.
+
+    Raises
+    ------
+    ProblemError
+        Naming the eigenvalue.
+    """
+    if lowest is not None:
+        raise ProblemError(
+            f"the stiffness is not positive semidefinite: scaled to a unit diagonal it has an eigenvalue of at most "
+            f"{lowest:.3g}, as no elastic body has, and the energy may have no lower bound; check the signs and the "
+            f"assembly of the matrix"
+        )

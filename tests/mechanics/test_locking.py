@@ -1,0 +1,78 @@
+"""Nearly incompressible bodies are warned of, in every result."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hemivar.certify import certify
+from hemivar.cli import main
+from hemivar.laws import Compliance
+from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, box, discretize, rectangle
+from hemivar.mechanics.locking import LOCKING, largest_poisson_ratio
+from hemivar.report.files import solution_record
+from hemivar.solvers import solve
+
+
+def pressed(material: Material, order: int = 1, dim: int = 2, n: int = 4) -> DiscreteProblem:
+    mesh = rectangle((1.0, 1.0), n) if dim == 2 else box((1.0, 1.0, 1.0), 2)
+    return discretize(
+        ContactProblem(
+            mesh=mesh,
+            material=material,
+            supports={"left": Clamped()},
+            contact={"bottom": Contact(Compliance(5.0))},
+            body_force=(0.2, -1.0) if dim == 2 else (0.2, 0.0, -1.0),
+            order=order,
+        )
+    )
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.489, 0.49, 0.4999])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_poissons_ratio_of_isotropic_bodies(nu: float, dim: int) -> None:
+    problem = pressed(Material.young(10.0, nu), dim=dim)
+    assert problem.field is not None
+    assert largest_poisson_ratio(problem.field) == pytest.approx(nu, abs=1e-12)
+    assert bool(problem.warnings) == (nu >= LOCKING)
+
+
+def test_who_is_warned() -> None:
+    soft = Material.young(10.0, 0.4999)
+    assert "Poisson's ratio is 0.4999" in pressed(soft).warnings[0]
+    assert "order = 2" in pressed(soft).warnings[0]
+    assert not pressed(soft, order=2).warnings
+    assert not pressed(Material.young(10.0, 0.4999, plane="stress")).warnings
+    assert pressed(Material.young(10.0, lambda x: 0.3 + 0.195 * x[:, 0])).warnings == ()  # 0.4787 at most
+    assert pressed(Material.young(10.0, lambda x: 0.3 + 0.1999 * x[:, 0]), n=40).warnings
+    assert pressed(Material.tensor(np.diag([1.0, 1.0, 0.5]) + 1e4 * np.pad(np.ones((2, 2)), (0, 1)))).warnings
+
+
+def test_the_warning_is_deserved_and_the_remedy_helps() -> None:
+    """Energy of linear and quadratic elements on one mesh, and of quadratic ones on a finer mesh."""
+    soft = Material.young(10.0, 0.4999)
+    linear, quadratic, fine = (solve(pressed(soft, *how)).energy for how in ((1, 2, 8), (2, 2, 8), (2, 2, 32)))
+    assert abs(linear / fine - 1.0) > 0.1
+    assert abs(quadratic / fine - 1.0) < 0.02
+
+
+def test_every_result_carries_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problem = pressed(Material.young(10.0, 0.4999))
+    found = solve(problem)
+    certificate = certify(problem, found.unknowns, found.multiplier)
+    assert found.warnings == certificate.warnings == problem.warnings
+    assert solution_record(found)["warnings"] == list(problem.warnings)
+    assert json.loads(json.dumps(certificate.record()))["warnings"] == list(problem.warnings)
+    file = tmp_path / "soft.toml"
+    file.write_text(
+        "[mesh]\nrectangle = [1.0, 1.0]\ncells = [4, 4]\n[material]\nyoung = 10.0\npoisson = 0.4999\n"
+        '[loads]\nbody = [0.2, -1.0]\n[supports]\nleft = "clamped"\n[contact.bottom]\n'
+        'normal = { law = "compliance", stiffness = 5.0 }\n'
+    )
+    for command in ("solve", "compare", "certify", "solutions"):
+        assert main([command, str(file)]) == 0
+        shown = capsys.readouterr().out
+        assert "warning           Poisson's ratio is 0.4999" in shown, command

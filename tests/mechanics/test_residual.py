@@ -1,0 +1,122 @@
+"""The one residual: what it is held against, and what it never calls solved."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hemivar.certify import PointKind, certify
+from hemivar.errors import MethodError, ProblemError
+from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoFriction, Signorini, Superpotential, Tresca
+from hemivar.mechanics import DiscreteProblem, Residual, residual
+from hemivar.solvers import METHODS, Controls, Status, solve
+
+from ..problems import discrete_square
+
+
+def spring(load: float, law: Superpotential, gap: float = 0.0, stiffness: float = 1.0) -> DiscreteProblem:
+    """One unknown on a spring, with contact."""
+    one = np.ones((1, 1))
+    return DiscreteProblem(stiffness * one, [load], one, [1.0], [gap], ContactLaw(law, NoFriction()))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("bad", [math.inf, math.nan])
+@pytest.mark.parametrize("place", range(4))
+def test_what_is_not_finite_is_never_below(bad: float, place: int) -> None:
+    numbers = [0.0, 0.0, 1.0, 0.0]
+    assert Residual(*numbers).below(0.0, 1e-9)
+    numbers[place] = bad
+    assert not Residual(*numbers).below(0.0, 1e-9)
+    assert not Residual(*numbers).below(math.inf, 1e-9)
+
+
+def test_a_residual_below_rounding_that_swamps_the_load_shows_nothing() -> None:
+    assert Residual(0.0, 0.0, 1.0, 1e-4).below(0.0, 1e-9)
+    swamped = Residual(0.0, 0.0, 1.0, 1e-2)
+    assert not swamped.below(0.0, 1e-9)
+    assert swamped.relative == 1e-2
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_problem_without_solution_is_not_solved_by_running_away(name: str) -> None:
+    """K = 1 and j' = -r leave u + lambda = 0 for every u, whatever the load."""
+    problem = spring(0.5, FormulaLaw("-0.5*r^2"))
+    try:
+        found = solve(problem, METHODS[name])
+    except (MethodError, ProblemError):
+        return
+    assert found.status is not Status.CONVERGED
+    assert found.residual.relative > 0.1
+
+
+@pytest.mark.parametrize("far", [5e9, 1e13, 5e15, 1e20])
+def test_far_away_the_pair_of_such_a_problem_stays_unsolved(far: float) -> None:
+    problem = spring(0.5, FormulaLaw("-0.5*r^2"))
+    found = residual(problem, np.array([far]), np.array([[-far]]))
+    assert not found.below(0.0, 1e-9)
+    assert certify(problem, np.array([far]), np.array([[-far]])).kind is PointKind.NOT_STATIONARY
+
+
+def test_a_foundation_alone_sets_the_scale_where_it_loads_the_body() -> None:
+    compliant = spring(0.0, Compliance(3.0), gap=-0.5)  # u + 3 (u + 0.5) = 0
+    exact = np.array([-0.375])
+    assert residual(compliant, exact, np.array([[0.375]])).scale == pytest.approx(0.375)
+    off = residual(compliant, 1.001 * exact, np.array([[0.375]]))
+    assert off.equilibrium / off.scale == pytest.approx(1e-3)
+    assert not off.below(0.0, 1e-4)
+    rigid = spring(0.0, Signorini(), gap=-0.5, stiffness=4.0)  # pushed back by 0.5
+    assert residual(rigid, np.array([-0.5]), np.array([[2.0]])).scale == pytest.approx(2.0)
+    for problem, u in ((compliant, -0.375), (rigid, -0.5)):
+        found = solve(problem)
+        assert found.status is Status.CONVERGED
+        assert found.unknowns == pytest.approx([u], rel=1e-12)
+
+
+def test_what_the_foundation_would_exert_at_rest_does_not_loosen_the_tolerance() -> None:
+    """A stiff foundation that overlaps the body: its force at rest is 1e6 times the one in equilibrium."""
+    problem = spring(0.0, Compliance(1e6), gap=-0.5)
+    lam = 0.5 / (1.0 + 1e-6)
+    assert residual(problem, np.array([-lam]), np.array([[lam]])).scale == pytest.approx(lam)
+
+
+@pytest.mark.parametrize("size", [1e160, 1e200, 1e300, 1e-160, 1e-300])
+def test_loads_whose_energies_over_or_underflow_are_refused(size: float) -> None:
+    with pytest.raises(ProblemError, match="flow; state the problem in units that fit it"):
+        spring(size, Signorini())
+    spring(1e120 if size > 1.0 else 1e-120, Signorini())
+
+
+@pytest.mark.parametrize("size", [1e100, 1e130])
+@pytest.mark.parametrize("name", ["newton", "multigrid", "bundle", "direct-lbfgs"])
+def test_sizes_near_the_ends_of_the_numbers(name: str, size: float) -> None:
+    plain = discrete_square("rigid")
+    data = {"stiffness": plain.stiffness, "trace": plain.trace, "weights": plain.weights, "gap": plain.gap}
+    law = ContactLaw(Signorini(), Tresca(0.1 * size))
+    found = solve(DiscreteProblem(load=size * plain.load, law=law.at(plain.points), **data), METHODS[name])
+    reference = solve(plain)
+    assert found.status is Status.CONVERGED
+    assert found.unknowns / size == pytest.approx(reference.unknowns, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("far", [1e160, 1e200, 1e300])
+def test_a_certificate_with_numbers_that_are_not_finite_claims_nothing(far: float) -> None:
+    problem = discrete_square()
+    u = far * solve(problem).unknowns
+    with np.errstate(all="ignore"):
+        found = certify(problem, u)
+    assert found.kind is PointKind.NOT_STATIONARY
+    assert found.unique is None
+    assert found.error_bound == math.inf
+
+
+@pytest.mark.parametrize(
+    ("change", "word"), [({"rtol": 1e10}, "rtol"), ({"rtol": 1.0}, "rtol"), ({"atol": math.inf}, "atol")]
+)
+def test_tolerances_that_would_accept_anything_are_refused(change: dict[str, float], word: str) -> None:
+    with pytest.raises(ProblemError, match=rf"Controls\.{word}"):
+        Controls(**change)  # type: ignore[arg-type]
+    problem = discrete_square()
+    with pytest.raises(ProblemError, match="tolerance is 1e"):
+        certify(problem, np.zeros(problem.unknowns), tolerance=1e10)

@@ -1,0 +1,100 @@
+"""Public names mean the same whatever has been imported, and in whatever order."""
+
+from __future__ import annotations
+
+import json
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import hemivar
+
+MODULES = [
+    module.name
+    for module in pkgutil.walk_packages(hemivar.__path__, "hemivar.")
+    if not module.name.endswith("__main__") and ".distributed" not in module.name
+]
+
+KINDS = """
+import importlib, json, sys
+for module in {modules!r}:
+    importlib.import_module(module)
+import hemivar
+for module in {later!r}:
+    importlib.import_module(module)
+print(json.dumps({{name: type(getattr(hemivar, name)).__name__ for name in hemivar.__all__}}))
+"""
+
+
+def python(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def kinds(modules: list[str], later: list[str]) -> dict[str, str]:
+    return dict(json.loads(python(KINDS.format(modules=modules, later=later))))
+
+
+@pytest.fixture(scope="module")
+def expected() -> dict[str, str]:
+    """What each name is in a fresh interpreter."""
+    return kinds([], [])
+
+
+@pytest.mark.parametrize(
+    ("modules", "later"),
+    [
+        (MODULES, []),
+        (MODULES[::-1], []),
+        ([], MODULES),
+        ([], MODULES[::-1]),
+        (["hemivar.report"], []),
+        (["hemivar.certify.smallness"], ["hemivar.certify"]),
+    ],
+    ids=["first", "first, from the back", "later", "later, from the back", "report", "a room from within"],
+)
+def test_names_are_the_same_after_every_import(expected: dict[str, str], modules: list[str], later: list[str]) -> None:
+    assert "module" not in expected.values()
+    assert kinds(modules, later) == expected
+
+
+@pytest.mark.parametrize("name", ["find_solutions", "follow_path", "solve", "read_problem", "smallness", "Certificate"])
+def test_using_one_name_changes_no_other(name: str) -> None:
+    code = f"import hemivar as hv; hv.{name}; print(callable(hv.certify), callable(hv.residual), callable(hv.solve))"
+    assert python(code).split() == ["True", "True", "True"]
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not any(p.startswith("_") for p in name.split("."))])
+def test_no_name_that_a_module_exports_is_hidden_by_a_module(name: str) -> None:
+    module = sys.modules.get(name) or __import__(name, fromlist=["_"])
+    hidden = [public for public in getattr(module, "__all__", ()) if type(getattr(module, public)).__name__ == "module"]
+    assert hidden == []
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import hemivar.certify; hemivar.certify.Certificate",
+        "import hemivar.certify as c; c.Certificate; c.smallness; c.certify",
+        "import hemivar.certify.certificate as c; c.Certificate; c.certify",
+        "from hemivar.certify import Certificate, certify, smallness",
+        "from hemivar.certify._linear import energy_norm",
+        "from hemivar import certify; certify.Certificate",
+        "import hemivar, hemivar.certify; assert hemivar.certify is hemivar.certify.certify",
+        "import sys, hemivar.certify; assert sys.modules['hemivar.certify'].__name__ == 'hemivar.certify'",
+        "import importlib; assert importlib.import_module('hemivar.certify').energy_norm",
+        "import pickle, hemivar; assert pickle.loads(pickle.dumps(hemivar.certify)) is hemivar.certify",
+        "import hemivar as hv, unittest.mock as m\nwith m.patch('hemivar.certify.certificate.energy_norm'): pass",
+    ],
+)
+@pytest.mark.parametrize("before", ["", "import hemivar as hv; hv.certify", "import hemivar.report"])
+def test_the_room_certify_is_reached_by_every_import(code: str, before: str) -> None:
+    python(f"{before}\n{code}")
+
+
+def test_own_attributes_can_be_set_and_a_name_replaced() -> None:
+    code = "import hemivar; hemivar.mark = 1; hemivar.solve = len; print(hemivar.mark, hemivar.solve is len)"
+    assert python(code).split() == ["1", "True"]
