@@ -165,6 +165,8 @@ def run_on_ranks(
             _print_end(solution, written, failed)
         ranks.mpi.Barrier()
         if solution.status is Status.INTERRUPTED:
+            if not first:
+                raise SystemExit(130)  # the first rank says it for all
             return 130
         if failed:
             return 2
@@ -239,9 +241,7 @@ def _print_end(solution: DistributedSolution, written: list[Path], failed: list[
     if written:
         print(f"written           {', '.join(map(shown, written))}")
     sys.stdout.flush()
-    if solution.status is Status.INTERRUPTED:
-        sys.stderr.write("hemivar: interrupted\n")
-    elif solution.status is not Status.CONVERGED:
+    if solution.status not in (Status.CONVERGED, Status.INTERRUPTED):  # of which the command itself speaks
         sys.stderr.write(
             f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
             f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
