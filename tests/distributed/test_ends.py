@@ -72,11 +72,11 @@ def test_a_signal_on_one_rank_ends_all_with_iterate_and_files(tmp_path: Path, na
 
 def test_the_limit_of_time_holds_on_coarser_meshes_too(tmp_path: Path) -> None:
     problem = _problem(tmp_path, _TEXT.replace("[24, 24]", "[64, 64]"))
-    done = _hostile(2, {"slow": 1.0}, problem, "--max-time", "1.5", "--json", tmp_path / "r.json")
+    done = _hostile(2, {"slow": 3.0}, problem, "--max-time", "1.5", "--json", tmp_path / "r.json")
     assert done.returncode == 1, done.stderr
     record = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
     assert record["status"] == "max_time"
-    assert record["timings"]["nested"] + record["timings"]["iterate"] < 6.0
+    assert record["timings"]["nested"] + record["timings"]["iterate"] < 20.0
 
 
 def test_a_killed_launcher_leaves_the_old_files(tmp_path: Path) -> None:
