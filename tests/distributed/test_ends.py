@@ -50,7 +50,7 @@ def _hostile(
     ranks: int, conditions: dict[str, object], problem: Path, *options: str | Path
 ) -> subprocess.CompletedProcess[str]:
     arguments = ["solve", problem, "--engine", "petsc", "-q", *options]
-    return mpirun(ranks, _HERE / "hostile.py", json.dumps(conditions), *arguments, limit=90.0)
+    return mpirun(ranks, _HERE / "hostile.py", json.dumps(conditions), *arguments, limit=150.0)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,8 @@ def test_the_limit_of_time_holds_on_coarser_meshes_too(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stderr
     record = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
     assert record["status"] == "max_time"
-    assert record["timings"]["nested"] + record["timings"]["iterate"] < 20.0
+    assert record["steps"] == 0  # the first step on the coarsest mesh took it all
+    assert record["timings"]["nested"] + record["timings"]["iterate"] < 60.0
 
 
 def test_a_killed_launcher_leaves_the_old_files(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ if shutil.which("mpirun") is None:
 pytestmark = pytest.mark.mpi
 
 _HERE = Path(__file__).parent
-_LIMIT = 60.0
+_LIMIT = 150.0
 
 _BASE = """
 [mesh]
