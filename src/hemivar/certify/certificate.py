@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -221,8 +221,8 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Bud
         (np.inf, np.inf),
     )
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
-    nothing: tuple[PointKind, bool | None, LocalStudy | None]
-    nothing = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
+    unlooked = PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY
+    nothing = cast("tuple[PointKind, bool | None, LocalStudy | None]", (unlooked, None, None))
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
     if trace_constant:
         asked = constants
