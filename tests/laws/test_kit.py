@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hemivar.errors import ProblemError
 from hemivar.laws import (
     Bilateral,
     Capped,
@@ -131,9 +132,13 @@ def test_a_wrong_curvature_is_caught() -> None:
 
 @pytest.mark.parametrize("place", [0.1, 0.123456, -0.4])
 def test_a_kink_missing_from_a_function_is_caught(place: float) -> None:
-    found = failures(FunctionLaw(lambda r: np.abs(r - place), kinks=[]))
-    assert "law 'function' fails" in found
-    found = failures(FunctionLaw(derivative=lambda r: np.where(r > place, 1.0, -0.5) + r, kinks=[0.7]))
+    with pytest.raises(ProblemError, match=r"jumps by 1.5 at r = "):
+        FunctionLaw(derivative=lambda r: np.where(r > place, 1.0, -0.5) + r, kinks=[0.7])
+
+    def piece_derivative(self: Any, piece: Any, r: Any) -> Any:
+        return PiecewiseQuadratic.piece_derivative(self, piece, r) + 1.5 * (r > place + 3.3e-4)
+
+    found = failures(spoiled(piece_derivative=piece_derivative))
     assert "no kink is missing among the knots: it is not: the derivative jumps by 1.5 at r = " in found
     assert check_law(FunctionLaw(lambda r: np.abs(r - place), kinks=[place])).passed
 

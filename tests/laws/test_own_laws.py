@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from hemivar.errors import ProblemError
 from hemivar.laws import (
+    ContactLaw,
     FormulaLaw,
     Friction,
     FunctionLaw,
@@ -256,3 +258,70 @@ def test_functions_that_cannot_be_used_are_refused() -> None:
         FunctionLaw(lambda r: np.where(r > 1.0, 1.0, 0.0), kinks=[1.0])
     with pytest.raises(ProblemError, match="kinks of law 'function'"):
         FunctionLaw(lambda r: r**2, kinks=[np.nan])
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: FunctionLaw(lambda r: r**2, lambda r: 4.0 * r), ["the derivative of law", "should be"]),
+        (lambda: FunctionLaw(_j, lambda r: 2.0 * _d(r), kinks=[0.0]), ["the derivative of law", "between r = "]),
+        (lambda: FunctionLaw(_j, _d, lambda r: -_c(r), kinks=[0.0]), ["the curvature of law"]),
+        (lambda: FunctionLaw(_j, _d, lambda r: 0.0 * r, kinks=[0.0]), ["the curvature of law"]),
+        (lambda: FunctionLaw(_j, curvature=lambda r: 2.0 * _c(r), kinks=[0.0]), ["the curvature of law"]),
+        (
+            lambda: FunctionLaw(lambda r: np.sqrt(r + 1.0), lambda r: 2.0 / np.sqrt(r + 1.0), even=True),
+            ["the derivative of law", "should be"],
+        ),
+        (lambda: FunctionLaw(derivative=lambda r: 1.0 * (r > 0.37)), ["jumps", "r = 0.37", "kinks"]),
+        (lambda: FunctionLaw(derivative=lambda r: 1.0 * (r > 0.37), kinks=[0.3]), ["jumps", "r = 0.37"]),
+        (lambda: FunctionLaw(derivative=lambda r: np.sign(r) * np.abs(r) ** -0.1), ["without bound", "r = 0"]),
+        (lambda: FunctionLaw(lambda r: np.sqrt(np.abs(r))), ["without bound", "r = 0"]),
+    ],
+)
+def test_functions_that_contradict_each_other_are_refused(make: Callable[[], object], words: list[str]) -> None:
+    with pytest.raises(ProblemError) as caught:
+        make()
+    for word in words:
+        assert word in str(caught.value)
+
+
+@given(factor=st.floats(0.05, 20.0), rate=st.floats(0.2, 30.0), place=st.floats(-2.0, 2.0), scale=st.floats(1e-6, 1e6))
+@settings(max_examples=20, deadline=None)
+def test_functions_in_order_are_accepted_and_others_not(factor: float, rate: float, place: float, scale: float) -> None:
+    def value(r: np.ndarray) -> np.ndarray:
+        return np.asarray(scale * (np.sin(rate * r) / rate + np.abs(r - place)))
+
+    def slope(r: np.ndarray) -> np.ndarray:
+        return np.asarray(scale * (np.cos(rate * r) + np.sign(r - place)))
+
+    FunctionLaw(value, slope, kinks=[place])
+    if abs(factor - 1.0) > 0.1:
+        with pytest.raises(ProblemError, match="should be"):
+            FunctionLaw(value, lambda r: factor * slope(r), kinks=[place])
+
+
+class _Spring(PiecewiseQuadratic):
+    """A law of a user's own class, with a curvature and an alpha that may be wrong."""
+
+    bend = 1.0
+    stated = 2.0
+
+    def piece_curvature(self, piece: np.ndarray, r: np.ndarray) -> np.ndarray:
+        return self.bend * super().piece_curvature(piece, r)
+
+    @property
+    def weak_convexity(self) -> np.ndarray:
+        return np.array([self.stated])
+
+
+def test_laws_of_own_classes_are_looked_at() -> None:
+    table = ([0.0, 0.1, 0.3], [0.0, 3.0, -2.0, 0.0], [0.0, 0.0, 0.0])
+    ContactLaw(_Spring(*table))  # type: ignore[arg-type]
+    wrong = type("Wrong", (_Spring,), {"bend": 2.0, "__module__": __name__})
+    with pytest.raises(ProblemError, match="the curvature of law 'piecewise' is"):
+        ContactLaw(wrong(*table))
+    soft = type("Soft", (_Spring,), {"stated": 1.0, "__module__": __name__})
+    with pytest.raises(ProblemError, match=r"alpha of law 'piecewise' is 1, but its derivative falls by 2"):
+        ContactLaw(soft(*table))
+    with pytest.raises(ProblemError, match=r"jumps down at r = 0.3"):
+        ContactLaw(_Spring(table[0], table[1], [0.0, 0.0, -0.1]))  # type: ignore[arg-type]

@@ -15,6 +15,7 @@ from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
 from hemivar.laws.base import Interval, Superpotential
+from hemivar.laws.consistency import check_consistency
 from hemivar.laws.scaled import ScaledLaw
 from hemivar.portable import Portable
 from hemivar.smooth import SmoothFormula, Supremum, supremum_of_pieces
@@ -214,13 +215,15 @@ class _OwnLaw(Superpotential):
         return low + (high - low) * np.unique(np.concatenate([even, close, 1.0 - close]))
 
 
-def _joined(where: str, knots: Array, pieces: Sequence[_Piece], step: float = 0.0) -> None:
+def _joined(where: str, knots: Array, pieces: Sequence[_Piece], reach: float, step: float = 0.0) -> None:
     """Refuse a potential that is not continuous, seen from ``step`` to the left and to the right of its knots."""
     for i, knot in enumerate(knots):
         with np.errstate(all="ignore"):
             left = float(pieces[i].value(np.array([knot - step]))[0])
             right = float(pieces[i + 1].value(np.array([knot + step]))[0])
-        if not abs(right - left) <= (1e-6 if step else 1e-9) * (1e-3 + abs(left) + abs(right)):
+            slopes = [abs(float(pieces[k].derivative(np.array([knot]))[0])) for k in (i, i + 1)]
+        rounding = (1e-6 if step else 1e-9) * (abs(left) + abs(right) + 1e-3 * reach * sum(slopes))
+        if not abs(right - left) <= rounding + 4.0 * step * sum(slopes):
             raise ProblemError(
                 f"{where} is {left:.6g} to the left and {right:.6g} to the right of r = {knot:.6g}; "
                 f"a potential must be continuous (only its derivative may jump)"
@@ -286,7 +289,7 @@ class _FormulaLaw(_OwnLaw):
                         + (" that is finite for every r >= 0" if self.even else _EVERYWHERE)
                     )
             knots.append(_turns(bend.derivative(), inside))
-        _joined(shown, switches, [plain[branch.node] for branch in branches])
+        _joined(shown, switches, [plain[branch.node] for branch in branches], self.reach)
         table = np.unique(np.concatenate(knots))
         if table.size > _MOST_KNOTS:
             raise ProblemError(
@@ -432,6 +435,11 @@ class _FunctionLaw(_OwnLaw):
         if kinks.ndim != 1 or not np.isfinite(kinks).all():
             raise ProblemError(f"kinks of law '{self.name}' must be a list of finite numbers, not {self.kinks_at!r}")
         _ = self._own
+        if self.curvature_function is None:
+            remedy = "it is computed by differences, which are too coarse here: give a function for it too"
+            check_consistency(self, self.reach, remedy=remedy)
+        else:
+            check_consistency(self, self.reach)
 
     def _called(self, function: Callable[[Any], Any], r: Array) -> Array:
         try:
@@ -466,7 +474,7 @@ class _FunctionLaw(_OwnLaw):
                     raise ProblemError(
                         f"law '{self.name}' is not finite at r = {r[np.argmax(bad)]:.6g}; mend its function"
                     )
-        _joined(f"the potential of law '{self.name}'", kinks, plain, 1e-11 * scale)
+        _joined(f"the potential of law '{self.name}'", kinks, plain, self.reach, 1e-11 * scale)
         turns: list[float] = []
         for i, piece in enumerate(plain):
             r = self._inside(float(ends[i]), float(ends[i + 1]), 300)
@@ -628,6 +636,8 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
     Raises
     ------
     ProblemError
-        If neither function is given, or one returns something else than finite numbers.
+        If neither function is given, or one returns something else than finite numbers, or samples show that they do
+        not belong to each other: a derivative that is not that of the potential, a curvature that is not that of the
+        derivative, a kink that is not listed.
     """
     return _FunctionLaw(potential, derivative, curvature, kinks, reach, even, name)

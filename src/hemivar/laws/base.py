@@ -25,6 +25,10 @@ __all__ = ["Interval", "Superpotential"]
 
 #: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
 _FAR = 1e8
+#: Knots from which on they are many.
+_MANY = 40
+#: Points times knots that are looked at at once.
+_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -142,16 +146,43 @@ class Superpotential(Portable, ABC):
         """The derivative j' on a piece as text, for a law with parameters of one contact point; may be empty."""
         return ""
 
+    # ---- many knots, the same at every point: they are searched, not gone through ---------------------------
+
+    @property
+    def _shared(self) -> Array | None:
+        """The knots (K,) if there are many, the same at all points; places among them are found by bisection."""
+        knots = self.knots
+        return knots[0] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else None
+
+    @property
+    def _many(self) -> bool:
+        return self._shared is not None
+
+    def _slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
+        """Derivatives to the left and to the right of one knot for each point, (m,); only if all points share them."""
+        left, right = self.knot_slopes()
+        return left[0].take(knot), right[0].take(knot)
+
     # ---- what follows --------------------------------------------------------------------------------
 
     def piece_of(self, r: Array) -> IntArray:
         """Index of the piece that holds each ``r``; at a knot, the piece to its left."""
         r = np.asarray(r, dtype=float)
+        shared = self._shared
+        if shared is not None:
+            return np.asarray(np.searchsorted(shared, r, side="left"), dtype=np.int64)
         return np.asarray(np.sum(r[..., None] > self.knots, axis=-1), dtype=np.int64)
 
     def piece_bounds(self, piece: IntArray) -> tuple[Array, Array]:
         """End points of each piece, cut at the domain."""
         piece = np.asarray(piece)
+        shared = self._shared
+        if shared is not None:
+            last = shared.size - 1
+            low = np.where(piece > 0, shared.take(np.maximum(piece - 1, 0)), -np.inf)
+            high = np.where(piece <= last, shared.take(np.minimum(piece, last)), np.inf)
+            ends = self.domain
+            return np.clip(low, ends.lower, ends.upper), np.clip(high, ends.lower, ends.upper)
         knots = self.knots
         padded = np.concatenate(
             [np.full((*knots.shape[:-1], 1), -np.inf), knots, np.full((*knots.shape[:-1], 1), np.inf)],
@@ -200,6 +231,11 @@ class Superpotential(Portable, ABC):
     def at_kink(self, r: Array) -> BoolArray:
         """Whether each ``r`` sits exactly on a kink, so that j has no derivative there."""
         r = np.asarray(r, dtype=float)
+        shared = self._shared
+        if shared is not None:
+            near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
+            left, right = self._slopes_at(near)
+            return np.asarray((shared.take(near) == r) & np.isfinite(r) & (left != right))
         return np.asarray(np.any((r[..., None] == self.knots) & self.kinks(), axis=-1))
 
     def derivative(self, r: Array) -> Array:
@@ -216,6 +252,15 @@ class Superpotential(Portable, ABC):
         """Clarke subdifferential dj(r), an interval for each point (empty, ``[inf, -inf]``, outside the domain)."""
         r = np.asarray(r, dtype=float)
         slope = self.derivative(r)
+        shared = self._shared
+        if shared is not None:
+            near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
+            here = (shared.take(near) == r) & np.isfinite(r)
+            left, right = self._slopes_at(near)
+            low, high = np.where(here, np.minimum(left, right), slope), np.where(here, np.maximum(left, right), slope)
+            ends = self.domain
+            outside = (r < ends.lower) | (r > ends.upper)
+            return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
         left, right = self.knot_slopes()
         knots = self.knots
         at_knot = np.any(r[..., None] == knots, axis=-1)
@@ -243,6 +288,9 @@ class Superpotential(Portable, ABC):
         lam = np.asarray(lam, dtype=float)
         tau = np.asarray(tau, dtype=float)
         best = self.distance(r, lam)
+        shared = self._shared
+        if shared is not None:
+            return self._nearest_of_many(shared, r, lam, tau, best)
         left, right = self.knot_slopes()
         knots = self.knots
         for i in range(knots.shape[-1]):
@@ -250,6 +298,36 @@ class Superpotential(Portable, ABC):
             off = np.maximum(np.maximum(low - lam, lam - high), 0.0)
             best = np.minimum(best, np.hypot((r - knots[..., i]) / tau, off))
         return best
+
+    def _nearest_of_many(self, shared: Array, r: Array, lam: Array, tau: Array, best: Array) -> Array:
+        """:meth:`graph_distance`, from the knots nearest to r outwards until the next one is farther than the best."""
+        r, lam, tau, best = np.broadcast_arrays(r, lam, tau, best)
+        out, place = best.ravel().copy(), np.searchsorted(shared, r.ravel(), side="left")
+        r, lam, tau = r.ravel(), lam.ravel(), tau.ravel()
+        rows = None if self.knots.shape[0] == 1 else np.arange(r.size)
+        for step in (-1, 1):
+            first = place - 1 if step < 0 else place
+            open_, done, width = np.arange(r.size), 0, 4
+            while True:
+                knot = first[open_, None] + step * np.arange(done, done + width)
+                valid = (knot >= 0) & (knot < shared.size)
+                knot = np.clip(knot, 0, shared.size - 1)
+                law = self if rows is None else self.take(np.repeat(rows[open_], width))
+                left, right = (s.reshape(knot.shape) for s in law._slopes_at(knot.ravel()))
+                off = np.maximum(
+                    np.maximum(np.minimum(left, right) - lam[open_, None], 0.0),
+                    lam[open_, None] - np.maximum(left, right),
+                )
+                apart = (r[open_, None] - shared[knot]) / tau[open_, None]
+                found = np.where(valid, np.hypot(apart, off), np.inf).min(axis=1)
+                out[open_] = np.minimum(out[open_], found)
+                going = valid[:, -1] & (np.abs(apart[:, -1]) < out[open_])
+                open_ = open_[going]
+                if not open_.size:
+                    break
+                done += width
+                width = int(min(2 * width, max(_AT_ONCE // open_.size, 1)))
+        return out.reshape(best.shape)
 
     def local_minimisers(self, a: Array, b: Array) -> tuple[Array, Array]:
         """All local minimisers of ``a/2 r^2 - b r + j(r)``.
@@ -333,6 +411,8 @@ class Superpotential(Portable, ABC):
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
+        if self._many:
+            return self._argmin_of_many(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
         if self._convex:
             return self._convex_argmin(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
         points, energies = self.local_minimisers(a, b)
@@ -400,6 +480,96 @@ class Superpotential(Portable, ABC):
     @cached_property
     def _convex(self) -> bool:
         return bool((self.weak_convexity == 0.0).all())
+
+    def _argmin_of_many(self, a: Array, b: Array) -> Array:
+        """The minimiser where all points share many knots: by bisection where a exceeds alpha, else piece by piece."""
+        a, b = np.broadcast_arrays(a, b)
+        shape, a, b = a.shape, a.ravel(), b.ravel()
+        out = np.empty(a.size)
+        monotone = np.broadcast_to((a > self.weak_convexity) | (self.weak_convexity == 0.0), a.shape)
+        rows = np.arange(a.size)
+        for index in (rows[monotone], rows[~monotone]):
+            if not index.size:
+                continue
+            law = self if self.knots.shape[0] == 1 else self.take(index)
+            if monotone[index[0]]:
+                out[index] = law._bisected(a[index], b[index])
+                continue
+            size = max(1, _AT_ONCE // law.knots.shape[-1])
+            for start in range(0, index.size, size):
+                some = index[start : start + size]
+                part = self if self.knots.shape[0] == 1 else self.take(some)
+                out[some] = part._lowest_of_many(a[some], b[some])
+        return out.reshape(shape)
+
+    def _bisected(self, a: Array, b: Array) -> Array:
+        """The minimiser where ``a r + j'(r)`` grows: the number of knots passed, by bisection."""
+        knots = self._shared
+        assert knots is not None
+        count = knots.size
+        found = []
+        for side in (1, 0):  # knots with b above the right slope; knots with b not below the left one
+            low, high = np.full(a.shape, -1), np.full(a.shape, count)
+            while np.any(high - low > 1):
+                middle = np.clip((low + high) // 2, 0, count - 1)
+                force = a * np.where(np.isfinite(knots[middle]), knots[middle], np.inf) + self._slopes_at(middle)[side]
+                passed = (b > force) if side else (b >= force)
+                passed = passed & (high - low > 1)
+                low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
+            found.append(low + 1)
+        passed, reached = found
+        held = passed < reached
+        lower, upper = self.piece_bounds(passed)
+        inside, ok = self._stationary_point(passed, a, b, lower, upper, ~held & (lower < upper))
+        at_knot = knots[np.minimum(passed, count - 1)]
+        return np.where(held, at_knot, np.where(ok, inside, np.nan))
+
+    def _lowest_of_many(self, a: Array, b: Array) -> Array:
+        """The lowest of all local minimisers: every piece and knot that can hold one, for all points at once."""
+        knots = self._shared
+        assert knots is not None
+        m = a.size
+        left, right = self.knot_slopes()
+        finite = np.isfinite(knots)
+        at = np.where(finite, knots, 0.0)
+        rest = a[:, None] * at - b[:, None]
+        psi_left = np.where(finite, rest + left, np.inf)
+        psi_right = np.where(finite, rest + right, np.inf)
+        start = np.concatenate([np.full((m, 1), -np.inf), psi_right], axis=1)
+        end = np.concatenate([psi_left, np.full((m, 1), np.inf)], axis=1)
+        row, piece = np.nonzero(((start < 0.0) & (end > 0.0)) if self._straight else np.ones(start.shape, dtype=bool))
+        law = self if self.knots.shape[0] == 1 else self.take(row)
+        low, high = law.piece_bounds(piece)
+        low, high, first, last = law._convex_part(piece, a[row], b[row], low, high, start[row, piece], end[row, piece])
+        keep = (low < high) & (first < 0.0) & (last > 0.0)
+        law = law if law.knots.shape[0] == 1 else law.take(np.flatnonzero(keep))
+        row, piece, low, high = row[keep], piece[keep], low[keep], high[keep]
+        root, found = law._stationary_point(piece, a[row], b[row], low, high, np.ones(row.size, dtype=bool))
+        with np.errstate(invalid="ignore", over="ignore"):
+            energy = 0.5 * a[row] * root**2 - b[row] * root + law.piece_value(piece, root)
+        places, rows, energies = [root], [row], [np.where(found, energy, np.inf)]
+        row, knot = np.nonzero((psi_left <= 0.0) & (psi_right >= 0.0) & finite)
+        law = self if self.knots.shape[0] == 1 else self.take(row)
+        t = knots[knot]
+        valid = np.ones(row.size, dtype=bool)
+        for psi, side in ((psi_left[row, knot], knot), (psi_right[row, knot], knot + 1)):
+            valid &= ~((psi == 0.0) & (a[row] + law.piece_curvature(side, t) < 0.0))
+        places.append(t)
+        rows.append(row)
+        energies.append(np.where(valid, 0.5 * a[row] * t**2 - b[row] * t + law.value(t), np.inf))
+        place, row, energy = np.concatenate(places), np.concatenate(rows), np.concatenate(energies)
+        order = np.lexsort((energy, row))
+        place, row, energy = place[order], row[order], energy[order]
+        out = np.full(m, np.nan)
+        first_of_row = np.concatenate([[True], row[1:] != row[:-1]]) if row.size else np.zeros(0, dtype=bool)
+        chosen = first_of_row & np.isfinite(energy)
+        out[row[chosen]] = place[chosen]
+        return out
+
+    @property
+    def _straight(self) -> bool:
+        """Whether j' is straight on every piece."""
+        return False
 
     def _convex_argmin(self, a: Array, b: Array) -> Array:
         """The minimiser for a convex law: the force b grows with it, so counting the knots passed finds its piece."""

@@ -13,6 +13,7 @@ from hemivar._typing import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound
+from hemivar.laws.consistency import check_own
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.portable import Portable
@@ -53,6 +54,7 @@ class Friction(Portable):
     def __post_init__(self) -> None:
         if not isinstance(self.profile, Superpotential):
             raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
+        check_own(self.profile)
         _check_profile(self.profile)
 
     def _stated(self) -> dict[str, Any]:

@@ -107,7 +107,7 @@ class NamedLaw(ParameterLaw):
     def recession(self, sign: Array) -> Array:
         return self.table.recession(sign)
 
-    def scaled(self, factor: Array | float) -> PiecewiseQuadratic:
+    def scaled(self, factor: Array | float) -> Superpotential:
         return self.table.scaled(factor)
 
     def local_minimisers(self, a: Array, b: Array) -> tuple[Array, Array]:

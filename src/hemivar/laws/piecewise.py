@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
+from hemivar.laws.scaled import ScaledLaw
 
 __all__ = ["PiecewiseQuadratic"]
+
+#: Knots up to which slopes that cancel are told one by one.
+_FEW = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,16 +91,7 @@ class PiecewiseQuadratic(Superpotential):
                 raise ProblemError(f"law '{self.name}': a finite end of the domain must be one of the knots")
         if (lower > upper).any():
             raise ProblemError(f"law '{self.name}': the domain is empty (lower > upper)")
-        left = np.empty(knots.shape)
-        right = np.empty(knots.shape)
-        values = np.zeros(knots.shape)
-        left[..., 0] = start
-        right[..., 0] = _added(start, jumps[..., 0])
-        for i in range(1, count):
-            width = knots[..., i] - knots[..., i - 1]
-            left[..., i] = _added(right[..., i - 1], slopes[..., i] * width)
-            right[..., i] = _added(left[..., i], jumps[..., i])
-            values[..., i] = values[..., i - 1] + right[..., i - 1] * width + 0.5 * slopes[..., i] * width**2
+        left, right, values = _summed(knots, slopes, jumps, start)
         set_ = object.__setattr__
         for key, item in (
             ("breakpoints", knots),
@@ -173,7 +169,15 @@ class PiecewiseQuadratic(Superpotential):
         return (ends > lower) & (starts < upper), (knots > lower) & (knots < upper)
 
     @property
+    def _straight(self) -> bool:
+        return True
+
+    @property
     def weak_convexity(self) -> Array:
+        return self._alpha
+
+    @cached_property
+    def _alpha(self) -> Array:
         pieces, knots = self._inside()
         softening = np.max(np.where(pieces, -self.slopes, 0.0), axis=-1)
         falls = np.any(knots & (self.jumps < 0.0), axis=-1)
@@ -221,8 +225,10 @@ class PiecewiseQuadratic(Superpotential):
             raise ProblemError(f"law '{self.name}' is a table for {rows} contact points, but there are {len(points)}")
         return self
 
-    def scaled(self, factor: Array | float) -> PiecewiseQuadratic:
+    def scaled(self, factor: Array | float) -> Superpotential:
         factor = np.atleast_1d(np.asarray(factor, dtype=float))
+        if self._many and factor.size > 1:  # one table for all points, not one for each
+            return ScaledLaw(self, factor)
         return PiecewiseQuadratic(
             self.breakpoints,
             factor[:, None] * self.slopes,
@@ -254,6 +260,27 @@ class PiecewiseQuadratic(Superpotential):
         valid = admissible & (stiffness > 0.0)
         root = t + (b - a * t - slope) / np.where(valid, stiffness, 1.0)
         return np.clip(np.where(valid, root, 0.0), np.where(valid, low, 0.0), np.where(valid, high, 0.0)), valid
+
+
+def _summed(knots: Array, slopes: Array, jumps: Array, start: Array) -> tuple[Array, Array, Array]:
+    """j' to the left and to the right of each knot, and j there from the first knot on, (m, K) each."""
+    width, count = np.diff(knots, axis=-1), knots.shape[-1]
+    if count > _FEW:  # sums in the order of the knots: jump, rise, jump, rise, ...
+        steps = np.empty((*knots.shape[:-1], 2 * count))
+        steps[..., 0], steps[..., 1::2], steps[..., 2::2] = start, jumps, slopes[..., 1:-1] * width
+        reached = np.cumsum(steps, axis=-1)
+        tiny = 4.0 * np.finfo(float).eps * np.abs(reached).max(axis=-1, keepdims=True)
+        reached = np.where(np.abs(reached) <= tiny, 0.0, reached)
+        left, right = reached[..., 0::2].copy(), reached[..., 1::2].copy()
+    else:
+        left, right = np.empty(knots.shape), np.empty(knots.shape)
+        left[..., 0], right[..., 0] = start, _added(start, jumps[..., 0])
+        for i in range(1, count):
+            left[..., i] = _added(right[..., i - 1], slopes[..., i] * width[..., i - 1])
+            right[..., i] = _added(left[..., i], jumps[..., i])
+    parts = np.zeros((*knots.shape[:-1], 2 * count - 1))
+    parts[..., 1::2], parts[..., 2::2] = right[..., :-1] * width, 0.5 * slopes[..., 1:-1] * width**2
+    return left, right, np.cumsum(parts, axis=-1)[..., 0::2].copy()
 
 
 def _added(x: Array, y: Array) -> Array:

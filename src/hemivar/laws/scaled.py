@@ -66,6 +66,19 @@ class ScaledLaw(Superpotential):
         return np.broadcast_to(knots, (self._rows, knots.shape[-1]))
 
     @property
+    def _shared(self) -> Array | None:
+        return self.base._shared
+
+    def _slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
+        with np.errstate(invalid="ignore"):
+            left, right = (np.where(np.isinf(s), s, self.factor * s) for s in self.base._slopes_at(knot))
+        return left, right
+
+    @property
+    def _straight(self) -> bool:
+        return self.base._straight
+
+    @property
     def domain(self) -> Interval:
         return self.base.domain
 

@@ -1,0 +1,71 @@
+"""Tables of many rows are searched; they answer what going through all rows answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hemivar.laws import FormulaLaw, Superpotential, base, table_law
+
+M = 60
+
+
+def random_table(seed: int, rows: int, kind: str) -> Superpotential:
+    random = np.random.default_rng(seed)
+    r = np.sort(random.uniform(-1.0, 1.0, rows))
+    r[rows // 2] = r[rows // 2 - 1]  # a jump
+    y = random.normal(size=rows)
+    if kind == "convex":
+        y = np.sort(y)
+    elif kind == "smooth":
+        r[rows // 2] = 0.5 * (r[rows // 2 - 1] + r[rows // 2 + 1])
+        y = np.sin(5.0 * r)
+    return table_law(r, y)
+
+
+@pytest.mark.parametrize("kind", ["convex", "smooth", "rough"])
+@pytest.mark.parametrize("scaled", [False, True])
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=8, deadline=None)
+def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    law = random_table(seed, 90, kind)
+    if scaled:
+        law = law.scaled(np.where(np.arange(M) % 7 == 0, 0.0, random.uniform(0.1, 3.0, M)))
+    assert law._many
+    knots = law.knots[0]
+    r = np.where(random.random(M) < 0.5, random.choice(knots, M), random.uniform(-1.5, 1.5, M))
+    lam, tau = random.normal(size=M), 10.0 ** random.uniform(-3.0, 2.0, M)
+    a, b = 10.0 ** random.uniform(-1.0, 3.0, M), 3.0 * random.normal(size=M)
+    questions = {
+        "piece_of": (r,),
+        "at_kink": (r,),
+        "value": (r,),
+        "distance": (r, lam),
+        "graph_distance": (r, lam, tau),
+        "local_argmin": (a, b),
+        "prox_slope": (b, 1.0 / a),
+    }
+    found = {name: getattr(law, name)(*given) for name, given in questions.items()}
+    bounds = law.piece_bounds(law.piece_of(r))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(base, "_MANY", 1000)
+        assert not law._many
+        for name, given in questions.items():
+            np.testing.assert_allclose(found[name], getattr(law, name)(*given), rtol=1e-11, atol=1e-12, err_msg=name)
+        np.testing.assert_array_equal(bounds, law.piece_bounds(law.piece_of(r)))
+
+
+def test_formulas_with_many_kinks() -> None:
+    law = FormulaLaw("abs(sin(4*r)) + 0.05*r^2")
+    assert law._many
+    random = np.random.default_rng(3)
+    a, b = 10.0 ** random.uniform(-1.0, 2.0, 40), 5.0 * random.normal(size=40)
+    r = law.local_argmin(a, b)
+    grid = np.linspace(-9.9, 9.9, 20_001)
+    energy = 0.5 * a[:, None] * grid**2 - b[:, None] * grid + law.value(grid)
+    inside = np.abs(r) < 9.9
+    here = 0.5 * a * r**2 - b * r + law.value(r)
+    assert np.all(here[inside] <= energy.min(axis=1)[inside] + 1e-9)
