@@ -257,7 +257,7 @@ def read_msh(data: bytes) -> MshMesh:
     """
     sections: dict[str, list[str]] = {}
     inside: str | None = None
-    text = data.decode("latin-1").replace("\r\n", "\n")
+    text = data.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r\n", "\n")
     for line in text.split("\n"):
         line = line.strip()
         if inside is None:

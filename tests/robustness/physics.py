@@ -72,6 +72,7 @@ class Physics:
         self.size = float(np.ptp(self.body.nodes, axis=0).max())
         self.reference: MshMesh | None = None
         self.sides: dict[str, np.ndarray] = {}
+        self.looked_at: set[int] = set()  # contacts whose obstacle has been looked at
         self._outer = self._outer_facets()
 
     # -- values
@@ -209,7 +210,7 @@ class Physics:
             doubt += 3.0 * float(np.linalg.norm((K - fine) @ self.u.ravel()))
         if not (np.isfinite(K.data).all() and np.isfinite(F).all() and K.diagonal().min() > 1e-290):
             raise UnknownError("forces or stiffnesses beyond what this arithmetic holds")
-        held, prescribed, unclear = self.supports()
+        held, prescribed = self.supports()
         contact = self.contact(held)
         force = np.zeros(body.nodes.shape)
         for nodes, shares, vector in contact:
@@ -226,7 +227,6 @@ class Physics:
             Q = np.array(directions)
             rest[node] -= Q.T @ (Q @ rest[node])
             pull[node] -= Q.T @ (Q @ pull[node])
-        rest[list(unclear)] = 0.0
         shown = np.array([vector for _, _, vector in contact]).reshape(-1, d)
         weight = np.array([sum(shares) for _, shares, _ in contact])
         contact_size = float(np.linalg.norm(C))
@@ -326,10 +326,10 @@ class Physics:
             )
         return F, doubt
 
-    def supports(self) -> tuple[dict[int, list[np.ndarray]], np.ndarray, set[int]]:
-        """Directions in which nodes are held, the prescribed displacements, and nodes whose support is not clear."""
+    def supports(self) -> tuple[dict[int, list[np.ndarray]], np.ndarray]:
+        """Directions in which nodes are held, and the prescribed displacements."""
         held: dict[int, list[np.ndarray]] = {}
-        u0, unclear = np.zeros(self.u.shape), set()
+        u0 = np.zeros(self.u.shape)
         largest = 0.0
         wanted: list[tuple[int, np.ndarray, float, str]] = []
         for name, one in self.data.get("supports", {}).items():
@@ -363,7 +363,7 @@ class Physics:
                 self.verdict.wrong.append(f"the support '{name}' is missed by {missing:.3g} at node {node}")
                 break
         self.verdict.examined.append("supports")
-        return held, u0, unclear
+        return held, u0
 
     def contact(self, held: Mapping[int, Any]) -> list[tuple[list[int], list[float], np.ndarray]]:
         """Forces of the contact points on the nodes; checks their places, normals, weights, gaps and displacements."""
@@ -408,15 +408,12 @@ class Physics:
             else:
                 own_gap = None
             if corner and not midpoint:
+                # at a sharp corner each boundary has a point; a smooth joint one, with the gap of the first
                 alike = [e[key]["normal"] for e in expected.values() if key in e]
-                corner = bool(alike[0] @ alike[1] < 0.75)  # the gap of a smooth joint is that of the first boundary
-                smooth = not corner
-                if smooth:
-                    own_gap = None
+                corner = bool(alike[0] @ alike[1] < 0.75)
             moved = self.u[point["nodes"]].T @ np.array(point["shares"])
             if own_gap is not None:
-                distance = own_gap
-                worst_gap = max(worst_gap, abs(float(normal[i] @ moved) - distance - penetration[i]))
+                worst_gap = max(worst_gap, abs(float(normal[i] @ moved) - own_gap - penetration[i]))
             if d == 2:
                 tangents = np.array([[-normal[i, 1], normal[i, 0]]])
             else:
@@ -509,10 +506,9 @@ class Physics:
 
     def _no_obstacle_inside(self, distance: Any, one: Mapping[str, Any]) -> None:
         """An obstacle that the body has in its inside, and not at the contact boundary, is none."""
-        if one.get("_looked_at"):
+        if id(one) in self.looked_at:
             return
-        if isinstance(one, dict):
-            one["_looked_at"] = True
+        self.looked_at.add(id(one))
         outer = np.unique(self._outer)
         inner = np.setdiff1d(np.arange(len(self.body.nodes)), outer)
         bound = min((distance(x) for x in self.body.nodes[outer]), default=0.0)
