@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from hemivar import cli
+from hemivar.cli import main
 from hemivar.commands import terminal
 from hemivar.commands.outputs import Writer
 from hemivar.errors import ProblemError
@@ -477,7 +478,7 @@ def test_an_internal_error_can_be_traced(
 def test_a_very_long_name_does_not_hide_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["solve", "a" * 5000 + ".toml"]) == 2
     message = capsys.readouterr().err
-    assert message.startswith("hemivar: error: aaa")
+    assert message.startswith("hemivar: error: cannot read problem file aaa")
     assert len(message) < 1100
     assert "aaa ... aaa" in message
     assert "file name too long" in message.lower()
