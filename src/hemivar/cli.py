@@ -206,7 +206,7 @@ def _solve(
             check_outputs({**files, "--checkpoint": checkpoint}, problem)
             _check_limits(rtol, max_time, max_steps)
 
-        def limits(stated: ProblemFile, say: Callable[[Progress], None] | None) -> Controls:
+        def limits(stated: ProblemFile, say: Callable[[Progress], bool | None] | None) -> Controls:
             keep_off({**files, "--checkpoint": checkpoint}, inputs)
             return _controls(stated, rtol, max_time, max_steps, say)
 

@@ -151,10 +151,11 @@ def run_on_ranks(
         _print_summary(solution, certificate)
         failed = [] if keep is None or keep.error is None else [keep.error]
         written: list[Path] = []
-        for target, write in (
+        writers: tuple[tuple[Path | None, Callable[[Path], list[Path]]], ...] = (
             (json, lambda name: [write_json_on_ranks(solution, name, certificate)]),
             (vtu, lambda name: write_vtu_on_ranks(solution, name)),
-        ):
+        )
+        for target, write in writers:
             try:
                 written += [] if target is None else write(target)
             except HemivarError as error:

@@ -131,11 +131,14 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
     body.K.mult(x, force)
     force.aypx(-1.0, body.f)
     iterate = Iterate(x, force, record["energy"], record["stiffening"], built_at, record["step"])
-    history = tuple(
-        Progress(**{key: math.nan if value is None else value for key, value in line.items()})
-        for line in record["history"]
-    )
+    history = tuple(_progress(line) for line in record["history"])
     return Saved(iterate, history, state, record["outer"], tuple(record["changes"]))
+
+
+def _progress(line: dict[str, Any]) -> Progress:
+    """The opposite of :func:`_plain`."""
+    numbers: dict[str, Any] = {key: math.nan if value is None else value for key, value in line.items()}
+    return Progress(**numbers)
 
 
 def _plain(line: Progress) -> dict[str, Any]:
@@ -191,7 +194,7 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
     """The first line of a checkpoint, if that is whole and of this problem."""
     name = shown(path)
     try:
-        record = json.loads(stream.readline(_LONGEST_LINE))
+        record: dict[str, Any] = json.loads(stream.readline(_LONGEST_LINE))
         if record["format"] != _FORMAT:
             raise ProblemError(f"checkpoint '{name}' is of another version; solve from the beginning")
         _check_types(record)
