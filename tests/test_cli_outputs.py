@@ -472,3 +472,12 @@ def test_an_internal_error_can_be_traced(
     assert code == 70
     assert "Traceback" in err
     assert "in fail" in err
+
+
+def test_a_very_long_name_does_not_hide_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["solve", "a" * 5000 + ".toml"]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("hemivar: error: aaa")
+    assert len(message) < 1100
+    assert "aaa ... aaa" in message
+    assert "file name too long" in message.lower()

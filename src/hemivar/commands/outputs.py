@@ -15,6 +15,8 @@ from hemivar.errors import FileError, HemivarError, ProblemError
 
 __all__ = ["FIGURES", "Writer", "check_folder", "check_outputs", "internal_error", "keep_off", "one_line"]
 
+#: Characters of a message that are shown: a name of thousands of them would hide what is wrong.
+_LONGEST = 1000
 #: Suffixes of figures.
 FIGURES = (".png", ".svg", ".pdf")
 
@@ -184,8 +186,9 @@ class Writer:
 
 
 def one_line(message: str) -> str:
-    """A message on one line, free of control characters."""
-    return " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    """A message on one line, free of control characters, its middle cut out where it is very long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
 
 
 def internal_error(error: BaseException) -> str:

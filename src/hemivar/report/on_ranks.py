@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array, IntArray
-from hemivar.disk import whole_file
+from hemivar.disk import shown, whole_file
 from hemivar.distributed import DistributedSolution, Ranks
 from hemivar.distributed.files import one_writer
 from hemivar.errors import FileError
@@ -213,8 +213,10 @@ def _naming(path: Path) -> Iterator[None]:
     """Errors name the file that is to be, not the one that is written for the time being."""
     try:
         yield
-    except OSError as error:
-        raise FileError(f"cannot write {path}: {(error.strerror or str(error)).lower()}") from error
+    except (OSError, FileError) as error:
+        cause = error if isinstance(error, OSError) else error.__cause__
+        reason = (getattr(cause, "strerror", None) or str(cause or error)).lower()
+        raise FileError(f"cannot write {shown(path)}: {reason}") from error
 
 
 @contextmanager
