@@ -45,14 +45,20 @@ def examine(
     except (OSError, ValueError) as error:
         verdict.wrong.append(f"the JSON file cannot be read: {error}")
         return verdict
-    examine_record(folder, problem, record, fields, rtol, verdict)
+    examine_record(folder, problem, record, fields, rtol, verdict, together=True)
     return verdict
 
 
 def examine_record(
-    folder: Path, problem: str, record: Mapping[str, Any], fields: str | None, rtol: float, verdict: Verdict
+    folder: Path,
+    problem: str,
+    record: Mapping[str, Any],
+    fields: str | None,
+    rtol: float,
+    verdict: Verdict,
+    together: bool = False,
 ) -> None:
-    """Like :func:`examine`, for a record that has been read."""
+    """Like :func:`examine`, for a record that has been read; ``together`` if one run wrote it and the VTU file."""
     if "residual" in record:  # a displacement for `certify` needs none
         _plain_checks(record, rtol, verdict)
     try:
@@ -67,7 +73,7 @@ def examine_record(
         return
     try:
         with np.errstate(all="ignore"):
-            Physics(folder, data, record, fields, rtol, verdict).examine()
+            Physics(folder, data, record, fields, rtol, verdict, together).examine()
     except SenselessError as error:
         verdict.wrong.append(f"accepted though senseless: {error}")
     except MalformedError as error:
