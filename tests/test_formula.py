@@ -202,6 +202,8 @@ def test_piecewise_formulas_and_their_switches() -> None:
         ("piecewise()", "has no entry"),
         ("piecewise((r, r < 1, 2))", r"an entry of piecewise is \(value, condition\)"),
         ("piecewise((1, r == 0))", "character 15: a condition compares"),
+        ("piecewise((1, True), (2, r < 0))", "character 22: this entry of piecewise is never reached"),
+        ("piecewise((1, True), 2)", "never reached"),
         ("piecewise((1, r < y))", "character 19: 'y' is not known"),
         ("1 + x", "character 5: 'x' is not known; use r"),
         ("__import__('os')", "does not belong"),
@@ -212,3 +214,18 @@ def test_bad_formulas_of_one_variable(text: str, words: str) -> None:
         ScalarFormula(text)
     with pytest.raises(ProblemError, match=r"does not belong|only numbers|not known"):
         Formula("piecewise((1, x < 0), (2, True))")
+
+
+@given(trees)
+@settings(max_examples=60, deadline=None)
+def test_enclosures_hold_all_values(text: str) -> None:
+    smooth = ScalarFormula(text.replace("x", "r").replace("y", "(r + 1)").replace("er", "ex")).branch(0.4)
+    for order in range(2):
+        low, width = np.linspace(-2.0, 2.0, 21), 10.0 ** np.linspace(-6.0, 0.5, 21)
+        below, above = smooth.enclosed(low, low + width)
+        for share in (0.0, 0.3, 0.77, 1.0):
+            values = smooth(low + share * width)
+            known = np.isfinite(values)
+            assert np.all((values >= below - 1e-300)[known]), (text, order)
+            assert np.all((values <= above + 1e-300)[known]), (text, order)
+        smooth = smooth.derivative()

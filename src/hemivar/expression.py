@@ -379,32 +379,40 @@ class Graph:
             The values in the interval lie between them; both are infinite where nothing can be said, also where the
             expression has no value everywhere.
         """
-        return self._enclosures(node, low, high, every=False)[node]
-
-    def _enclosures(self, node: int, low: Array, high: Array, every: bool) -> dict[int, _Pair]:
-        """Bounds of a node, or of every one below it."""
         kept: dict[int, _Pair] = {}
         with np.errstate(all="ignore"):
             for i, op, arguments, leaf, done in self._program(node):
-                if op == "number":
-                    value = np.full(low.shape, float(leaf))
-                    kept[i] = _mended(value, value)
-                elif op == "name":
-                    kept[i] = (low, high)
-                elif op == "^":
-                    exponent = arguments[1]
-                    known = float(self.value(exponent, {})) if not self._varies[exponent] else None
-                    kept[i] = _mended(*_power(kept[arguments[0]], kept[exponent], known))
-                else:
-                    kept[i] = _mended(*_ENCLOSED[op](*(kept[a] for a in arguments)))
-                    if op in ("sin", "cos", "tanh"):
-                        kept[i] = (np.clip(kept[i][0], -1.0, 1.0), np.clip(kept[i][1], -1.0, 1.0))
-                for a in () if every else done:
+                kept[i] = self._one_enclosed(op, leaf, arguments, kept, low, high)
+                for a in done:
                     del kept[a]
-        return kept
+        return kept[node]
+
+    def _one_enclosed(
+        self,
+        op: str,
+        leaf: float | str,
+        arguments: Sequence[int],
+        kept: Mapping[int, _Pair],
+        low: Array,
+        high: Array,
+    ) -> _Pair:
+        """Bounds of one operation from those of its arguments."""
+        if op == "number":
+            value = np.full(low.shape, float(leaf))
+            return _mended(value, value)
+        if op == "name":
+            return low, high
+        if op == "^":
+            exponent = arguments[1]
+            known = float(self.value(exponent, {})) if not self._varies[exponent] else None
+            return _mended(*_power(kept[arguments[0]], kept[exponent], known))
+        below, above = _mended(*_ENCLOSED[op](*(kept[a] for a in arguments)))
+        if op in ("sin", "cos", "tanh"):
+            return np.clip(below, -1.0, 1.0), np.clip(above, -1.0, 1.0)
+        return below, above
 
     def tail(self, node: int, variable: str, low: float, high: float) -> float:
-        """Bound of the absolute value on ``[low, inf)`` or ``(-inf, high]``, from how fast the parts grow and decay.
+        """Upper bound on ``[low, inf)`` or ``(-inf, high]``, from how fast the parts grow and decay.
 
         Infinite where that says nothing.
         """
@@ -415,9 +423,10 @@ class Graph:
         near = abs(start)
         kept: dict[int, _Growth | None] = {}
         least: dict[int, _Growth | None] = {}
-        bounds = self._enclosures(node, *ends, every=True)
+        bounds: dict[int, _Pair] = {}
         with np.errstate(all="ignore"):
-            for i, op, arguments, _, _ in self._program(node):
+            for i, op, arguments, leaf, _ in self._program(node):
+                bounds[i] = self._one_enclosed(op, leaf, arguments, bounds, *ends)
                 below, above = (float(x[0]) for x in bounds[i])
                 inner, under = [kept[a] for a in arguments], [least[a] for a in arguments]
                 most = [_flat(max(abs(below), abs(above), np.finfo(float).tiny))]
@@ -456,14 +465,21 @@ class Graph:
                                 out.append((n * base[0], n * base[1], n * base[2]))
                 kept[i] = max((g for g in most if g), key=lambda g: (g[2], -g[1], -g[0]), default=None)
                 least[i] = max((g for g in fewest if g), key=lambda g: (-g[2], g[1], g[0]), default=None)
-        last = kept[node]
-        if last is None or (last[2] <= 0.0 and last[1] > 0.0):
-            return np.inf
-        c, p, q = last
-        r = max(abs(start), p / q if q > 0.0 else 0.0)
-        exponent = c + p * float(np.log(r)) - q * r
-        exponent += 1e-12 * (1.0 + abs(c) + abs(p * float(np.log(r))) + q * r)
-        return float(np.exp(max(exponent, -700.0))) if exponent < 700.0 else np.inf
+                most_here = _greatest(kept[i], near)
+                bounds[i] = (np.maximum(bounds[i][0], -most_here), np.minimum(bounds[i][1], most_here))
+        return float(bounds[node][1][0])
+
+
+def _greatest(growth: _Growth | None, start: float) -> float:
+    """Largest value of ``exp(c) r^p exp(-q r)`` for ``r >= start``."""
+    if growth is None or (growth[2] <= 0.0 and growth[1] > 0.0) or growth[2] < 0.0:
+        return np.inf
+    c, p, q = growth
+    r = max(start, p / q if q > 0.0 else 0.0)
+    power = p * float(np.log(r))
+    exponent = c + power - q * r
+    exponent += 1e-12 * (1.0 + abs(c) + abs(power) + q * r)
+    return float(np.exp(max(exponent, -700.0))) if exponent < 700.0 else np.inf
 
 
 #: (c, p, q) for the bound ``exp(c) |r|^p exp(-q |r|)``.
@@ -484,8 +500,8 @@ def _sum(x: _Growth | None, y: _Growth | None, start: float) -> _Growth | None:
     if x is None or y is None:
         return None
     power, fall, log = max(x[1], y[1]), min(x[2], y[2]), float(np.log(start))
-    sizes = (c + (p - power) * log - (q - fall) * start for c, p, q in (x, y))
-    return float(np.logaddexp(*sizes)), power, fall
+    first, second = (c + (p - power) * log - (q - fall) * start for c, p, q in (x, y))
+    return float(np.logaddexp(first, second)), power, fall
 
 
 def _applied(op: str, leaf: float | str, inner: list[Any], at: Mapping[str, Any]) -> Any:

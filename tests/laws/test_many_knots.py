@@ -43,6 +43,7 @@ def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, s
         "piece_of": (r,),
         "at_kink": (r,),
         "value": (r,),
+        "kink_within": (r + 1e-13, 1e-11),
         "distance": (r, lam),
         "graph_distance": (r, lam, tau),
         "local_argmin": (a, b),

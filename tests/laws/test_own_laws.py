@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +19,9 @@ from hemivar.laws import (
     FormulaLaw,
     Friction,
     FunctionLaw,
+    Layered,
     Logarithmic,
+    PenetrationBound,
     PiecewiseQuadratic,
     Signorini,
     SlipTable,
@@ -325,3 +330,58 @@ def test_laws_of_own_classes_are_looked_at() -> None:
         ContactLaw(soft(*table))
     with pytest.raises(ProblemError, match=r"jumps down at r = 0.3"):
         ContactLaw(_Spring(table[0], table[1], [0.0, 0.0, -0.1]))  # type: ignore[arg-type]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: SurveyLaw(0.3 + 0.1j).at(np.zeros((2, 2))),  # type: ignore[arg-type]
+        lambda: SurveyLaw(lambda x: x[:, 0] + 1j).at(np.zeros((2, 2))),  # type: ignore[arg-type, return-value]
+        lambda: PiecewiseQuadratic(np.array([0.0]), np.array([0.0, 1j]), np.array([0.0])),
+        lambda: table_law([0.0, 1.0], [0.0, 1.0 + 1j]),  # type: ignore[list-item]
+        lambda: Layered([0.1], [1.0 + 1j]),  # type: ignore[list-item]
+        lambda: SurveyLaw(0.3).scaled(np.array([1.0 + 1j])),
+        lambda: FormulaLaw("abs(r)").scaled(np.array([1.0 + 1j])),
+        lambda: FunctionLaw(lambda r: r**2 + 0j),
+        lambda: PenetrationBound(([0.0, 1.0], [0.0, 1j])),
+        lambda: PenetrationBound(lambda s: s + 0j),
+    ],
+)
+def test_complex_numbers_are_refused(make: Callable[[], object]) -> None:
+    with pytest.raises(ProblemError, match="complex"):
+        make()
+
+
+def test_formulas_end_in_bounded_time() -> None:
+    """Each is accepted or refused; their derivatives as trees, or their kinks one by one, took half a minute."""
+    nested = {"abs({} - 0.37)": 30, "sin({})": 40, "({}*r + 1)": 80, "(2 + abs({}))^0.5": 20}
+    texts = ["abs(sin(100*r))", "abs(sin(1e5*r))", "sin(1e4*r)", "(" * 80 + "r" + ")" * 80]
+    for pattern, count in nested.items():
+        text = "r"
+        for _ in range(count):
+            text = pattern.format(text)
+        texts.append(text)
+    for text in texts:
+        began = time.process_time()
+        with contextlib.suppress(ProblemError), warnings.catch_warnings():
+            warnings.simplefilter("error")
+            FormulaLaw(text).describe()
+        assert time.process_time() - began < 4.0, text
+
+
+@pytest.mark.parametrize("text", ["sqrt(abs(r))", "abs(r)^0.9", "(r^2)^0.45", "1/(r - 0.3)", "tan(r)", "max(r, 0)^0.5"])
+def test_slopes_without_bound_are_refused_with_their_place(text: str) -> None:
+    with pytest.raises(ProblemError, match=r"derivative of .* (is not finite|grows without bound) at r = "):
+        FormulaLaw(text)
+
+
+def test_alpha_of_a_formula_is_a_bound() -> None:
+    """A bump of width 1e-4, which sampling steps over."""
+    law = FormulaLaw("r^2 + 1e-7*(1 - exp(-((r - 0.123456)/1e-4)^2))")
+    exact = 4e-7 * np.exp(-1.5) / 1e-8 - 2.0  # the bump bends most where the square of (r - 0.123456)/1e-4 is 3/2
+    assert not law.alpha_sampled
+    assert exact <= law.weak_convexity[0] <= exact * (1.0 + 1e-6)
+    assert FormulaLaw("r^2/(1 + r^2)").weak_convexity[0] == pytest.approx(0.5, rel=1e-6)
+    assert not FormulaLaw("r^2/(1 + r^2)").alpha_sampled
+    assert FunctionLaw(lambda r: r**2).alpha_sampled

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array, IntArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
 from hemivar.laws.base import Interval, Superpotential
@@ -201,7 +202,7 @@ class _OwnLaw(Superpotential):
         return self
 
     def scaled(self, factor: Array | float) -> ScaledLaw:
-        return ScaledLaw(self, np.atleast_1d(np.asarray(factor, dtype=float)))
+        return ScaledLaw(self, np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)))
 
     # ---- for those who supply pieces -----------------------------------------------------------------------
 
@@ -222,7 +223,9 @@ def _joined(where: str, knots: Array, pieces: Sequence[_Piece], reach: float, st
             left = float(pieces[i].value(np.array([knot - step]))[0])
             right = float(pieces[i + 1].value(np.array([knot + step]))[0])
             slopes = [abs(float(pieces[k].derivative(np.array([knot]))[0])) for k in (i, i + 1)]
-        rounding = (1e-6 if step else 1e-9) * (abs(left) + abs(right) + 1e-3 * reach * sum(slopes))
+            far = [float(pieces[i + k].value(np.array([knot + (2 * k - 1) * 0.01 * reach]))[0]) for k in (0, 1)]
+        rises = sum(abs(x) for x in (far[0] - left, far[1] - right) if np.isfinite(x))
+        rounding = (1e-6 if step else 1e-9) * (abs(left) + abs(right) + rises + 1e-3 * reach * sum(slopes))
         if not abs(right - left) <= rounding + 4.0 * step * sum(slopes):
             raise ProblemError(
                 f"{where} is {left:.6g} to the left and {right:.6g} to the right of r = {knot:.6g}; "
@@ -346,10 +349,11 @@ class _FormulaLaw(_OwnLaw):
         r, piece = self._samples
         size = np.abs(self._evaluate(piece, r, 2))
         scale = float(np.max(size[np.isfinite(size)], initial=0.0))
-        proved = self._supremum(2, -1.0, far=True, slack=1e-12 * scale).bound
-        if self._branches[2] and sampled <= proved <= 1.01 * sampled + 1e-6 * scale:
-            return proved, False
-        return sampled, True
+        found = self._supremum(2, -1.0, far=True, slack=1e-12 * scale)
+        seen = max(sampled, found.seen)
+        if self._branches[2] and seen <= found.bound <= 1.01 * seen + 1e-6 * scale:
+            return found.bound, False
+        return seen, True
 
     @property
     def _alpha(self) -> float:  # type: ignore[override]
@@ -403,7 +407,7 @@ def _turns(third: SmoothFormula, inside: Sequence[Array]) -> Array:
     first, last = nonzero[:-1], nonzero[1:]
     turns = (piece[first] == piece[last]) & (values[first] * values[last] < 0.0)
     if np.count_nonzero(turns) > _MOST_KNOTS:
-        return places[first[turns]]
+        return np.asarray(places[first[turns]])
     found = third.crossings(places[first[turns]], places[last[turns]])
     return np.where(np.abs(found) > 1e-12 * float(np.abs(places).max()), found, 0.0)
 
@@ -443,9 +447,14 @@ class _FunctionLaw(_OwnLaw):
 
     def _called(self, function: Callable[[Any], Any], r: Array) -> Array:
         try:
-            values = np.asarray(function(r), dtype=float)
+            given = np.asarray(function(r))
+            if np.iscomplexobj(given):
+                raise ProblemError(f"a function of law '{self.name}' returns complex numbers; it must return real ones")
+            values = np.asarray(given, dtype=float)
             if values.shape != r.shape:
                 values = np.broadcast_to(values, r.shape)
+        except ProblemError:
+            raise
         except (TypeError, ValueError):
             try:
                 values = np.array([float(function(x)) for x in r.ravel().tolist()]).reshape(r.shape)

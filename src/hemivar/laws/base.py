@@ -28,7 +28,7 @@ _FAR = 1e8
 #: Knots from which on they are many.
 _MANY = 40
 #: Points times knots that are looked at at once.
-_AT_ONCE = 1 << 20
+_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -237,6 +237,25 @@ class Superpotential(Portable, ABC):
             left, right = self._slopes_at(near)
             return np.asarray((shared.take(near) == r) & np.isfinite(r) & (left != right))
         return np.asarray(np.any((r[..., None] == self.knots) & self.kinks(), axis=-1))
+
+    def kink_within(self, r: Array, near: float) -> Array:
+        """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
+        shared = self._shared
+        if shared is None:
+            off = np.where(self.kinks(), np.abs(r[:, None] - self.knots), np.inf)
+            at = np.argmin(off, axis=1)
+            knots = np.broadcast_to(self.knots, off.shape)
+            rows = np.arange(r.size)
+            return np.where(off[rows, at] <= near, knots[rows, at], np.nan)
+        best, place = np.full(r.shape, near), np.full(r.shape, np.nan)
+        after = np.searchsorted(shared, r, side="left")
+        for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
+            inside = np.clip(knot, 0, shared.size - 1)
+            off = np.abs(r - shared[inside])
+            left, right = self._slopes_at(inside)
+            better = (left != right) & (off <= best)
+            best, place = np.where(better, off, best), np.where(better, shared[inside], place)
+        return place
 
     def derivative(self, r: Array) -> Array:
         """j'(r); at a kink, the one-sided derivative from the left."""
@@ -517,11 +536,11 @@ class Superpotential(Portable, ABC):
                 passed = passed & (high - low > 1)
                 low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
             found.append(low + 1)
-        passed, reached = found
-        held = passed < reached
-        lower, upper = self.piece_bounds(passed)
-        inside, ok = self._stationary_point(passed, a, b, lower, upper, ~held & (lower < upper))
-        at_knot = knots[np.minimum(passed, count - 1)]
+        piece, reached = found
+        held = piece < reached
+        lower, upper = self.piece_bounds(piece)
+        inside, ok = self._stationary_point(piece, a, b, lower, upper, ~held & (lower < upper))
+        at_knot = knots[np.minimum(piece, count - 1)]
         return np.where(held, at_knot, np.where(ok, inside, np.nan))
 
     def _lowest_of_many(self, a: Array, b: Array) -> Array:
@@ -531,16 +550,19 @@ class Superpotential(Portable, ABC):
         m = a.size
         left, right = self.knot_slopes()
         finite = np.isfinite(knots)
-        at = np.where(finite, knots, 0.0)
-        rest = a[:, None] * at - b[:, None]
-        psi_left = np.where(finite, rest + left, np.inf)
-        psi_right = np.where(finite, rest + right, np.inf)
-        start = np.concatenate([np.full((m, 1), -np.inf), psi_right], axis=1)
-        end = np.concatenate([psi_left, np.full((m, 1), np.inf)], axis=1)
-        row, piece = np.nonzero(((start < 0.0) & (end > 0.0)) if self._straight else np.ones(start.shape, dtype=bool))
+        at = a[:, None] * np.where(finite, knots, 0.0)
+        below, above = np.where(finite, at + left, np.inf), np.where(finite, at + right, np.inf)  # forces at the knots
+        passed, ahead = b[:, None] > above, b[:, None] < below
+        candidate = np.ones((m, knots.size + 1), dtype=bool)
+        if self._straight:
+            candidate[:, 1:] = passed
+            candidate[:, :-1] &= ahead
+        row, piece = np.nonzero(candidate)
+        start = np.where(piece > 0, above[row, np.maximum(piece - 1, 0)] - b[row], -np.inf)
+        end = np.where(piece < knots.size, below[row, np.minimum(piece, knots.size - 1)] - b[row], np.inf)
         law = self if self.knots.shape[0] == 1 else self.take(row)
         low, high = law.piece_bounds(piece)
-        low, high, first, last = law._convex_part(piece, a[row], b[row], low, high, start[row, piece], end[row, piece])
+        low, high, first, last = law._convex_part(piece, a[row], b[row], low, high, start, end)
         keep = (low < high) & (first < 0.0) & (last > 0.0)
         law = law if law.knots.shape[0] == 1 else law.take(np.flatnonzero(keep))
         row, piece, low, high = row[keep], piece[keep], low[keep], high[keep]
@@ -548,12 +570,12 @@ class Superpotential(Portable, ABC):
         with np.errstate(invalid="ignore", over="ignore"):
             energy = 0.5 * a[row] * root**2 - b[row] * root + law.piece_value(piece, root)
         places, rows, energies = [root], [row], [np.where(found, energy, np.inf)]
-        row, knot = np.nonzero((psi_left <= 0.0) & (psi_right >= 0.0) & finite)
+        row, knot = np.nonzero(~(passed | ahead) & finite)
         law = self if self.knots.shape[0] == 1 else self.take(row)
         t = knots[knot]
         valid = np.ones(row.size, dtype=bool)
-        for psi, side in ((psi_left[row, knot], knot), (psi_right[row, knot], knot + 1)):
-            valid &= ~((psi == 0.0) & (a[row] + law.piece_curvature(side, t) < 0.0))
+        for force, side in ((below[row, knot], knot), (above[row, knot], knot + 1)):
+            valid &= ~((force == b[row]) & (a[row] + law.piece_curvature(side, t) < 0.0))
         places.append(t)
         rows.append(row)
         energies.append(np.where(valid, 0.5 * a[row] * t**2 - b[row] * t + law.value(t), np.inf))

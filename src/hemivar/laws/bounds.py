@@ -169,7 +169,7 @@ class PenetrationBound(StateBound):
     def _checked(self, s: Array) -> Array:
         s = np.asarray(s, dtype=float)
         try:
-            values = np.asarray(self._evaluate(s), dtype=float)
+            values = real_array(self._evaluate(s), "the value of the friction bound", finite=False)
             values = np.broadcast_to(values, s.shape)
         except (TypeError, ValueError) as error:
             if isinstance(error, ProblemError):

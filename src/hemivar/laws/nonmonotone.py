@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar._typing import Array, IntArray, Parameter
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval
 from hemivar.laws.bounds import StateBound
@@ -182,6 +183,8 @@ class Adhesive(NamedLaw):
 
 
 def _numbers(values: Sequence[float] | Array, what: str) -> Array:
+    if np.iscomplexobj(values):
+        raise ProblemError(f"{what} are complex; give real numbers")
     try:
         numbers = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError):
@@ -322,7 +325,7 @@ class _EvenLaw(ParameterLaw):
         return self._half(np.where(np.asarray(piece) > 0, np.maximum(r, 0.0), np.maximum(np.negative(r), 0.0)), 2)
 
     def scaled(self, factor: Array | float) -> ScaledLaw:
-        return ScaledLaw(self, np.atleast_1d(np.asarray(factor, dtype=float)))
+        return ScaledLaw(self, np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)))
 
 
 @dataclass(frozen=True, eq=False)

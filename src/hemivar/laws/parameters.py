@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hemivar._typing import Array, Parameter
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 
 __all__ = ["evaluate"]
@@ -35,12 +38,14 @@ def evaluate(parameter: Parameter, points: Array | None, what: str, minimum: flo
     if callable(parameter):
         if points is None:
             raise ProblemError(f"{what} is a function of x: evaluate the law with law.at(points) first")
-        values: object = parameter(points)
+        values: Any = parameter(points)
     else:
         values = parameter
+    if np.iscomplexobj(values):
+        raise ProblemError(f"{what} is complex; give real numbers")
     try:
-        result = np.atleast_1d(np.asarray(values, dtype=float))
-    except (TypeError, ValueError):
+        result = np.atleast_1d(real_array(values, what, finite=False))
+    except ProblemError:
         raise ProblemError(f"{what} must be a number or numbers, not {values!r}") from None
     if result.ndim != 1 or (points is not None and result.size not in (1, len(points))):
         expected = "a number" if points is None else f"a number or {len(points)} numbers, one for each contact point"

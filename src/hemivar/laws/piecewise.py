@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.scaled import ScaledLaw
@@ -57,9 +58,10 @@ class PiecewiseQuadratic(Superpotential):
     _offset: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        knots = np.atleast_2d(np.asarray(self.breakpoints, dtype=float))
-        slopes = np.atleast_2d(np.asarray(self.slopes, dtype=float))
-        jumps = np.atleast_2d(np.asarray(self.jumps, dtype=float))
+        knots, slopes, jumps = (
+            np.atleast_2d(real_array(values, f"{what} of law '{self.name}'", finite=False))
+            for what, values in (("knots", self.breakpoints), ("slopes", self.slopes), ("jumps", self.jumps))
+        )
         count = knots.shape[-1]
         if count < 1 or slopes.shape[-1] != count + 1 or jumps.shape[-1] != count:
             raise ProblemError(
@@ -85,7 +87,10 @@ class PiecewiseQuadratic(Superpotential):
         knots = np.broadcast_to(knots, (*rows, count))
         slopes = np.broadcast_to(slopes, (*rows, count + 1))
         jumps = np.broadcast_to(jumps, (*rows, count))
-        start, lower, upper = (np.broadcast_to(np.asarray(v, dtype=float), rows) for v in self._scalars())
+        start, lower, upper = (
+            np.broadcast_to(real_array(v, f"an end or the start of law '{self.name}'", finite=False), rows)
+            for v in self._scalars()
+        )
         for end in (lower, upper):
             if (np.isfinite(end) & ~np.any(knots == end[..., None], axis=-1)).any():
                 raise ProblemError(f"law '{self.name}': a finite end of the domain must be one of the knots")
@@ -148,6 +153,10 @@ class PiecewiseQuadratic(Superpotential):
         return np.broadcast_to(curvature, np.broadcast_shapes(curvature.shape, np.shape(r)))
 
     def knot_slopes(self) -> tuple[Array, Array]:
+        return self._slopes
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
         lower, upper = np.asarray(self.lower)[..., None], np.asarray(self.upper)[..., None]
         return (
             np.where(self.breakpoints <= lower, -np.inf, self._left),
@@ -226,7 +235,7 @@ class PiecewiseQuadratic(Superpotential):
         return self
 
     def scaled(self, factor: Array | float) -> Superpotential:
-        factor = np.atleast_1d(np.asarray(factor, dtype=float))
+        factor = np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False))
         if self._many and factor.size > 1:  # one table for all points, not one for each
             return ScaledLaw(self, factor)
         return PiecewiseQuadratic(

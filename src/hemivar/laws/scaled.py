@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
 
@@ -28,7 +29,7 @@ class ScaledLaw(Superpotential):
     factor: Array
 
     def __post_init__(self) -> None:
-        factor = np.atleast_1d(np.asarray(self.factor, dtype=float))
+        factor = np.atleast_1d(real_array(self.factor, f"the factor of law '{self.base.name}'", finite=False))
         if not np.all(factor >= 0.0):
             raise ProblemError(f"law '{self.base.name}' is scaled by {factor.min():g}; a factor must be at least 0")
         object.__setattr__(self, "factor", factor)

@@ -339,10 +339,8 @@ def snapped(law: ContactLaw, r: Array) -> Array:
     near = 1e-11 * float(np.abs(r).max(initial=0.0))
     sizes = [r[:, 0]] if r.shape[1] == 1 else [r[:, 0], np.linalg.norm(r[:, 1:], axis=1)]
     for c, (size, scalar) in enumerate(zip(sizes, (law.normal, law.tangential), strict=False)):
-        off = np.where(scalar.kinks(), np.abs(size[:, None] - scalar.knots), np.inf)
-        at = np.argmin(off, axis=1)
-        hit = off[np.arange(len(r)), at] <= near
-        knot = np.broadcast_to(scalar.knots, off.shape)[np.arange(len(r)), at]
+        knot = scalar.kink_within(size, near)
+        hit = np.isfinite(knot)
         if c == 0:
             out[:, 0] = np.where(hit, knot, r[:, 0])
         else:
