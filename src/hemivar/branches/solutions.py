@@ -207,5 +207,8 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> SolutionSet:
 
 
 def _affine(chain: Chain) -> bool:
+    law = chain.system.law
+    if law.normal.alpha_sampled or law.tangential.alpha_sampled:
+        return False  # that its pieces are straight, and all of them, was only seen at samples
     used = np.arange(chain.kink.shape[1])[None, :] < chain.count[:, None]
     return bool((chain.affine | chain.kink)[used].all())
