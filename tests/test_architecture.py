@@ -19,7 +19,7 @@ PACKAGE = ROOT / "src" / "hemivar"
 #: Modules and packages of hemivar by rank: each may import itself and what stands on a lower line.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "_typing"),
-    ("arrays", "deadline", "disk", "expression", "memory", "portable"),
+    ("arguments", "arrays", "deadline", "disk", "expression", "memory", "portable"),
     ("smooth",),
     ("formula",),
     ("laws",),

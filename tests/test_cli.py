@@ -295,7 +295,7 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
     "no cells in the mesh": (changed((MESH_FILE[0], 'file = "lines.msh"')), ["[mesh] file", "no triangles"]),
     "degenerate cells": (
         changed((MESH_FILE[0], 'file = "flat.msh"')),
-        ["[mesh] file: 'flat.msh': ", "degenerate (no volume)", "cells 1"],
+        ["[mesh] file: mesh file 'flat.msh': ", "degenerate (no volume)", "cells 1"],
     ),
     "inner facet as boundary": (
         changed((MESH_FILE[0], 'file = "inner.msh"')),

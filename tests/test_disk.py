@@ -162,6 +162,18 @@ def test_devices_sizes_and_encodings_are_looked_at_first(tmp_path: Path) -> None
     assert disk.read_text(tmp_path / "b") == "a\nb"
 
 
+def test_reading_takes_the_memory_of_the_file_not_of_the_limit(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("1,2\n")
+    code = (
+        "import resource, sys\n"
+        "from hemivar import disk\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (2**29, 2**29))\n"
+        "print(disk.read_text(sys.argv[1], most_bytes=2**36))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "a")], capture_output=True, text=True, check=True)
+    assert done.stdout == "1,2\n\n"
+
+
 def test_one_file_by_two_names(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("")
     (tmp_path / "b").symlink_to(tmp_path / "a")

@@ -206,7 +206,7 @@ def _solve(
             check_outputs({**files, "--checkpoint": checkpoint}, problem)
             _check_limits(rtol, max_time, max_steps)
 
-        def limits(stated: ProblemFile, say: Callable[[Progress], None] | None) -> Controls:
+        def limits(stated: ProblemFile, say: Callable[[Progress], bool | None] | None) -> Controls:
             keep_off({**files, "--checkpoint": checkpoint}, inputs)
             return _controls(stated, rtol, max_time, max_steps, say)
 
@@ -462,7 +462,7 @@ def _survey(
             print(f"    {order:5.2f}   {reference}, {method}")
     report = out / "report.html"
     others = len(result.files) - (report in result.files)
-    print(f"\nwritten           {f'{report} and ' if report in result.files else ''}{others} other files")
+    print(f"\nwritten           {f'{shown(report)} and ' if report in result.files else ''}{others} other files")
     print(f"time              {result.seconds:.3g} s")
     if result.interrupted:
         print("interrupted: the report holds what was done until then")
@@ -483,7 +483,7 @@ def _new(
         raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")
     check_outputs({"FILE": file})
     write_text(file, SAMPLE.replace("FILE", shown(file), 1))
-    print(f"written           {file}\nnow try           hemivar solve {file} --plot figure.png")
+    print(f"written           {shown(file)}\nnow try           hemivar solve {shown(file)} --plot figure.png")
     return _CONVERGED
 
 
@@ -627,6 +627,8 @@ def _controls(
     from hemivar.solvers import Controls
 
     given = stated.solver
+    if rtol is None and given.rtol is not None and given.rtol > _LARGEST_RTOL:
+        raise ProblemError(f"{stated.name}: [solver] rtol is {given.rtol:g}; it must be at most {_LARGEST_RTOL:g}")
     chosen: dict[str, Any] = {
         "rtol": rtol if rtol is not None else given.rtol,
         "max_time": max_time if max_time is not None else given.max_time,
@@ -658,7 +660,7 @@ def _solve_levels(
             break
     assert solution is not None
     if solution.status is Status.INTERRUPTED:
-        print("\ninterrupted       the best iterate follows, with its certificate; Ctrl-C again aborts", flush=True)
+        print("\ninterrupted       the best iterate follows; Ctrl-C again leaves its certificate out", flush=True)
     return solution
 
 
@@ -874,7 +876,7 @@ def _print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
     order = "" if stated.problem.order == 1 else ", quadratic elements"
     size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
     title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
-    print(title or stated.name)
+    print(title or shown(stated.name))
     print(f"mesh              {size}")
     print(f"unknowns          {discrete.unknowns}")
     for warning in discrete.warnings:

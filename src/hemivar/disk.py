@@ -31,6 +31,7 @@ __all__ = [
 
 #: Bytes of a text file (problem, law table, result) that are read unless the caller says otherwise.
 MOST_BYTES = 256 * 2**20
+_PORTION = 16 * 2**20
 
 _noted: ContextVar[list[Path] | None] = ContextVar("files read", default=None)
 
@@ -83,12 +84,15 @@ def read_bytes(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTE
         with os.fdopen(descriptor, "rb") as stream:
             if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
                 raise FileError(f"cannot read {what} {shown(path)}: it is not a regular file")
-            data = stream.read(most_bytes + 1)
+            parts, left = [], most_bytes + 1  # in portions, for a buffer of the limit may not fit where the file does
+            while left > 0 and (part := stream.read(min(left, _PORTION))):
+                parts.append(part)
+                left -= len(part)
     except OSError as error:
         raise FileError(f"cannot read {what} {shown(path)}: {_reason(error)}") from error
-    if len(data) > most_bytes:
+    if left <= 0:
         raise FileError(f"{what} {shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read")
-    return data
+    return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
 def read_text(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTES) -> str:
@@ -133,7 +137,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     except FileError:
         raise
     except Exception as error:
-        cause = _disk_error(error, around)
+        cause: Exception | None = _disk_error(error, around)
         if cause is None and temporary is None and isinstance(error, ValueError):
             cause = error  # a NUL in the name
         if cause is None:

@@ -29,7 +29,7 @@ def problems_with(case: Case, starts: int = 2) -> tuple[list[str], bool, bool]:
         if solved.status is Status.CONVERGED and not near(solved.local.ravel(), places, 1e-5 * size):
             wrong.append(f"missing what solve returns, {solved.local.ravel()}")
     for i, r in enumerate(places):
-        if near(r, places[:i], 1e-9 * size):
+        if near(r, places[:i], 1e-6 * size):
             wrong.append(f"twice {r}")
     pairs = [(solved.unknowns, solved.multiplier), (np.zeros_like(case.problem.load), None)]
     pairs += [(s.unknowns, s.multiplier) for s in found]
@@ -44,7 +44,7 @@ def problems_with(case: Case, starts: int = 2) -> tuple[list[str], bool, bool]:
     return wrong, found.exhaustive, unique
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 12))])
 def test_claims_agree_with_brute_force(block: int) -> None:
     exhaustive = unique = 0
     for seed in range(25 * block, 25 * block + 25):

@@ -354,6 +354,12 @@ def test_damaged_files_of_the_new_format_are_refused(old: bytes, new: bytes, wor
     assert re.search(words, found), found
 
 
+def test_groups_of_turned_entities_and_without_names() -> None:
+    """A negative number marks the opposite orientation of the same group."""
+    for data in (NEW, NEW.replace(b"0 0 1 7 0", b"0 0 1 -7 0")):
+        assert set(parse_msh(data, "x").groups) == {(1, "7"), (2, "8")}
+
+
 def sources() -> Iterator[bytes]:
     yield from (path.read_bytes() for path in GENUINE if path.stat().st_size < 20000)
     yield from (binary(version, order) for version in ("2.2", "4.0", "4.1") for order in "<>")

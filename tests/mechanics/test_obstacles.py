@@ -218,7 +218,7 @@ def test_a_turned_body_and_obstacle_give_the_same_pressure(shape: str) -> None:
         (lambda: SignedDistance(3.0), "give a function of points"),  # type: ignore[arg-type]
         (lambda: Contact(Signorini(), gap=0.1, obstacle=Sphere((0.0, 0.0), 1.0)), "leave one out"),
         (lambda: Contact(Signorini(), normals=Normals.OBSTACLE), "needs an obstacle"),
-        (lambda: Contact(Signorini(), obstacle=3.0), "obstacle is float; pass Plane"),  # type: ignore[arg-type]
+        (lambda: Contact(Signorini(), obstacle=3.0), "obstacle is 3.0; pass Plane"),  # type: ignore[arg-type]
         (lambda: block(Sphere((0.0, 0.0), 1.0), "mine"), "choose Normals.OBSTACLE or Normals.BODY"),
         (lambda: block(Sphere((0.0, 0.0, -2.0), 1.0)), "has 3 coordinates, the mesh has 2"),
         (lambda: discretize(block(Plane((0.0, 0.0), (0.0, -1.0)))), "wrong side"),

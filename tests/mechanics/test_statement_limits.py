@@ -17,6 +17,7 @@ from hemivar.mechanics import (
     Fixed,
     Material,
     Mesh,
+    Normals,
     Obstacle,
     Plane,
     Prescribed,
@@ -178,6 +179,13 @@ def test_obstacles_inside_the_body_are_refused(mesh: Mesh, obstacle: Obstacle, w
 )
 def test_obstacles_that_overlap_the_boundary_are_not(mesh: Mesh, obstacle: Obstacle) -> None:
     discretize(stated(mesh, Contact(Compliance(1.0), obstacle=obstacle)))
+
+
+def test_a_centre_on_the_boundary_is_not_inside() -> None:
+    obstacle = Sphere((0.5 * np.cos(0.5), 0.5 * np.sin(0.5)), 0.3)
+    discretize(
+        stated(rectangle(cells=5).rotated(0.5), Contact(Compliance(1.0), obstacle=obstacle, normals=Normals.BODY))
+    )
 
 
 def test_an_obstacle_in_a_hole_or_a_notch_is_outside() -> None:

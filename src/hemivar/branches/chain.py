@@ -391,7 +391,9 @@ class _SegmentTable:
         for k in range(count):
             low, high = law.piece_bounds(np.full(m, k, dtype=np.int64))
             low, high = np.broadcast_to(low, (m,)), np.broadcast_to(high, (m,))
-            reach = np.where(np.isfinite(high - low), high - low, 1.0 + np.abs(np.where(np.isfinite(low), low, 0.0)))
+            with np.errstate(invalid="ignore"):
+                width = high - low
+            reach = np.where(np.isfinite(width), width, 1.0 + np.abs(np.where(np.isfinite(low), low, 0.0)))
             base = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - reach, -0.5 * reach))
             piece = np.full(m, k, dtype=np.int64)
             at = [base + part * np.where(reach > 0.0, reach, 1.0) for part in (0.13, 0.41, 0.77)]

@@ -8,10 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arguments import expect, number, whole_number
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.errors import MethodError, ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.portable import Portable
 from hemivar.solvers import CondensedProblem, Controls, LoadLine, LoadStepping, Solution, Status, condense, solve
 from hemivar.solvers.condensed import depends_on_state
@@ -146,7 +149,7 @@ class Path(Portable):
 
 
 def follow_path(
-    problem: DiscreteProblem,
+    problem: DiscreteProblem | ContactProblem,
     load_factor: tuple[float, float] = (0.0, 1.0),
     *,
     unloaded: DiscreteProblem | None = None,
@@ -188,11 +191,21 @@ def follow_path(
     ProblemError
         The range is empty, or no equilibrium was found at its lower end.
     """
-    low, high = (float(end) for end in load_factor)
+    problem = posed(problem, "follow_path")
+    if unloaded is not None:
+        expect(unloaded, DiscreteProblem, "the unloaded problem", "discretise it first, hemivar.discretize(problem)")
+    if condensed is not None:
+        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    try:
+        low, high = (number(end, "a load factor") for end in load_factor)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        raise ProblemError("the load factors are no pair; give a range such as (0.0, 1.0)") from None
+    whole_number(max_points, "max_points", 2)
+    number(largest_step, "largest_step")
     if not (np.isfinite(low) and np.isfinite(high) and low < high):
         raise ProblemError(f"the load factors are {low:g} and {high:g}; give a finite range, the lower one first")
-    if max_points < 2:
-        raise ProblemError(f"max_points is {max_points}; give at least 2")
     if not largest_step > 0.0:
         raise ProblemError(f"largest_step is {largest_step}; it must be positive")
     if problem.contact_points == 0:
@@ -202,7 +215,7 @@ def follow_path(
     budget = Budget(max_time)
     line = LoadLine(problem, unloaded)
     system = condense(problem) if condensed is None else condensed
-    chain = chain_of(system)
+    chain: Chain = chain_of(system)
     if chain.size == 0:
         raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
     # A little above the lower end all components are on definite sides of their kinks, which they may not be at rest.

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arguments import expect, whole_number
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SolutionSearch
 from hemivar.branches.state_chain import StateChain, state_chain_of
 from hemivar.certify import Smallness, one_solution, smallness
 from hemivar.deadline import Budget, limited
-from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.solvers import CondensedProblem, Controls, NonsmoothNewton, Solution, Status, condense
 
 __all__ = ["SolutionSet", "find_solutions"]
@@ -32,8 +34,9 @@ class SolutionSet(Sequence[Solution]):
         a function of the contact displacements alone), or "jump" (a component at a downward jump of its law:
         stationary in Clarke's sense, never a local minimum).
     exhaustive : bool
-        Whether there are no others: every combination of pieces and kinks was tried, or the problem has one solution
-        by its margin.
+        Whether there are no others: every combination of pieces and kinks was tried and rounding left none of them
+        undecided, or the problem has one solution by its margin.  Solutions nearer to each other than their rounding
+        errors count as one.
     combinations : float
         Number of combinations of pieces and kinks; inf where the graph of the law is no curve (three dimensions, bounds
         that depend on the solution).
@@ -73,7 +76,7 @@ class SolutionSet(Sequence[Solution]):
 
 
 def find_solutions(
-    problem: DiscreteProblem,
+    problem: DiscreteProblem | ContactProblem,
     *,
     starts: int = 40,
     max_solutions: int = 100,
@@ -116,11 +119,13 @@ def find_solutions(
     ProblemError
         ``starts`` or ``max_solutions`` make no sense, or the problem cannot be solved as stated.
     """
-    if starts < 0 or max_solutions < 1 or enumerate_up_to < 0:
-        raise ProblemError(
-            f"starts = {starts}, max_solutions = {max_solutions}, enumerate_up_to = {enumerate_up_to}: "
-            "give starts >= 0, max_solutions >= 1 and enumerate_up_to >= 0"
-        )
+    starts, max_solutions = whole_number(starts, "starts", 0), whole_number(max_solutions, "max_solutions", 1)
+    enumerate_up_to, seed = whole_number(enumerate_up_to, "enumerate_up_to", 0), whole_number(seed, "seed", 0)
+    if controls is not None:
+        expect(controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
+    if condensed is not None:
+        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    problem = posed(problem, "find_solutions")
     controls = Controls() if controls is None else controls
     budget = Budget(controls.max_time)
     system = condense(problem) if condensed is None else condensed
@@ -183,12 +188,16 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> SolutionSet:
         searched = f"not all of the {count} were tried; {search.stopped}"
         return SolutionSet(search.sorted(), False, chain.combinations, 0, searched, search.interrupted)
     undecided = search.left_out + points.undecided
-    complete = not (points.continuum or search.full_and_more or undecided)
+    law = search.system.law
+    sampled = law.normal.constants_sampled or (search.system.shape[1] > 1 and law.friction.profile.constants_sampled)
+    complete = not (points.continuum or search.full_and_more or undecided or sampled)
     searched = f"all {count} of pieces and kinks were tried"
     if points.continuum:
         searched += "; there is a continuum of solutions, of which one or some are given"
     if undecided:
         searched += f"; rounding does not tell whether {undecided} of them hold other solutions"
+    if sampled:
+        searched += "; a law is known from samples only"
     if search.full_and_more:
         searched += f"; stopped at {search.limit} solutions"
     inaccurate = sum(solution.status is not Status.CONVERGED for solution in search.found)

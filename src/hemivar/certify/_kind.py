@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from hemivar._typing import Array
+from hemivar._typing import Array, BoolArray, IntArray
 from hemivar.certify._bound import Point, snap
 from hemivar.certify._linear import EnergyNorm, MultigridNorm
 from hemivar.laws import Superpotential
@@ -78,119 +78,169 @@ class _Part:
     curvature_below: Array
     curvature_above: Array
 
+    def take(self, index: IntArray) -> _Part:
+        """Some of them."""
+        return _Part(self.below[index], self.above[index], self.curvature_below[index], self.curvature_above[index])
+
 
 def _sides(law: Superpotential, r: Array) -> _Part:
+    """One-sided derivatives; r sits on a knot where it equals it."""
     piece = law.piece_of(r)
-    below, above = law.piece_derivative(piece, r), law.piece_derivative(piece, r)
-    bend_below = np.array(np.broadcast_to(law.piece_curvature(piece, r), r.shape))
-    bend_above = bend_below.copy()
-    below, above = np.array(np.broadcast_to(below, r.shape)), np.array(np.broadcast_to(above, r.shape))
-    left, right = (np.broadcast_to(side, (r.size, side.shape[-1])) for side in law.knot_slopes())
     knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
-    for i in range(knots.shape[-1]):
-        here = (r == knots[:, i]) & np.isfinite(knots[:, i])
-        if not here.any():
-            continue
-        at = np.where(here, knots[:, i], 0.0)
-        below, above = np.where(here, left[:, i], below), np.where(here, right[:, i], above)
-        index = np.full(r.shape, i, dtype=np.int64)
-        bend_below = np.where(here, law.piece_curvature(index, at), bend_below)
-        bend_above = np.where(here, law.piece_curvature(index + 1, at), bend_above)
-    return _Part(below, above, bend_below, bend_above)
+    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
+    rows = np.arange(r.size)
+    knot = knots[rows, at]
+    here = (r == knot) & np.isfinite(knot)
+    left, right = (np.broadcast_to(side, (r.size, side.shape[-1]))[rows, at] for side in law.knot_slopes())
+    after = np.where(here, at + 1, piece)
+    slope = np.broadcast_to(law.piece_derivative(piece, r), r.shape)
+    bend = (np.broadcast_to(law.piece_curvature(i, r), r.shape) for i in (piece, after))
+    below, above = np.where(here, left, slope), np.where(here, right, slope)
+    return _Part(below, above, *(np.array(b) for b in bend))
 
 
-def study(point: Point) -> LocalStudy:
-    """Classify a pair that is stationary up to rounding."""
+@dataclass(frozen=True, eq=False)
+class _Components:
+    """Contact components of one sort: rows ``axis . B_j``.
+
+    ``point (k,)``, ``axis (k, d)``, and ``bend (k,)``, the curvature of the law.
+    """
+
+    point: IntArray
+    axis: Array
+    bend: Array
+
+    @property
+    def size(self) -> int:
+        return self.point.size
+
+    def where(self, mask: BoolArray) -> _Components:
+        return _Components(self.point[mask], self.axis[mask], self.bend[mask])
+
+    def __add__(self, other: _Components) -> _Components:
+        return _Components(
+            np.concatenate([self.point, other.point]),
+            np.concatenate([self.axis, other.axis]),
+            np.concatenate([self.bend, other.bend]),
+        )
+
+    def ordered(self) -> _Components:
+        """By contact point."""
+        order = np.argsort(self.point, kind="stable")
+        return _Components(self.point[order], self.axis[order], self.bend[order])
+
+
+@dataclass(frozen=True, eq=False)
+class _Sorted:
+    """The components by what they do: move freely, held at a kink, undecided, fall to both sides or to one."""
+
+    free: _Components
+    held: _Components
+    weak: _Components
+    falls: _Components
+    one_sided: _Components
+
+    def __add__(self, other: _Sorted) -> _Sorted:
+        return _Sorted(
+            self.free + other.free,
+            self.held + other.held,
+            self.weak + other.weak,
+            self.falls + other.falls,
+            self.one_sided + other.one_sided,
+        )
+
+
+def _sort(point: IntArray, axis: Array, lam: Array, sides: _Part, slack: float) -> _Sorted:
+    """Sort components by their one-sided derivatives and multipliers; arrays (k,), ``axis (k, d)``."""
+    below, above = sides.below, sides.above
+    low, high = sides.curvature_below, sides.curvature_above
+    with np.errstate(invalid="ignore"):
+        jump = above - below
+        smooth = np.isfinite(jump) & (np.abs(jump) <= slack)
+        up = ~smooth & (jump > 0.0)
+        inside = (lam - below > slack) & (above - lam > slack)
+        side = np.where(lam - below <= slack, low, high)
+        down = ~smooth & ~up
+        right, left = above - lam < -slack, below - lam > slack
+    weak = (smooth & (low != high)) | (up & ~inside)
+    bend = np.where(smooth, np.where(low == high, low, np.minimum(low, high)), side)
+    outward = np.where(right[:, None], axis, -axis)
+    every = _Components(point, axis, bend)
+    return _Sorted(
+        free=every.where(smooth & (low == high)),
+        held=every.where(up & inside),
+        weak=every.where(weak),
+        falls=every.where(down & right & left),
+        one_sided=_Components(point, outward, bend).where(down & ~(right & left)),
+    )
+
+
+def _components(point: Point) -> _Sorted:
+    """Every contact component, sorted."""
     problem = point.problem
     m, d = problem.contact_points, problem.dim
     active = point.active
     law = point.law(problem.local(point.u), point.lam)
     r = np.where(active, snap(law, problem.local(point.u), point.lam, point.compliance), 0.0)
-    scale = max(float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
-    slack = _AT_END * scale
+    slack = _AT_END * max(float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
+    unit = np.eye(d)
+    index = np.flatnonzero(active[:, 0])
+    sides = _sides(law.normal, r[:, 0])
+    found = _sort(index, np.broadcast_to(unit[0], (index.size, d)), point.lam[index, 0], sides.take(index), slack)
+    if d == 1 or m == 0:
+        return found
+    size = np.linalg.norm(r[:, 1:], axis=1)
+    radial = _sides(law.tangential, size)
+    seen = active[:, 1:].any(axis=1)
+    # at rest: every direction that is not held by a support, with the curvature of first slip
+    force = np.linalg.norm(np.where(active[:, 1:], point.lam[:, 1:], 0.0), axis=1)
+    rest, column = np.nonzero(active[:, 1:] & (size == 0.0)[:, None])
+    still = _Components(rest, unit[1:][column], radial.curvature_above[rest])
+    loose, stuck = radial.above[rest] <= slack, radial.above[rest] - force[rest] > slack
+    # on the move: outward, and in three dimensions across it
+    moving = np.flatnonzero(seen & (size > 0.0))
+    outward = np.zeros((moving.size, d))
+    outward[:, 1:] = r[moving, 1:] / size[moving, None]
+    lam = np.einsum("ki,ki->k", outward, point.lam[moving])
+    found += _sort(moving, outward, lam, radial.take(moving), slack)
+    none = still.where(np.zeros(rest.size, dtype=bool))
+    free = still.where(loose)
+    if d == 3:
+        across = np.stack([np.zeros(moving.size), -outward[:, 2], outward[:, 1]], axis=1)
+        turns = np.any((across != 0.0) & active[moving], axis=1)
+        free += _Components(moving, across, lam / size[moving]).where(turns)
+    return found + _Sorted(free.ordered(), still.where(~loose & stuck), still.where(~loose & ~stuck), none, none)
 
-    # every contact component becomes a row of ``rows``: free (with its curvature), held at a kink, or undecided
-    free: list[tuple[int, Array, float]] = []
-    held: list[tuple[int, Array]] = []
-    weak: list[tuple[int, Array, float]] = []
-    falls: list[tuple[int, Array]] = []
-    one_sided: tuple[int, Array] | None = None
 
-    def sort(j: int, axis: Array, lam: float, below: float, above: float, low: float, high: float) -> None:
-        nonlocal one_sided
-        jump = above - below
-        if abs(jump) <= slack if np.isfinite(jump) else False:
-            if low == high:
-                free.append((j, axis, low))
-            else:
-                weak.append((j, axis, min(low, high)))
-        elif jump > 0.0:
-            if lam - below > slack and above - lam > slack:
-                held.append((j, axis))
-            else:
-                side = low if lam - below <= slack else high
-                weak.append((j, axis, side))
-        else:
-            ends = (above - lam < -slack, below - lam > slack)  # falls to the right, to the left
-            if all(ends):
-                falls.append((j, axis))
-            elif one_sided is None:
-                one_sided = (j, axis if ends[0] else -axis)
+def study(point: Point) -> LocalStudy:
+    """Classify a pair that is stationary up to rounding."""
+    m, d = point.problem.contact_points, point.problem.dim
+    parts = _components(point)
+    free, held, weak, falls, one_sided = parts.free, parts.held, parts.weak, parts.falls, parts.one_sided
 
-    normal = _sides(law.normal, r[:, 0])
-    for j in np.flatnonzero(active[:, 0]).tolist():
-        sort(j, np.eye(d)[0], float(point.lam[j, 0]), float(normal.below[j]), float(normal.above[j]),
-             float(normal.curvature_below[j]), float(normal.curvature_above[j]))  # fmt: skip
-    if d > 1 and m:
-        size = np.linalg.norm(r[:, 1:], axis=1)
-        radial = _sides(law.tangential, size)
-        for j in np.flatnonzero(active[:, 1:].any(axis=1)).tolist():
-            axes = np.eye(d)[1:][active[j, 1:]]
-            if size[j] == 0.0:
-                bound = float(radial.above[j])
-                force = float(np.linalg.norm(point.lam[j, 1:][active[j, 1:]]))
-                if bound <= slack:
-                    bend = float(radial.curvature_above[j])
-                    free.extend((j, axis, bend) for axis in axes)
-                elif bound - force > slack:
-                    held.extend((j, axis) for axis in axes)
-                else:
-                    weak.extend((j, axis, float(radial.curvature_above[j])) for axis in axes)
-                continue
-            outward = np.zeros(d)
-            outward[1:] = r[j, 1:] / size[j]
-            lam = float(outward @ point.lam[j])
-            sort(j, outward, lam, float(radial.below[j]), float(radial.above[j]),
-                 float(radial.curvature_below[j]), float(radial.curvature_above[j]))  # fmt: skip
-            if d == 3:
-                across = np.array([0.0, -outward[2], outward[1]])
-                if np.any(across[active[j]]):
-                    free.append((j, across, lam / size[j]))
-
-    def shown(j: int, axis: Array) -> Array:
+    def shown(of: _Components) -> Array:
         out = np.zeros((m, d))
-        out[j] = axis
+        out[of.point[0]] = of.axis[0]
         return out
 
-    if one_sided is not None and not falls:
-        return LocalStudy(PointKind.CLARKE_STATIONARY, -np.inf, shown(*one_sided))
-    if falls:
-        everywhere = not held and not weak and one_sided is None and (point.energy.factorised or not free)
-        worst: float | None = -np.inf
-        if everywhere and free:
-            curvatures, _ = _curvatures(point, free, [(j, axis) for j, axis in falls], every=True)
+    if one_sided.size and not falls.size:
+        return LocalStudy(PointKind.CLARKE_STATIONARY, -np.inf, shown(one_sided))
+    if falls.size:
+        everywhere = not (held.size or weak.size or one_sided.size) and (point.energy.factorised or not free.size)
+        if everywhere and free.size:
+            curvatures, _ = _curvatures(point, free, falls, every=True)
             everywhere = curvatures is not None and bool(np.all(curvatures < -_FLAT))
-        return LocalStudy(PointKind.MAXIMUM if everywhere else PointKind.SADDLE, worst, shown(*falls[0]))
-    few = len(free) <= _FEW and point.energy.factorised
-    strict, direction = _curvatures(point, free, [*held, *((j, axis) for j, axis, _ in weak)], every=few)
+        return LocalStudy(PointKind.MAXIMUM if everywhere else PointKind.SADDLE, -np.inf, shown(falls))
+    few = free.size <= _FEW and point.energy.factorised
+    strict, direction = _curvatures(point, free, held + weak, every=few)
     if strict is None:
         return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, None, None)
     lowest = float(strict.min(initial=1.0))
     if lowest < -_FLAT:
-        whole = few and not held and not weak and bool(np.all(strict < -_FLAT))
+        whole = few and not held.size and not weak.size and bool(np.all(strict < -_FLAT))
         return LocalStudy(PointKind.MAXIMUM if whole else PointKind.SADDLE, lowest, direction)
-    if weak and lowest > _FLAT:
-        wider, _ = _curvatures(point, [*free, *weak], held, every=few and len(free) + len(weak) <= _FEW)
+    if weak.size and lowest > _FLAT:
+        wider, _ = _curvatures(point, free + weak, held, every=few and free.size + weak.size <= _FEW)
         lowest_wide = -np.inf if wider is None else float(wider.min(initial=1.0))
         if lowest_wide > _FLAT:
             return LocalStudy(PointKind.LOCAL_MINIMISER, lowest_wide, None)
@@ -200,27 +250,25 @@ def study(point: Point) -> LocalStudy:
     return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, lowest, None)
 
 
-def _rows(point: Point, parts: list[tuple[int, Array]]) -> sp.csr_array:
+def _rows(point: Point, parts: _Components) -> sp.csr_array:
     """Rows ``axis . B_j`` of contact components."""
     problem = point.problem
     m, d = problem.contact_points, problem.dim
-    data = np.concatenate([axis for _, axis in parts]) if parts else np.zeros(0)
-    columns = np.concatenate([np.arange(j * d, (j + 1) * d) for j, _ in parts]) if parts else np.zeros(0, dtype=int)
-    select = sp.csr_array((data, columns, np.arange(len(parts) + 1) * d), shape=(len(parts), m * d))
+    columns = (parts.point[:, None] * d + np.arange(d)).ravel()
+    starts = np.arange(parts.size + 1) * d
+    select = sp.csr_array((parts.axis.ravel(), columns, starts), shape=(parts.size, m * d))
     return sp.csr_array(select @ problem.trace)
 
 
-def _curvatures(
-    point: Point, free: list[tuple[int, Array, float]], held: list[tuple[int, Array]], every: bool
-) -> tuple[Array | None, Array | None]:
+def _curvatures(point: Point, free: _Components, held: _Components, every: bool) -> tuple[Array | None, Array | None]:
     """Eigenvalues of ``(K + C'W j'' C, K)``, the held rows at rest: those of the contact components, or the lowest.
 
     Returns them with the local displacements of the lowest one; None where they cannot be had.
     """
     problem = point.problem
     m, d = problem.contact_points, problem.dim
-    C = _rows(point, [(j, axis) for j, axis, _ in free])
-    weight = np.array([problem.weights[j] * bend for j, _, bend in free])
+    C = _rows(point, free)
+    weight = problem.weights[free.point] * free.bend
     count = C.shape[0]
     if not point.energy.definite:
         return None, None
@@ -255,17 +303,16 @@ def _curvatures(
 
 
 def _lowest_by_multigrid(
-    point: Point, energy: MultigridNorm, C: sp.csr_array, weight: Array, held: list[tuple[int, Array]]
+    point: Point, energy: MultigridNorm, C: sp.csr_array, weight: Array, held: _Components
 ) -> tuple[Array | None, Array | None]:
     """The lowest eigenvalue alone: what its vector attains where that is negative, else what it is at least."""
     problem = point.problem
     m, d = problem.contact_points, problem.dim
     at_rest = np.zeros((m, d), dtype=bool)
-    for j, axis in held:
-        component = np.flatnonzero(axis)
-        if component.size != 1:
-            return None, None
-        at_rest[j, component] = True
+    row, component = np.nonzero(held.axis)
+    if row.size != held.size or np.any(np.diff(row) == 0):  # a direction that is no component
+        return None, None
+    at_rest[held.point[row], component] = True
     mode = energy.constrained_eigenvalue(C, -weight, at_rest)
     if mode is None or mode.vector is None:
         return None, None

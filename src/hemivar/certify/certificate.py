@@ -6,15 +6,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arguments import expect, number
 from hemivar.arrays import real_array
 from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify._kind import LocalStudy, PointKind, study
-from hemivar.certify._linear import Norm, energy_norm
+from hemivar.certify._linear import EnergyNorm, MultigridNorm, Norm, energy_norm
 from hemivar.certify.smallness import Smallness, one_solution, smallness, unknown_constants, with_survey
 from hemivar.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.errors import ProblemError
@@ -26,6 +27,23 @@ from hemivar.mechanics.residual import Residual, residual
 __all__ = ["Certificate", "certify"]
 
 _Part = TypeVar("_Part")
+
+
+@runtime_checkable
+class Certifiable(Protocol):
+    """A problem with unknowns and a multiplier: a :class:`hemivar.Solution`."""
+
+    @property
+    def problem(self) -> DiscreteProblem:
+        """What was solved."""
+
+    @property
+    def unknowns(self) -> Array:
+        """The unknowns u, (n,)."""
+
+    @property
+    def multiplier(self) -> Array:
+        """Pressure and friction, (m, d)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +157,8 @@ class Certificate:
 
 
 def certify(
-    problem: DiscreteProblem,
-    displacement: Array,
+    problem: DiscreteProblem | Certifiable,
+    displacement: Array | Certifiable | None = None,
     multiplier: Array | None = None,
     *,
     factor: Norm | None = None,
@@ -152,9 +170,10 @@ def certify(
 
     Parameters
     ----------
-    problem : DiscreteProblem
-    displacement : array (n,)
-        The unknowns u of the problem.
+    problem : DiscreteProblem or Solution
+        A solution stands for its problem, unknowns and multiplier.
+    displacement : array (n,) or Solution
+        The unknowns u of the problem; left out only where a solution is the first argument.
     multiplier : array (m, d), optional
         Pressure and friction; recomputed from equilibrium (least squares) if not given.
     factor : EnergyNorm or MultigridNorm, optional
@@ -181,7 +200,11 @@ def certify(
     The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
     *discrete* problem; what the mesh leaves out is another matter.
     """
-    u = real_array(displacement, "the displacement", finite=False)
+    problem, given, multiplier = _pair(problem, displacement, multiplier)
+    if factor is not None:
+        expect(factor, EnergyNorm | MultigridNorm, "the factor", "pass hemivar.certify.energy_norm(problem)")
+    tolerance = number(tolerance, "the tolerance of a certificate")
+    u = real_array(given, "the displacement", finite=False)
     m, d = problem.contact_points, problem.dim
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
@@ -207,6 +230,9 @@ def certify(
         return _known(_certified(Point(problem, energy, u, lam), tolerance, trace_constant, budget))
 
 
+_Classified = tuple[PointKind, bool | None, LocalStudy | None]
+
+
 def _known(certificate: Certificate) -> Certificate:
     """The certificate, without the word unique where a number came out as nan: nothing is proved then."""
     numbers = [getattr(certificate, item.name) for item in fields(certificate)]
@@ -216,6 +242,25 @@ def _known(certificate: Certificate) -> Certificate:
     proved = (PointKind.UNIQUE_MINIMISER, PointKind.UNIQUE_SOLUTION, PointKind.GLOBAL_MINIMISER)
     kind = PointKind.DIRECTIONALLY_STATIONARY if certificate.kind in proved else certificate.kind
     return replace(certificate, unique=None, kind=kind)
+
+
+def _pair(problem: object, displacement: object, multiplier: Array | None) -> tuple[DiscreteProblem, Any, Array | None]:
+    """Problem, unknowns and multiplier, taken from a solution where one is given."""
+    if isinstance(problem, Certifiable):
+        if displacement is not None or multiplier is not None:
+            raise ProblemError(
+                "certify: a solution stands for its unknowns and multiplier, and these are given as well; leave them "
+                "out, or give the problem, solution.problem, in the place of the solution"
+            )
+        problem, displacement = problem.problem, problem
+    remedy = "give hemivar.discretize(problem), or the solution alone: certify(solution)"
+    discrete = expect(problem, DiscreteProblem, "certify: the problem", remedy)
+    if isinstance(displacement, Certifiable):
+        multiplier = displacement.multiplier if multiplier is None else multiplier
+        displacement = displacement.unknowns
+    if displacement is None:
+        raise ProblemError("certify: no displacement is given; give a solution, or its unknowns (n,)")
+    return discrete, displacement, multiplier
 
 
 def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Budget) -> Certificate:
@@ -247,7 +292,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Bud
         (np.inf, np.inf),
     )
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
-    nothing = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
+    nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
     if trace_constant:
         asked = constants

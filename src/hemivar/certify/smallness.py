@@ -21,6 +21,8 @@ from hemivar.mechanics.assembly import quadrature_rule, region_masks, stiffness_
 from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
 from hemivar.mechanics.discretize import discretize
 from hemivar.mechanics.material import Material
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 
 #: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
 _NEAR = 1e-6
@@ -114,7 +116,7 @@ class Smallness:
 
 
 def smallness(
-    problem: DiscreteProblem,
+    problem: DiscreteProblem | ContactProblem,
     *,
     displacement: Array | None = None,
     multiplier: Array | None = None,
@@ -141,6 +143,7 @@ def smallness(
     -------
     Smallness
     """
+    problem = posed(problem, "smallness")
     energy = energy_norm(problem) if factor is None else factor
     bounds: Array | None = None
     if problem.contact_points and problem.law.state_dependent:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hemivar.commands.outputs import Writer
-from hemivar.disk import write_text
+from hemivar.disk import shown, write_text
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def run_certify(
         unknowns, multiplier = read_solution(solution_file, discrete)
         source = str(solution_file)
     certificate = certify(discrete, unknowns, multiplier, tolerance=tolerance, max_time=max_time)
-    print(f"solution          {source}")
+    print(f"solution          {shown(source)}")
     if solution_file is not None:
         origin = "recomputed from equilibrium" if multiplier is None else "read from the file"
         print(f"multiplier        {origin}")

@@ -7,14 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hemivar.commands.outputs import one_line
+from hemivar.disk import noting_files_read, same_file, shown, try_output
+from hemivar.distributed.alarm import Alarm
 from hemivar.distributed.certificate import certify_on_ranks
 from hemivar.distributed.ranks import shared
-from hemivar.errors import HemivarError, ProblemError
-from hemivar.report.on_ranks import write_json_on_ranks, write_vtu_on_ranks
+from hemivar.errors import FileError, HemivarError, ProblemError
+from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.solvers import ContactState, Status
 
 if TYPE_CHECKING:
     from hemivar.distributed import BodyOnRanks, DistributedSolution, Ranks
+    from hemivar.distributed.solve import Saved
     from hemivar.problem_file import MeshRecipe, ProblemFile
     from hemivar.solvers import Controls, Progress
 
@@ -50,7 +54,10 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
             return grid_numbers(points / recipe.scale, *recipe.grid)
 
         renumber = None if recipe.grid is None else number
-        pieces.extend(family(ranks, recipe.begin, recipe.halvings, recipe.refine, renumber, recipe.crossed))
+        try:
+            pieces.extend(family(ranks, recipe.begin, recipe.halvings, recipe.refine, renumber, recipe.crossed))
+        except ProblemError as refused:
+            raise _named(refused, str(path), "[mesh] ") from None
         return pieces[-1].mesh
 
     def read() -> ProblemFile:
@@ -78,20 +85,23 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
         try:
             bodies.append(assemble(ranks, piece, stated.problem.on, coarser=below, check_coercivity=last))
         except HemivarError as refused:
-            message = str(refused)
-            if message.startswith(f"{stated.name}: "):
-                raise
-            table = "[supports] " if "support" in message else ""
-            named = type(refused)(f"{stated.name}: {table}{message}")
-            raise (shared(named) if getattr(refused, "shared", False) else named) from None
+            raise _named(refused, stated.name, "[supports] " if "support" in str(refused) else "") from None
     return ProblemOnRanks(stated, bodies)
+
+
+def _named(error: HemivarError, name: str, table: str) -> HemivarError:
+    """The error with file and table before it; still one of all ranks if it was."""
+    if str(error).startswith(f"{name}: "):
+        return error
+    named = type(error)(f"{name}: {table}{error}")
+    return shared(named) if getattr(error, "shared", False) else named
 
 
 def run_on_ranks(
     path: Path,
     check: Callable[[], None],
-    controls_of: Callable[[ProblemFile, Callable[[Progress], None] | None], Controls],
-    say: Callable[[Progress], None] | None,
+    controls_of: Callable[[ProblemFile, Callable[[Progress], bool | None] | None], Controls],
+    say: Callable[[Progress], bool | None] | None,
     json: Path | None,
     vtu: Path | None,
     checkpoint: Path | None,
@@ -107,7 +117,7 @@ def run_on_ranks(
     controls_of : function
         Limits, with a function to call after every step.
     say : function or None
-        Prints a step.
+        Prints a step; work ends if it returns True.
     json, vtu : Path or None
         What to write.
     checkpoint : Path or None
@@ -115,51 +125,142 @@ def run_on_ranks(
     restart : Path or None
         A checkpoint to go on from.
     """
-    from hemivar.distributed import all_or_none, read_checkpoint, solve_distributed, world, write_checkpoint
+    from hemivar.distributed import all_or_none, read_checkpoint, solve_distributed, world
 
     ranks = world()
     first = ranks.rank == 0
-    with all_or_none(ranks):
+    alarm = Alarm()
+    with all_or_none(ranks), alarm.listening():
         ranks.agree(check)
-        problem = read_on_ranks(path, ranks)
+        outputs = {"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}
+        ranks.agree(lambda: _try_pieces(vtu, ranks))
+        with noting_files_read() as inputs:
+            problem = read_on_ranks(path, ranks)
         body = problem.bodies[-1]
+        ranks.agree(lambda: _keep_off(outputs, [path, *inputs], restart, ranks) if first else None)
         if first:
             _print_head(problem)
         else:
             say = None
         controls = ranks.agree(lambda: controls_of(problem.stated, say))
         resume = None if restart is None else read_checkpoint(restart, body)
-        watch = None if checkpoint is None else (lambda saved: write_checkpoint(checkpoint, body, saved))
-        solution = solve_distributed(problem.bodies, None, controls, resume=resume, watch=watch)
-        certificate = certify_on_ranks(solution)
+        keep = None if checkpoint is None else _Keeper(checkpoint, body)
+        alarm.start(controls.max_time)
+        solution = solve_distributed(problem.bodies, None, controls, resume=resume, watch=keep, alarm=alarm)
+        certificate = certify_on_ranks(solution, alarm=alarm)
         _print_summary(solution, certificate)
-        written = []
-        if json is not None:
-            written.append(write_json_on_ranks(solution, json, certificate))
-        if vtu is not None:
-            written += write_vtu_on_ranks(solution, vtu)
-        if first and written:
-            print(f"written           {', '.join(map(str, written))}")
-        if solution.status is Status.CONVERGED:
-            return 0
+        failed = [] if keep is None or keep.error is None else [keep.error]
+        written: list[Path] = []
+        writers: tuple[tuple[Path | None, Callable[[Path], list[Path]]], ...] = (
+            (json, lambda name: [write_json_on_ranks(solution, name, certificate)]),
+            (vtu, lambda name: write_vtu_on_ranks(solution, name)),
+        )
+        for target, write in writers:
+            try:
+                written += [] if target is None else write(target)
+            except HemivarError as error:
+                if not getattr(error, "shared", False):
+                    raise
+                failed.append(str(error))
         if first:
-            sys.stdout.flush()
-            sys.stderr.write(
-                f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
-                f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
-            )
+            _print_end(solution, written, failed)
         ranks.mpi.Barrier()
-        return 1
+        if solution.status is Status.INTERRUPTED:
+            if not first:
+                raise SystemExit(130)  # the first rank says it for all
+            return 130
+        if failed:
+            return 2
+        return 0 if solution.status is Status.CONVERGED else 1
+
+
+class _Keeper:
+    """Keeps the iterate after every step; the solve goes on where that fails, for a disk may have room again.
+
+    Attributes
+    ----------
+    error : str or None
+        Why the last iterate could not be kept.
+    """
+
+    def __init__(self, path: Path, body: BodyOnRanks) -> None:
+        self.path, self.body = path, body
+        self.error: str | None = None
+        self._warned = False
+
+    def __call__(self, saved: Saved) -> None:
+        from hemivar.distributed import write_checkpoint
+
+        try:
+            write_checkpoint(self.path, self.body, saved)
+            self.error = None
+        except HemivarError as error:
+            if not getattr(error, "shared", False):
+                raise
+            self.error = f"--checkpoint: {error}"
+            if self.body.ranks.rank == 0 and not self._warned:
+                sys.stderr.write(f"hemivar: warning: {one_line(self.error)}; the solve goes on\n")
+                sys.stderr.flush()
+            self._warned = True
+
+
+def _try_pieces(vtu: Path | None, ranks: Ranks) -> None:
+    """Refuse VTU files of this rank that could not be written, and on rank 0 those that name all of them."""
+    if vtu is None:
+        return
+    files = pieces_of(vtu, ranks.size)
+    own = [files[ranks.rank], files[ranks.size + ranks.rank], *(files[-2:] if ranks.rank == 0 else [])]
+    for file in own:
+        try:
+            try_output(file)
+        except FileError as error:
+            raise ProblemError(f"--vtu: {error}; name another file") from error
+
+
+def _keep_off(outputs: dict[str, Path | None], inputs: list[Path], restart: Path | None, ranks: Ranks) -> None:
+    """Refuse outputs that would fall on a file that was read, or on one another.
+
+    The checkpoint alone may take the place of the one that the solve goes on from.
+    """
+    taken: list[tuple[Path, str]] = []
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        files = [path, *(pieces_of(path, ranks.size) if option == "--vtu" else [])]
+        read = [*inputs, *([restart] if restart is not None and option != "--checkpoint" else [])]
+        for file in files:
+            if any(same_file(file, other) for other in read):
+                raise ProblemError(f"{option} {shown(file)}: it was read for this problem; name another file")
+            for other, what in taken:
+                if same_file(file, other):
+                    raise ProblemError(f"{option} {shown(file)}: this is a file of {what} already; name another one")
+        taken += [(file, option) for file in files]
+
+
+def _print_end(solution: DistributedSolution, written: list[Path], failed: list[str]) -> None:
+    """Print on rank 0 what was written, and on standard error what went wrong."""
+    if written:
+        print(f"written           {', '.join(map(shown, written))}")
+    sys.stdout.flush()
+    if solution.status not in (Status.CONVERGED, Status.INTERRUPTED):  # of which the command itself speaks
+        sys.stderr.write(
+            f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
+            f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
+        )
+    for message in failed:
+        sys.stderr.write(f"hemivar: error: {one_line(message)}\n")
+    sys.stderr.flush()
 
 
 def _print_head(problem: ProblemOnRanks) -> None:
     body = problem.bodies[-1]
     stated, piece = problem.stated, body.piece
-    title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
-    print(title or stated.name)
+    print(one_line(stated.problem.title) or shown(stated.name))
     print(f"mesh              {piece.total} nodes on {len(problem.bodies)} levels")
     print(f"ranks             {body.ranks.size}, {piece.mesh.number_of_cells} cells on the first")
     print(f"unknowns          {body.unknowns}")
+    for warning in body.warnings:
+        print(f"warning           {warning}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
     print(f"contact points    {body.contact_points}{where}")
     print("method            petsc: truncated nonsmooth Newton, conjugate gradients with PETSc's multigrid")
@@ -180,16 +281,16 @@ def _print_summary(solution: DistributedSolution, certificate: dict[str, Any]) -
     print(f"energy            {solution.energy:.10g}")
     if solution.status is not Status.CONVERGED:
         print(f"what to do        {solution.status.remedy}")
+    if certificate["alpha_sampled"]:
+        print("note              a law knows its alpha from samples only: nothing is claimed of uniqueness")
     kind, margin, bound = certificate["kind"], certificate["margin"], certificate["error_bound"]
     unique = "the only solution" if certificate["unique"] else "uniqueness not known"
     print(f"kind              {kind or 'not known'}; {unique}")
-    print(f"margin            {'not known' if margin is None else format(margin, '.4g')}")
+    estimate = "" if certificate["method"] in ("factorisation", "multigrid") else ", an estimate from above"
+    print(f"margin            {'not known' if margin is None else format(margin, '.4g') + estimate}")
     if bound is not None:
         relative = certificate["error_bound_relative"]
-        if certificate["error_bound_sampled"]:
-            print(f"distance          about {bound:.2e}, relative {relative:.1e}: an estimate, from sampled constants")
-        else:
-            print(f"distance          at most {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
+        print(f"distance          at most {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
     if body.contact_points == 0:
         return
     print(f"normal force      {sums['normal_force']:.6g}")

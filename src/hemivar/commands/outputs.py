@@ -15,6 +15,8 @@ from hemivar.errors import FileError, HemivarError, ProblemError
 
 __all__ = ["FIGURES", "Writer", "check_folder", "check_outputs", "internal_error", "keep_off", "one_line"]
 
+#: Characters of a message that are shown: a name of thousands of them would hide what is wrong.
+_LONGEST = 1000
 #: Suffixes of figures.
 FIGURES = (".png", ".svg", ".pdf")
 
@@ -73,19 +75,16 @@ def keep_off(outputs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None
 
 def check_folder(path: Path, names: Iterable[str]) -> None:
     """Refuse an output folder that is a file or could not be made, or where one of the files could not be written."""
-    if not path.exists():
+    if not os.path.exists(path):  # which takes any name, unlike Path.exists
         _check_parent(path, f"--out {path}")
-        try_output(path)
+        _try(path, "--out", "folder")
         return
-    if not path.is_dir():
+    if not os.path.isdir(path):
         raise ProblemError(f"--out {path}: this is a file; name a folder")
     if not os.access(path, os.W_OK | os.X_OK):
         raise ProblemError(f"--out {path}: the folder is write-protected; name another one")
     for name in names:
-        try:
-            try_output(path / name)
-        except FileError as error:
-            raise ProblemError(f"--out: {error}; name another folder") from error
+        _try(path / name, "--out", "folder")
 
 
 def _files(option: str, path: Path) -> tuple[Path, ...]:
@@ -97,22 +96,26 @@ def _files(option: str, path: Path) -> tuple[Path, ...]:
 
 def _check_file(path: Path, option: str) -> None:
     what = f"{option} {path}"
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ProblemError(f"{what}: this is a folder; name a file")
     _check_parent(path, what)
-    if path.exists() and not os.access(path, os.W_OK):
+    if os.path.exists(path) and not os.access(path, os.W_OK):
         raise ProblemError(f"{what}: the file is write-protected; name another one")
+    _try(path, option, "file")
+
+
+def _try(path: Path, option: str, what: str) -> None:
     try:
         try_output(path)
     except FileError as error:
-        raise ProblemError(f"{option}: {error}; name another file") from error
+        raise ProblemError(f"{option}: {error}; name another {what}") from error
 
 
 def _check_parent(path: Path, what: str) -> None:
     parent = path.parent
-    if not parent.exists():
+    if not os.path.exists(parent):
         raise ProblemError(f"{what}: the folder '{parent}' does not exist; make it first")
-    if not parent.is_dir():
+    if not os.path.isdir(parent):
         raise ProblemError(f"{what}: '{parent}' is not a folder; name another place")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise ProblemError(f"{what}: the folder '{parent}' is write-protected; name another one")
@@ -146,6 +149,10 @@ class Writer:
             return
         try:
             keep_off({option: path}, self.inputs)
+        except ProblemError as error:
+            self.failed.append(str(error))
+            return
+        try:
             with contextlib.nullcontext() if picture else hold_signals(), quiet_logging():
                 made = task(path)
         except KeyboardInterrupt:
@@ -179,8 +186,9 @@ class Writer:
 
 
 def one_line(message: str) -> str:
-    """A message on one line, free of control characters."""
-    return " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    """A message on one line, free of control characters, its middle cut out where it is very long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
 
 
 def internal_error(error: BaseException) -> str:

@@ -21,16 +21,20 @@ from hemivar.distributed.ranks import Ranks, shared
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.assembly import EdgeBlocks, linear_stiffness, load_vector
+from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.discretize import (
     JoinedContact,
     NodalConditions,
+    discretize,
     nodal_conditions,
 )
-from hemivar.mechanics.free_motion import describe, geometric_slack, refuse
+from hemivar.mechanics.free_motion import describe, geometric_slack, refuse, refuse_free_motion
 from hemivar.mechanics.hold import Growth, decide, growth_along
+from hemivar.mechanics.locking import largest_poisson_ratio, locking_warning
 from hemivar.mechanics.mesh import Mesh
-from hemivar.mechanics.parts import admitted, rigid_basis
+from hemivar.mechanics.parts import admitted, free_motions, rigid_basis
 from hemivar.mechanics.problem import ContactProblem, Quadrature
+from hemivar.mechanics.residual import LoadScale
 
 __all__ = ["BodyOnRanks", "assemble"]
 
@@ -86,6 +90,10 @@ class BodyOnRanks:
         Energy that does not depend on the unknowns.
     load_scale : float
         ``|f|``.
+    against : LoadScale
+        What residuals are held against.
+    warnings : tuple of str
+        As :attr:`hemivar.mechanics.DiscreteProblem.warnings`.
     seconds : float
         Time to assemble.
     coarser : BodyOnRanks or None
@@ -118,6 +126,8 @@ class BodyOnRanks:
     contact_points: int
     constant: float
     load_scale: float
+    against: LoadScale
+    warnings: tuple[str, ...]
     seconds: float
     coarser: BodyOnRanks | None = None
 
@@ -269,11 +279,19 @@ def assemble(
     )  # fmt: skip
     if unknowns == 0:
         raise shared(ProblemError("the supports leave the body no freedom; refine the mesh or remove supports"))
-    K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
+    with np.errstate(all="ignore"):  # what is not finite is refused below
+        K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
+    finite = float(np.isfinite(f.array_r).all() and np.isfinite(row_sums.array_r).all() and 0.0 < typical < np.inf)
+    if ranks.largest(1.0 - finite)[0]:
+        raise shared(
+            ProblemError("stiffness or load is not finite, for numbers of the problem are too large; take other units")
+        )
     del blocks
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
     diagonal = K.getDiagonal().array_r
     admissible, moves = _admissible_motions(ranks, nodal, skin, piece, owned)
+    compliance = _compliance(ranks, contact.weights, active, unknown, diagonal)
+    load_size = float(ranks.norms(f.array_r)[0])
     body = BodyOnRanks(
         ranks=ranks,
         piece=piece,
@@ -292,21 +310,46 @@ def assemble(
         sign=sign,
         active=active,
         fixed=np.where(active, 0.0, -contact.offset),
-        compliance=_compliance(ranks, contact.weights, active, unknown, diagonal),
+        compliance=compliance,
         contact_diagonal=diagonal[unknown].copy(),
         typical=typical,
-        supported=admissible.shape[1] == 0,
+        supported=_supported(ranks, piece, state, coarser) if piece.parts > 1 else admissible.shape[1] == 0,
         row_sums=row_sums,
         unknowns=int(unknowns),
         contact_points=int(points),
         constant=float(constant),
-        load_scale=float(f.norm()),
+        load_scale=load_size,
+        warnings=_warnings(ranks, own),
+        against=_against(ranks, load_size, contact, active, compliance),
         seconds=time.perf_counter() - began,
         coarser=coarser,
     )
-    if check_coercivity:
+    if check_coercivity and piece.parts > 1:
+        ranks.agree(lambda: None if piece.whole is None else refuse_free_motion(_unrefined(piece.whole, state)))
+    elif check_coercivity:
         _check_held(body, admissible, moves)
     return body
+
+
+def _unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem]) -> DiscreteProblem:
+    """The serial problem on the unrefined mesh, where parts of a body are told from one another."""
+    return discretize(state(mesh), check_coercivity=False)
+
+
+def _supported(
+    ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], coarser: BodyOnRanks | None
+) -> bool:
+    """Whether the supports hold every part of a body of several parts; they are the same on every mesh."""
+    if coarser is not None:
+        return coarser.supported
+
+    def look() -> bool | None:
+        if piece.whole is None:
+            return None
+        field = _unrefined(piece.whole, state).field
+        return field is not None and free_motions(field).count == 0
+
+    return bool(ranks.mpi.bcast(ranks.agree(look)))
 
 
 def _check_suited(problem: ContactProblem) -> None:
@@ -476,6 +519,32 @@ def _compliance(ranks: Ranks, weights: Array, active: BoolArray, unknown: IntArr
     pair = np.stack([flexibility[:, 0], tangential], axis=1)
     largest = float(ranks.largest(float(pair.max(initial=0.0)))[0])
     return np.asarray(weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0))
+
+
+def _warnings(ranks: Ranks, own: ContactProblem) -> tuple[str, ...]:
+    """Those of the rank whose part is closest to incompressible."""
+    mine: tuple[float, str] = (-np.inf, "")
+    if own.mesh.number_of_cells:
+        mine = largest_poisson_ratio(own) or -np.inf, locking_warning(own) or ""
+    text = max(ranks.mpi.allgather(mine))[1]
+    return (text,) if text else ()
+
+
+def _against(
+    ranks: Ranks, load: float, contact: JoinedContact, active: BoolArray, compliance: Array
+) -> LoadScale:  # fmt: skip
+    """As :func:`hemivar.mechanics.residual.load_scale`."""
+    force = np.zeros(0)
+    if len(contact.weights):
+        law, start = contact.law, -contact.offset
+        inside = start.copy()
+        inside[:, 0] = np.clip(start[:, 0], law.normal.domain.lower, law.normal.domain.upper)
+        with np.errstate(all="ignore"):
+            zero = np.zeros_like(inside)
+            lam = law.frozen(inside, zero).nearest_multiplier(inside, zero)
+            lam[:, 0] += (start - inside)[:, 0] / compliance[:, 0]
+            force = np.where(active, contact.weights[:, None] * lam, 0.0).ravel()
+    return LoadScale(load, float(ranks.norms(force)[0]))
 
 
 def _near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) -> Any:

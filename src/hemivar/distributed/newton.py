@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.distributed.alarm import CALLED, Alarm
 from hemivar.distributed.assembly import BodyOnRanks
 from hemivar.distributed.multigrid import Multigrid
 from hemivar.laws import ContactLaw
@@ -85,18 +86,18 @@ class DistributedNewton:
     name: ClassVar[str] = "petsc"
     default_steps: ClassVar[int] = 100
 
-    def first_guess(self, bodies: Sequence[BodyOnRanks]) -> tuple[Any, int]:
+    def first_guess(self, bodies: Sequence[BodyOnRanks], alarm: Alarm) -> tuple[Any, int]:
         """Start on the finest mesh, by the solutions on the coarser ones; and the cycles that these took."""
         x, cycles = bodies[0].restrict(np.zeros(bodies[0].piece.mesh.points.shape)), 0
         for coarse, fine in itertools.pairwise(bodies):
-            method = Method(self, coarse, Controls(rtol=_NESTED, max_steps=15))
-            end = method.run(method.begin(x))
-            cycles += method.cycles
+            if not coarse.ranks.largest(alarm.due())[0]:
+                method = Method(self, coarse, Controls(rtol=_NESTED, max_steps=15), alarm)
+                x = method.run(method.begin(x)).iterate.x
+                cycles += method.cycles
+                method.destroy()
             ends = fine.piece.ends
             assert ends is not None
-            there = coarse.displacement(end.iterate.x)
-            x = fine.restrict(there[ends].mean(axis=1))
-            method.destroy()
+            x = fine.restrict(coarse.displacement(x)[ends].mean(axis=1))
         return x, cycles
 
 
@@ -188,12 +189,14 @@ class Method:
     options : DistributedNewton
     body : BodyOnRanks
     controls : Controls
+    alarm : Alarm
+        When to end before it is done; the time that ``controls`` allow is not looked at.
     cycles : int
         Applications of the preconditioner so far.
     """
 
-    def __init__(self, options: DistributedNewton, body: BodyOnRanks, controls: Controls) -> None:
-        self.options, self.body, self.controls = options, body, controls
+    def __init__(self, options: DistributedNewton, body: BodyOnRanks, controls: Controls, alarm: Alarm) -> None:
+        self.options, self.body, self.controls, self.alarm = options, body, controls, alarm
         self.block = Block(body)
         self.preconditioner = Multigrid(body)
         self.cycles = 0
@@ -279,11 +282,8 @@ class Method:
             law = body.law if law is None else law
             inclusion = body.weights * law.graph_distance(body.local(now.x), lam, body.compliance)
         moved = body.row_sums.array_r * np.abs(now.x.array_r) + np.abs(body.f.array_r)
-        squares = body.ranks.total(*(float(v @ v) for v in (off, inclusion, contact, moved)))
-        balance, distance, pressed, size = np.sqrt(squares)
-        scale = max(body.load_scale, float(pressed))
-        rounding = min(8.0 * float(np.finfo(float).eps) * float(size), 1e-6 * scale)
-        return Residual(float(balance), float(distance), scale, rounding)
+        balance, distance, pressed, size = body.ranks.norms(off, inclusion, contact, moved)
+        return Residual.of_sizes(float(balance), float(distance), body.against, float(pressed), float(size))
 
     # ---- the loop ----------------------------------------------------------------------------------------
 
@@ -317,11 +317,11 @@ class Method:
             found = self.residual(now, lam)
             spent = float(body.ranks.largest(time.perf_counter() - self.began)[0])
             history.append(Progress(now.step, now.energy, found.relative, changed, spent))
-            finite = bool(np.isfinite(found.total))
+            finite = bool(np.isfinite(found.total) and np.isfinite(found.scale))
             if finite:
                 best, best_lam, best_found = now, lam, found
             stop = controls.callback is not None and bool(controls.callback(history[-1]))
-            stop = bool(body.ranks.largest(float(stop))[0])
+            due = float(body.ranks.largest(CALLED if stop else self.alarm.due())[0])
             if watch is not None:
                 watch(now, tuple(history))
             lowest.append(min(found.total if finite else np.inf, lowest[-1] if lowest else np.inf))
@@ -329,15 +329,13 @@ class Method:
             if not finite:
                 status = Status.NONFINITE
             elif found.below(controls.atol, controls.rtol):
-                better = self.settle(now)
+                better = None if due else self.settle(now)
                 if better is None:
                     status = Status.CONVERGED
                 else:
                     now, lowest = better, []
-            elif stop:
-                status = Status.INTERRUPTED
-            elif spent > controls.max_time:
-                status = Status.MAX_TIME
+            elif due:
+                status = Status.INTERRUPTED if due == CALLED else Status.MAX_TIME
             elif stuck:
                 status = Status.STALLED
             elif now.step >= limit:
@@ -545,8 +543,12 @@ class Method:
             right.axpy(-length, q)
             bent += length * elastic
             wrong = watch.wrong(x, bent) if iteration > 1 else np.zeros(0)
-            rest, off = np.sqrt(body.ranks.total(float(right.array_r @ right.array_r), float((wrong**2).sum())))
-            if rest <= tolerance or rest < _PATIENCE * off:
+            rest, off, due = np.sqrt(
+                body.ranks.total(
+                    float(right.array_r @ right.array_r), float((wrong**2).sum()), float(self.alarm.due() > 0.0)
+                )
+            )
+            if rest <= tolerance or rest < _PATIENCE * off or due or not np.isfinite(rest):
                 return x, False, iteration
         return x, False, self.options.iterations
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,13 @@ from hemivar.distributed.ranks import Ranks
 from hemivar.errors import ProblemError
 from hemivar.mechanics._mesh_arrays import _facet_keys
 from hemivar.mechanics.mesh import Mesh
+from hemivar.mechanics.parts import parts
+from hemivar.memory import problem_bytes, refined_cells, require
 
 __all__ = ["Piece", "distribute", "family", "grid_numbers", "refine", "renumber"]
 
 _CELLS_PER_RANK = 400  # in the coarsest mesh, so that parts are compact
+_MORE = 2.4  # memory of this engine over that of a serial problem: its matrices stand on several levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +45,10 @@ class Piece:
         Pairs of a node of this piece and another rank that has it.
     ends : int array (N, 2) or None
         The two nodes of the next coarser piece whose midpoint each node is; None if there is no coarser piece.
+    parts : int
+        Of how many parts, cells joined through facets, the whole mesh consists.
+    whole : Mesh or None
+        On rank 0 the unrefined mesh, if there are several parts.
     """
 
     mesh: Mesh
@@ -50,6 +57,8 @@ class Piece:
     owner: IntArray
     sharing: IntArray
     ends: IntArray | None = None
+    parts: int = 1
+    whole: Mesh | None = None
 
     def owned(self, ranks: Ranks) -> BoolArray:
         """Which nodes this rank owns, (N,)."""
@@ -116,12 +125,23 @@ def family(
         return times
 
     times = int(ranks.mpi.bcast(ranks.agree(make)))
+    _check_memory(ranks, mesh, times + refine_times)
     pieces = [distribute(ranks, mesh)]
     for step in range(times + refine_times):
         pieces.append(refine(ranks, pieces[-1], crossed and step < times))
         if step == times - 1 and number is not None:
             pieces[-1] = renumber(ranks, pieces[-1], number(pieces[-1].mesh.points))
     return pieces
+
+
+def _check_memory(ranks: Ranks, mesh: Mesh | None, times: int) -> None:
+    """Refuse a mesh, held by rank 0, that refined so many times does not fit into the memory of the ranks' machines."""
+    dim, cells = ranks.mpi.bcast(None if mesh is None else (mesh.dim, mesh.number_of_cells))
+    cells = refined_cells(dim, cells, times)
+    remedy = "take fewer cells, or more ranks on more machines"
+    sharers, needed = ranks.neighbours(), _MORE * problem_bytes(dim, cells, parts=ranks.size)
+    what = f"the share of {sharers} of {ranks.size} ranks in a problem on {cells:.3g} cells"
+    ranks.agree(lambda: require(needed, what, remedy, sharers=sharers))
 
 
 def grid_numbers(points: Array, origin: Sequence[float], extent: Sequence[float], counts: Sequence[int]) -> IntArray:
@@ -148,7 +168,9 @@ def distribute(ranks: Ranks, mesh: Mesh | None) -> Piece:
         packets = [_packet(mesh, cells) for cells in wanted]
     points, cells, numbers, boundaries, regions, total = ranks.mpi.scatter(packets)
     piece = Mesh._trusted(points, cells, boundaries, regions)
-    return _shared(ranks, piece, numbers, total, None)
+    count = int(ranks.mpi.bcast(parts(mesh).count if mesh is not None and ranks.rank == 0 else None))
+    whole = mesh if ranks.rank == 0 and count > 1 else None
+    return replace(_shared(ranks, piece, numbers, total, None), parts=count, whole=whole)
 
 
 def _partition(ranks: Ranks, mesh: Mesh | None) -> IntArray:
@@ -236,7 +258,8 @@ def refine(ranks: Ranks, piece: Piece, crossed: bool = False) -> Piece:
     finer = mesh.refined() if mesh.number_of_cells else mesh
     if crossed:
         finer = _crossed(finer)
-    return _shared(ranks, finer, numbers, piece.total + count, np.vstack([own, edges]))
+    found = _shared(ranks, finer, numbers, piece.total + count, np.vstack([own, edges]))
+    return replace(found, parts=piece.parts, whole=piece.whole)
 
 
 def _crossed(mesh: Mesh) -> Mesh:
@@ -265,4 +288,5 @@ def renumber(ranks: Ranks, piece: Piece, numbers: IntArray) -> Piece:
             raise ProblemError("two nodes of the mesh got the same number; its cells are too small for the arithmetic")
 
     ranks.agree(check)
-    return _shared(ranks, piece.mesh, numbers, piece.total, piece.ends)
+    found = _shared(ranks, piece.mesh, numbers, piece.total, piece.ends)
+    return replace(found, parts=piece.parts, whole=piece.whole)

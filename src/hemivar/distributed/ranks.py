@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import math
+import os
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
 from hemivar._typing import Array, IntArray
+from hemivar.disk import shown
 from hemivar.errors import HemivarError, MethodError, ProblemError
 
 __all__ = ["Ranks", "all_or_none", "shared", "world"]
 
 T = TypeVar("T")
+
+#: Sums of squares between these are neither rounded to nothing nor overflowing.
+_TINY, _HUGE = 1e-250, 1e300
+_NO_MEMORY = "not enough memory for this problem; take more ranks on more machines, or fewer cells"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +61,26 @@ class Ranks:
         return self._reduce(values, MPI.SUM)
 
     def largest(self, *values: float) -> Array:
-        """Maxima over the ranks, all in one reduction."""
+        """Maxima over the ranks, all in one reduction; nan counts as infinity, for comparisons would lose it."""
         from mpi4py import MPI
 
-        return self._reduce(values, MPI.MAX)
+        return self._reduce([np.inf if np.isnan(value) else value for value in values], MPI.MAX)
+
+    def norms(self, *vectors: Array) -> Array:
+        """Euclidean norms of vectors of which each rank has a part, without overflow or underflow on the way.
+
+        They are not finite only where an entry is not, or the norm itself is too large for a number.
+        """
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            squares = self.total(*(float(v @ v) for v in vectors))
+            if ((squares > _TINY) & (squares < _HUGE)).all():
+                return np.asarray(np.sqrt(squares))
+            # all ranks have the same sums, and so come here together
+            sizes = self.largest(*(float(np.abs(v).max(initial=0.0)) for v in vectors))
+            scales = np.where((sizes > 0.0) & (sizes < np.inf), np.ldexp(1.0, np.frexp(sizes)[1] - 1), 1.0)
+            scaled = [v / scale for v, scale in zip(vectors, scales, strict=True)]
+            norms = scales * np.sqrt(self.total(*(float(v @ v) for v in scaled)))
+        return np.asarray(np.where(sizes < np.inf, norms, np.inf))
 
     def _reduce(self, values: Any, operation: Any) -> Array:
         self.counts["reductions"] += 1
@@ -64,6 +88,15 @@ class Ranks:
         out: Array = np.empty(len(values))
         self.mpi.Allreduce(mine, out, op=operation)
         return out
+
+    def neighbours(self) -> int:
+        """How many ranks run on the machine of this one, itself included."""
+        from mpi4py import MPI
+
+        here = self.mpi.Split_type(MPI.COMM_TYPE_SHARED)
+        count = int(here.size)
+        here.Free()
+        return count
 
     def offset(self, count: int) -> tuple[int, int]:
         """How many of something the ranks before this one have, and all together."""
@@ -114,6 +147,11 @@ class Ranks:
             result = work()
         except HemivarError as error:
             complaint = isinstance(error, MethodError), str(error)
+        except OSError as error:
+            named = f"{shown(error.filename)}: " if error.filename else ""
+            complaint = False, f"{named}{error.strerror or error}; check path and disk"
+        except MemoryError:
+            complaint = False, _NO_MEMORY
         first = next((entry for entry in self.mpi.allgather(complaint) if entry is not None), None)
         if first is not None:
             raise shared((MethodError if first[0] else ProblemError)(first[1]))
@@ -173,32 +211,55 @@ def world() -> Ranks:
     return Ranks(PETSc.COMM_WORLD, MPI.COMM_WORLD)
 
 
+def _one_line(text: object) -> str:
+    return shown(" ".join(str(text).split()))
+
+
 @contextmanager
 def all_or_none(ranks: Ranks) -> Iterator[None]:
-    """Whatever ends the work on one rank ends it on all, with one message and exit code 1, or 2 for bad input."""
+    """Whatever ends the work on one rank ends it on all, with one message and exit code 2 for bad input, or 70.
+
+    With HEMIVAR_TRACEBACK=1 in the environment an error that should not occur is shown with its traceback.
+    """
     try:
         yield
     except HemivarError as error:
         if getattr(error, "shared", False):
             if ranks.rank == 0:
-                sys.stderr.write(f"hemivar: error: {' '.join(str(error).split())}\n")
-                sys.stderr.flush()
+                _say(f"hemivar: error: {_one_line(error)}")
             ranks.mpi.Barrier()
             raise SystemExit(2) from None
-        sys.stderr.write(f"hemivar: error: {' '.join(str(error).split())} (rank {ranks.rank} of {ranks.size})\n")
-        _end_all(ranks, 2)
+        _end_all(ranks, 2, f"hemivar: error: {_one_line(error)} (rank {ranks.rank} of {ranks.size})")
     except KeyboardInterrupt:
-        _end_all(ranks, 130)
+        _end_all(ranks, 130, "hemivar: interrupted")
+    except MemoryError:
+        _end_all(ranks, 2, f"hemivar: error: {_NO_MEMORY} (rank {ranks.rank} of {ranks.size})")
     except Exception as error:
-        traceback.print_exc()
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        sys.stderr.write(f"hemivar: error: rank {ranks.rank} of {ranks.size} failed ({reason}); all ranks end\n")
-        _end_all(ranks, 1)
+        reason = f"{type(error).__name__}: {_one_line(error)[:300]}{_place(error)}"
+        line = f"hemivar: error: rank {ranks.rank} of {ranks.size} failed ({reason}); all ranks end"
+        _end_all(ranks, 70, line, error)
 
 
-def _end_all(ranks: Ranks, code: int) -> NoReturn:
-    sys.stdout.flush()
-    sys.stderr.flush()
+def _place(error: Exception) -> str:
+    """Where in the code it was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return f", {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
+
+
+def _say(line: str) -> None:
+    """One line on standard error, whatever has become of the streams."""
+    for stream, text in ((sys.stdout, ""), (sys.stderr, f"{line}\n")):
+        with suppress(OSError, ValueError):
+            stream.write(text)
+            stream.flush()
+
+
+def _end_all(ranks: Ranks, code: int, line: str, error: Exception | None = None) -> NoReturn:
+    """End every rank; ranks that fail together leave the word to the lowest of them, whose end is that of all."""
+    time.sleep(0.5 * math.log2(1 + ranks.rank))
+    if error is not None and os.environ.get("HEMIVAR_TRACEBACK"):
+        traceback.print_exception(error)
+    _say(line)
     if ranks.size > 1:
         ranks.mpi.Abort(code)
     raise SystemExit(code)

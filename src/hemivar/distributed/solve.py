@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array, IntArray
+from hemivar.distributed.alarm import CALLED, Alarm
 from hemivar.distributed.assembly import BodyOnRanks
 from hemivar.distributed.newton import DistributedNewton, End, Iterate, Method, states
 from hemivar.laws import ContactLaw
@@ -139,6 +140,7 @@ def solve_distributed(
     *,
     resume: Saved | None = None,
     watch: Callable[[Saved], None] | None = None,
+    alarm: Alarm | None = None,
 ) -> DistributedSolution:
     """Solve a contact problem over ranks; all of them call this.
 
@@ -152,6 +154,8 @@ def solve_distributed(
         Where to go on from.
     watch : function, optional
         Called with every iterate.
+    alarm : Alarm, optional
+        When to end before it is done; by default once ``controls.max_time`` has passed, coarser meshes included.
 
     Returns
     -------
@@ -159,6 +163,15 @@ def solve_distributed(
     """
     solver = DistributedNewton() if solver is None else solver
     controls = Controls() if controls is None else controls
+    alarm = Alarm(controls.max_time) if alarm is None else alarm
+    with np.errstate(all="ignore"):  # numbers that are not finite end the iteration, with a status that says so
+        return _solve(bodies, solver, controls, resume, watch, alarm)
+
+
+def _solve(
+    bodies: Sequence[BodyOnRanks], solver: DistributedNewton, controls: Controls, resume: Saved | None,
+    watch: Callable[[Saved], None] | None, alarm: Alarm,
+) -> DistributedSolution:  # fmt: skip
     body = bodies[-1]
     began = time.perf_counter()
     dependent = bool(body.ranks.largest(float(body.law.state_dependent if body.points else False))[0])
@@ -167,10 +180,10 @@ def solve_distributed(
         start, history = resume.iterate, resume.history
     else:
         chain = bodies if solver.nested and not dependent else bodies[-1:]
-        x, cycles = solver.first_guess(chain)
+        x, cycles = solver.first_guess(chain, alarm)
         start, history = None, ()
     nested = time.perf_counter() - began
-    method = Method(solver, body, controls)
+    method = Method(solver, body, controls, alarm)
     if dependent:
         end, contraction = _fixed_point(method, x if resume is None else None, resume, watch)
     else:
@@ -179,17 +192,18 @@ def solve_distributed(
         end, contraction = method.run(now, history, tell), None
     cycles += method.cycles
     lam, found = _exact_multiplier(method, end)
+    energy = method.at(law_at(body, end.iterate, lam)).energy(end.iterate.x)
     status = end.status
-    if found.below(controls.atol, controls.rtol):
+    finite = bool(np.isfinite([found.total, found.scale, energy]).all())
+    if finite and found.below(controls.atol, controls.rtol):
         status = Status.CONVERGED
     elif status is Status.CONVERGED:
-        status = Status.INACCURATE
+        status = Status.INACCURATE if finite else Status.NONFINITE
     timings = {
         "assemble": sum(level.seconds for level in bodies),
         "nested": nested,
         "iterate": time.perf_counter() - began - nested,
     }
-    energy = method.at(law_at(body, end.iterate, lam)).energy(end.iterate.x)
     method.destroy()
     return DistributedSolution(
         body, end.iterate.x, end.iterate.force, lam, status, found, energy, len(end.history) - 1, cycles, end.history,
@@ -233,7 +247,7 @@ def _fixed_point(
     end: End | None = None
     while status is None:
         law = body.law.frozen(body.local(state[0]), state[1]) if body.points else body.law
-        inner = method.at(law, Controls(rtol=_INNER_RTOL, max_time=controls.max_time))
+        inner = method.at(law, Controls(rtol=_INNER_RTOL))
         inner.cycles = 0
         end = inner.run(inner.begin(now.x, now.built_at), ())
         method.cycles += inner.cycles
@@ -254,17 +268,19 @@ def _fixed_point(
         now = end.iterate
         end = End(now, lam, found, end.status, tuple(history))
         state = (now.x, lam)
-        if controls.callback is not None and body.ranks.largest(float(bool(controls.callback(history[-1]))))[0]:
-            status = Status.INTERRUPTED
+        stop = controls.callback is not None and bool(controls.callback(history[-1]))
+        due = float(body.ranks.largest(CALLED if stop else method.alarm.due())[0])
         if watch is not None:
             watch(Saved(now, tuple(history), state, outer, tuple(changes)))
-        late = bool(body.ranks.largest(float(spent > controls.max_time))[0])
-        if found.below(controls.atol, controls.rtol):
+        finite = bool(np.isfinite([found.total, found.scale, energy]).all())
+        if finite and found.below(controls.atol, controls.rtol):
             status = Status.CONVERGED
         elif end.status in (Status.NONFINITE, Status.UNBOUNDED):
             status = end.status
-        elif late:
-            status = Status.MAX_TIME
+        elif not finite:
+            status = Status.NONFINITE
+        elif due:
+            status = Status.INTERRUPTED if due == CALLED else Status.MAX_TIME
         elif settled:
             status = Status.STALLED
         elif len(ratios) == 4 and contraction is not None and contraction >= 0.999:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arguments import described
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound, stack_bounds
@@ -61,10 +62,16 @@ class ContactLaw(Portable):
     friction: Friction = field(default_factory=NoFriction)
 
     def __post_init__(self) -> None:
+        if isinstance(self.normal, Friction) and isinstance(self.friction, Superpotential):
+            raise ProblemError("the normal law and the friction law are swapped; give the normal law first")
         if not isinstance(self.normal, Superpotential):
-            raise ProblemError(f"the normal law must be a superpotential such as SurveyLaw, not {self.normal!r}")
+            raise ProblemError(
+                f"the normal law must be a superpotential such as SurveyLaw, not {described(self.normal)}"
+            )
         if not isinstance(self.friction, Friction):
-            raise ProblemError(f"the friction law must be a Friction such as Tresca(0.5), not {self.friction!r}")
+            raise ProblemError(
+                f"the friction law must be a Friction such as Tresca(0.5), not {described(self.friction)}"
+            )
         check_own(self.normal)
 
     def at(self, points: Array | None) -> ContactLaw:

@@ -144,6 +144,8 @@ class _Patch:
         size = int(place.max()) + 1
         slots = number * size + place
         block = rows[:, level.contact].tocoo()
+        # Columns of held unknowns meet zeros only; left in, they would put the rounding of the inverse there.
+        block.data[level.held[block.col] & (block.row != block.col)] = 0.0
         count = (int(number.max()) + 1) * size
         empty = np.setdiff1d(np.arange(count), slots)
         entries = np.concatenate([block.data, np.ones(empty.size)])

@@ -11,12 +11,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray
+from hemivar.arguments import expect
 from hemivar.arrays import real_array, real_matrix
 from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw
 from hemivar.portable import Portable
 
 if TYPE_CHECKING:
-    from hemivar.laws import ContactLaw
     from hemivar.mechanics.material import Material
     from hemivar.mechanics.mesh import Mesh
     from hemivar.mechanics.problem import ContactProblem
@@ -259,6 +260,8 @@ class DiscreteProblem(Portable):
         self._check_law(self.law)
 
     def _check_law(self, law: ContactLaw) -> None:
+        remedy = "pass ContactLaw(normal, friction), resolved at the contact points"
+        expect(law, ContactLaw, "the law of a discrete problem", remedy)
         if self.contact_points == 0:
             return
         start = -self.offset.reshape(self.contact_points, self.dim)

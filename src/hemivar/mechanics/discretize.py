@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arguments import expect
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.assembly import linear_stiffness, load_vector, stiffness_matrix
@@ -81,6 +82,10 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
         depend on one another, or the body is free to move.
     """
+    if isinstance(problem, DiscreteProblem):
+        raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
+    remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
+    problem = expect(problem, ContactProblem, "what to discretize", remedy)
     mesh, order = problem.mesh, problem.order
     dim = mesh.dim
     conditions = nodal_conditions(problem)

@@ -6,7 +6,7 @@ import numpy as np
 
 from hemivar._typing import Array
 from hemivar.mechanics.assembly import region_masks
-from hemivar.mechanics.discrete import FieldMap
+from hemivar.mechanics.fields import FieldSource
 
 __all__ = ["LOCKING", "largest_poisson_ratio", "locking_warning"]
 
@@ -14,7 +14,7 @@ __all__ = ["LOCKING", "largest_poisson_ratio", "locking_warning"]
 LOCKING = 0.49
 
 
-def largest_poisson_ratio(field: FieldMap) -> float | None:
+def largest_poisson_ratio(field: FieldSource) -> float | None:
     """Largest Poisson's ratio of the body, taken at the centres of its elements; None without a material.
 
     Of an anisotropic material, that of the isotropic one with the same volumetric and mean shear stiffness.  Plane
@@ -27,7 +27,7 @@ def largest_poisson_ratio(field: FieldMap) -> float | None:
         tensor = field.material.stiffness_tensor(mesh.points[:1])
     else:
         tensor = field.material.stiffness_tensor(mesh.points[mesh.cells].mean(axis=1), region_masks(mesh))
-    return float(_poisson_ratio(tensor, field.dim).max())
+    return float(_poisson_ratio(tensor, mesh.dim).max())
 
 
 def _poisson_ratio(tensor: Array, dim: int) -> Array:
@@ -41,7 +41,7 @@ def _poisson_ratio(tensor: Array, dim: int) -> Array:
     return np.asarray(lam / (2.0 * lam + shear))
 
 
-def locking_warning(field: FieldMap) -> str | None:
+def locking_warning(field: FieldSource) -> str | None:
     """What to know and to do where linear elements meet a nearly incompressible material; None elsewhere."""
     if field.order > 1:
         return None

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array, BoolArray
+from hemivar.arguments import described
 from hemivar.arrays import real_array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
@@ -85,6 +86,8 @@ class Material(Portable):
     @staticmethod
     def by_region(materials: Mapping[str, Material]) -> Material:
         """Different materials in the named regions of the mesh, which must cover it without overlap."""
+        if not isinstance(materials, Mapping):
+            raise ProblemError(f"by_region takes a mapping of region names to materials, not {described(materials)}")
         return _ByRegion(MappingProxyType(dict(materials)))
 
     @property

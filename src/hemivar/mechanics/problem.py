@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arguments import described
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
 from hemivar.mechanics._mesh_arrays import _facet_keys
@@ -92,7 +93,7 @@ class Contact(Portable):
             return
         if not isinstance(self.obstacle, Obstacle):
             raise ProblemError(
-                f"obstacle is {type(self.obstacle).__name__}; pass Plane(...), Sphere(...), Cylinder(...) or "
+                f"obstacle is {described(self.obstacle)}; pass Plane(...), Sphere(...), Cylinder(...) or "
                 f"SignedDistance(...)"
             )
         if callable(self.gap) or self.gap != 0.0:
@@ -148,10 +149,10 @@ class ContactProblem(Portable):
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):
-            raise ProblemError(f"mesh is {type(self.mesh).__name__}; pass a hemivar Mesh, from read_mesh or rectangle")
-        if not isinstance(self.material, Material):
+            raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
+        if not isinstance(self.material, Material) or type(self.material) is Material:
             raise ProblemError(
-                f"material is {type(self.material).__name__}; pass Material.lame(...), Material.young(...) or the like"
+                f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
             )
         if self.order not in (1, 2):
             raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
@@ -171,7 +172,9 @@ class ContactProblem(Portable):
         for name in ("contact", "supports", "tractions"):
             value = getattr(self, name)
             if not isinstance(value, Mapping):
-                raise ProblemError(f"{name} must map boundary names to conditions, not be {type(value).__name__}")
+                raise ProblemError(
+                    f"{name} must map boundary names to conditions, {{'left': ...}}; it is {described(value)}"
+                )
             object.__setattr__(self, name, MappingProxyType(dict(value)))
             for boundary in value:
                 self._check_name(name, boundary)
@@ -204,9 +207,7 @@ class ContactProblem(Portable):
         _check_vector(self.body_force, dim, "body_force", allow_zero=True)
         for name, contact in self.contact.items():
             if not isinstance(contact, Contact):
-                raise ProblemError(
-                    f"contact['{name}'] is {type(contact).__name__}; wrap the law: Contact(law, friction)"
-                )
+                raise ProblemError(f"contact['{name}'] is {described(contact)}; wrap the law: Contact(law, friction)")
             if contact.obstacle is not None and contact.obstacle.dim not in (None, dim):
                 raise ProblemError(
                     f"the obstacle of contact['{name}'] has {contact.obstacle.dim} coordinates, the mesh has {dim}; "
@@ -215,7 +216,8 @@ class ContactProblem(Portable):
         for name, support in self.supports.items():
             if not isinstance(support, get_args(Support)):
                 raise ProblemError(
-                    f"supports['{name}'] is {support!r}; pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
+                    f"supports['{name}'] is {described(support)}; "
+                    "pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
                 )
             if isinstance(support, Prescribed):
                 _check_vector(support.value, dim, f"supports['{name}']")

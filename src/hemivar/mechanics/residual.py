@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arguments import expect
 from hemivar.arrays import norm, real_array
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
@@ -156,6 +157,7 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
     ProblemError
         Wrong shapes, or arrays that are not of real numbers.
     """
+    expect(problem, DiscreteProblem, "the problem of the residual", "discretise it first, hemivar.discretize(problem)")
     K, f = problem.stiffness, problem.load
     displacement = real_array(displacement, "the displacement", finite=False)
     multiplier = real_array(multiplier, "the multiplier", finite=False)

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hemivar._typing import Array, IntArray
-from hemivar.distributed import DistributedSolution
+from hemivar.disk import shown, whole_file
+from hemivar.distributed import DistributedSolution, Ranks
+from hemivar.distributed.files import one_writer
+from hemivar.errors import FileError
 from hemivar.mechanics import nodal_average, von_mises
 from hemivar.report.files import (
     _plain,
@@ -23,7 +31,7 @@ from hemivar.report.files import (
 )
 from hemivar.solvers import ContactState
 
-__all__ = ["write_json_on_ranks", "write_vtu_on_ranks"]
+__all__ = ["pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
 
 _NODES_AT_A_TIME = 1 << 17
 
@@ -43,6 +51,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
         "hemivar": _version(),
         "status": solution.status.value,
         "remedy": solution.status.remedy,
+        "warnings": body.warnings,
         "method": solution.method,
         "unknowns": body.unknowns,
         "contact_points": body.contact_points,
@@ -61,31 +70,24 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
     if certificate is not None:
         record["certificate"] = certificate
 
-    stream = None
-
-    def begin() -> None:
-        nonlocal stream
-        if ranks.rank == 0:
-            stream = _prepared(path, ".json").open("w", encoding="utf-8")
-            head = json.dumps({key: _plain(value) for key, value in record.items()}, indent=1, allow_nan=False)
-            stream.write(f'{head[:-2]},\n "displacement": [')
-
-    ranks.agree(begin)
     owned = body.piece.owned(ranks)
     numbers, values = body.piece.numbers[owned], solution.displacement[owned]
     order = np.argsort(numbers)
     numbers, values = numbers[order], values[order]
-    for start in range(0, body.piece.total, _NODES_AT_A_TIME):
-        part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
-        told, _, _ = ranks.exchange(
-            np.zeros(part.stop - part.start, dtype=np.int64), np.column_stack([numbers[part], values[part]])
-        )
-        if stream is not None:
-            told = told[np.argsort(told[:, 0]), 1:]
-            stream.write((", " if start else "") + json.dumps(_plain(told))[1:-1])
-    if stream is not None:
-        stream.write("]\n}\n")
-        stream.close()
+    ranks.agree(lambda: None if ranks.rank else _prepared(path, ".json"))
+    with one_writer(ranks, path) as sink:
+        if sink.open:
+            head = json.dumps({key: _plain(value) for key, value in record.items()}, indent=1, allow_nan=False)
+            sink.write(f'{head[:-2]},\n "displacement": [')
+        for start in range(0, body.piece.total, _NODES_AT_A_TIME):
+            part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
+            told, _, _ = ranks.exchange(
+                np.zeros(part.stop - part.start, dtype=np.int64), np.column_stack([numbers[part], values[part]])
+            )
+            if sink.open:
+                told = told[np.argsort(told[:, 0]), 1:]
+                sink.write((", " if start else "") + json.dumps(_plain(told), allow_nan=False)[1:-1])
+        sink.write("]\n}\n")
     return path
 
 
@@ -133,6 +135,7 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
     """Write each rank's cells as a VTU file of its own, ``NAME_RANK.vtu``, and ``NAME.pvtu`` that names them.
 
     Fields are those of :func:`hemivar.report.files.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
+    Old files are replaced once all new ones are written, the ``.pvtu`` files last.
 
     Returns
     -------
@@ -143,19 +146,97 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
     mesh = body.piece.mesh
     fields, cell_fields = _fields(solution)
     kind = {2: "triangle", 3: "tetra"}[mesh.dim]
-    written = [_write_pieces(solution, path, "", _three(mesh.points), kind, mesh.cells, fields, cell_fields)]
+    grids = [_Grid("", _three(mesh.points), {kind: mesh.cells}, fields, cell_fields)]
     names = list(body.statement.contact)
     if names:
         facets = [mesh.boundaries[name] for name in names]
         number = np.concatenate([np.full(len(f), k, dtype=np.int32) for k, f in enumerate(facets)])
         used, place = np.unique(np.concatenate(facets).ravel(), return_inverse=True)
         chosen = {name: values[used] for name, values in fields.items() if name != "stress"}
-        cells = place.reshape(-1, mesh.dim)
-        kind = {2: "line", 3: "triangle"}[mesh.dim]
-        points = _three(mesh.points[used])
-        written.append(_write_pieces(solution, path, "_contact", points, kind, cells, chosen, {"boundary": number}))
-    ranks.mpi.Barrier()
-    return written
+        cells = {{2: "line", 3: "triangle"}[mesh.dim]: place.reshape(-1, mesh.dim)}
+        grids.append(_Grid("_contact", _three(mesh.points[used]), cells, chosen, {"boundary": number}))
+    here = ranks.mpi.allgather([grid.count > 0 for grid in grids])
+    with ExitStack() as pieces, ExitStack() as indices:
+        # the stacks rename what was written when they end well: pieces first
+        ranks.agree(lambda: _write_all(path, grids, here, ranks, pieces, indices))
+        with _alone(path.parent) if ranks.rank == 0 else nullcontext():
+            ranks.mpi.Barrier()
+            ranks.agree(pieces.close)
+            ranks.agree(indices.close)
+    return [path.with_name(f"{path.stem}{grid.suffix}.pvtu") for grid in grids]
+
+
+def pieces_of(path: Path, ranks: int) -> list[Path]:
+    """All files that :func:`write_vtu_on_ranks` may write."""
+    digits = len(str(ranks - 1))
+    names = [f"{path.stem}{suffix}" for suffix in ("", "_contact")]
+    pieces = [f"{name}_{rank:0{digits}d}.vtu" for name in names for rank in range(ranks)]
+    return [path.with_name(name) for name in (*pieces, *(f"{name}.pvtu" for name in names))]
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Cells of this rank and what is known on them."""
+
+    suffix: str
+    points: Array
+    cells: dict[str, IntArray]
+    point_data: dict[str, Array]
+    cell_data: dict[str, Array]
+
+    @property
+    def count(self) -> int:
+        return sum(map(len, self.cells.values()))
+
+
+def _write_all(
+    path: Path, grids: list[_Grid], here: list[list[bool]], ranks: Ranks, pieces: ExitStack, indices: ExitStack
+) -> None:
+    """Write this rank's pieces, and the files that name those of all, under names that are not theirs yet."""
+    digits = len(str(ranks.size - 1))
+    for number, grid in enumerate(grids):
+        name = f"{path.stem}{grid.suffix}"
+        files = [f"{name}_{rank:0{digits}d}.vtu" for rank in range(ranks.size) if here[rank][number]]
+        own, index = path.with_name(f"{name}_{ranks.rank:0{digits}d}.vtu"), path.with_name(f"{name}.pvtu")
+        if here[ranks.rank][number]:
+            with _naming(own):
+                there = pieces.enter_context(whole_file(own))
+                _write_grid(there, grid.points, grid.cells, grid.point_data, grid.cell_data)
+        if files and ranks.rank == [rank[number] for rank in here].index(True):
+            with _naming(index):
+                there = indices.enter_context(whole_file(index))
+                there.write_text(_parallel_file(files, grid.point_data, grid.cell_data), encoding="utf-8")
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Errors name the file that is to be, not the one that is written for the time being."""
+    try:
+        yield
+    except (OSError, FileError) as error:
+        cause = error if isinstance(error, OSError) else error.__cause__
+        reason = (getattr(cause, "strerror", None) or str(cause or error)).lower()
+        raise FileError(f"cannot write {shown(path)}: {reason}") from error
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Let no other run rename its pieces into a folder at the same time, as far as the file system knows locks."""
+    descriptor: int | None = None
+    with suppress(ImportError, OSError):
+        import fcntl
+
+        descriptor = os.open(folder, os.O_RDONLY)
+        for _ in range(50):
+            with suppress(BlockingIOError):
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            time.sleep(0.1)
+    try:
+        yield
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
 
 
 def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -197,29 +278,6 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     for name, part in zip(names, np.split(table, [1, 2, 3, 6, 9, 12], axis=1), strict=True):
         point_data[name] = part[:, 0] if part.shape[1] == 1 else part
     return point_data, cell_data
-
-
-def _write_pieces(
-    solution: DistributedSolution, path: Path, suffix: str, points: Array, kind: str, cells: IntArray,
-    point_data: dict[str, Array], cell_data: dict[str, Array],
-) -> Path:  # fmt: skip
-    """One VTU file of each rank that has cells, and the file that names them."""
-    ranks = solution.body.ranks
-    digits = len(str(ranks.size - 1))
-    pieces = ranks.mpi.allgather(bool(len(cells)))
-    whole = path.with_name(f"{path.stem}{suffix}.pvtu")
-    names = [path.with_name(f"{path.stem}{suffix}_{rank:0{digits}d}.vtu") for rank in range(ranks.size)]
-
-    def write() -> None:
-        if len(cells):
-            _write_grid(names[ranks.rank], points, {kind: cells}, point_data, cell_data)
-        if ranks.rank == pieces.index(True):
-            files = [name.name for name, there in zip(names, pieces, strict=True) if there]
-            whole.write_text(_parallel_file(files, point_data, cell_data), encoding="utf-8")
-
-    if any(pieces):
-        ranks.agree(write)
-    return whole
 
 
 def _parallel_file(files: list[str], point_data: dict[str, Array], cell_data: dict[str, Array]) -> str:

@@ -11,6 +11,7 @@ import scipy.linalg as la
 import scipy.optimize as opt
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.arguments import expect
 from hemivar.laws import Superpotential
 from hemivar.laws.contact import spread
 from hemivar.mechanics.discrete import DiscreteProblem
@@ -318,6 +319,9 @@ class PrimalDualActiveSet(Solver):
     inner: InnerSolver = field(default_factory=ExactInner)
     sets_from_guess: bool = False
     default_steps: ClassVar[int] = 200
+
+    def __post_init__(self) -> None:
+        expect(self.inner, InnerSolver, "PrimalDualActiveSet.inner", "pass ExactInner() or NewtonKrylov()")
 
     @property
     def name(self) -> str:  # type: ignore[override]

@@ -22,6 +22,8 @@ from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import free_growth
 from hemivar.mechanics.hold import Growth, growth_along
 from hemivar.mechanics.parts import free_motions
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.portable import Portable
 from hemivar.solvers.factorisation import Factorisation, factorise
@@ -371,7 +373,7 @@ class _Recovery:
         return u + self.factor.solve_interior(rest)
 
 
-def condense(problem: DiscreteProblem) -> CondensedProblem:
+def condense(problem: DiscreteProblem | ContactProblem) -> CondensedProblem:
     """Eliminate every unknown that no contact law acts on (the survey's Schur complement, section 5.2).
 
     Costs one sparse factorisation.  Where the trace selects single unknowns (nodal quadrature) the contact unknowns
@@ -386,6 +388,7 @@ def condense(problem: DiscreteProblem) -> CondensedProblem:
     MethodError
         The memory that is free does not suffice.
     """
+    problem = posed(problem, "condense")
     began = time.perf_counter()
     contact = problem.contact_points * problem.dim
     check_memory(problem.unknowns, problem.dim, contact)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from hemivar.arguments import described, number, whole_number
 from hemivar.deadline import Budget, OutOfTime
 from hemivar.errors import ProblemError
 
@@ -66,9 +67,8 @@ class Controls:
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "max_time"):
-            value = getattr(self, name)
-            if not value >= 0.0:
-                raise ProblemError(f"Controls.{name} is {value}; it must be a number >= 0")
+            if not number(getattr(self, name), f"Controls.{name}", "it must be a number >= 0") >= 0.0:
+                raise ProblemError(f"Controls.{name} is {getattr(self, name)}; it must be a number >= 0")
         if self.rtol > _COARSEST:
             raise ProblemError(
                 f"Controls.rtol is {self.rtol:g}; it must be at most {_COARSEST:g}, for a residual of that part of the "
@@ -76,5 +76,9 @@ class Controls:
             )
         if not math.isfinite(self.atol):
             raise ProblemError("Controls.atol is infinite; it must be a force that counts as nothing")
-        if self.max_steps is not None and self.max_steps < 1:
-            raise ProblemError(f"Controls.max_steps is {self.max_steps}; it must be at least 1")
+        if self.max_steps is not None:
+            whole_number(self.max_steps, "Controls.max_steps", 1)
+        if self.callback is not None and not callable(self.callback):
+            raise ProblemError(
+                f"Controls.callback is {described(self.callback)}; give a function that is called with each Progress"
+            )

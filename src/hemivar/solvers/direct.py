@@ -10,6 +10,7 @@ import numpy as np
 import scipy.optimize as opt
 
 from hemivar._typing import Array
+from hemivar.arguments import expect
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.solvers.base import Solver, State
@@ -57,6 +58,9 @@ class DirectOptimization(Solver):
     """
 
     optimizer: Optimizer = field(default_factory=lambda: Powell())
+
+    def __post_init__(self) -> None:
+        expect(self.optimizer, Optimizer, "DirectOptimization.optimizer", "pass Powell(), LBFGS() or ProximalBundle()")
 
     @property
     def name(self) -> str:  # type: ignore[override]

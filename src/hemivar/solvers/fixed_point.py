@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import Array
+from hemivar.arguments import expect
 from hemivar.errors import ProblemError
 from hemivar.laws.contact import spread
 from hemivar.mechanics.discrete import DiscreteProblem
@@ -50,6 +51,7 @@ class FixedPoint(Solver):
     inner_rtol: float = 1e-11
 
     def __post_init__(self) -> None:
+        expect(self.inner, Solver, "FixedPoint.inner", "pass a method such as NonsmoothNewton()")
         if not 0.0 < self.relaxation <= 1.0:
             raise ProblemError(f"FixedPoint.relaxation is {self.relaxation}; it must be in (0, 1]")
         if self.max_outer < 1:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.errors import ProblemError
+from hemivar.arguments import expect, whole_number
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls
@@ -46,8 +46,8 @@ class LoadStepping(Solver):
     rtol: float = 1e-9
 
     def __post_init__(self) -> None:
-        if self.steps < 1:
-            raise ProblemError(f"LoadStepping.steps is {self.steps}; it must be at least 1")
+        expect(self.inner, Solver, "LoadStepping.inner", "pass a method such as NonsmoothNewton()")
+        whole_number(self.steps, "LoadStepping.steps", 1)
 
     @property
     def name(self) -> str:  # type: ignore[override]

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hemivar._typing import Array
+from hemivar.arguments import described, expect
 from hemivar.errors import ProblemError
 from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.mechanics.transfer import interpolate
 from hemivar.solvers.base import Solver
 from hemivar.solvers.condensed import CondensedProblem
@@ -26,6 +29,8 @@ def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
     ProblemError
         One of the two problems has no mesh.
     """
+    expect(solution, Solution, "the solution", "pass what hemivar.solve returned")
+    expect(problem, DiscreteProblem, "the problem", "discretise it first, hemivar.discretize(problem)")
     source, target = solution.problem.field, problem.field
     if source is None or target is None:
         raise ProblemError("only problems on meshes can pass on their solution; give the initial guess as unknowns")
@@ -33,7 +38,7 @@ def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
 
 
 def solve_nested(
-    problems: Sequence[DiscreteProblem],
+    problems: Sequence[DiscreteProblem | ContactProblem],
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,
@@ -43,7 +48,7 @@ def solve_nested(
 
     Parameters
     ----------
-    problems : sequence of DiscreteProblem
+    problems : sequence of DiscreteProblem or ContactProblem
         From coarse to fine.
     solver, controls
         As in :func:`solve`, for every mesh.
@@ -55,10 +60,12 @@ def solve_nested(
     list of Solution
         One for each mesh; the last is the one wanted.  A solve that is interrupted or runs out of memory is the last.
     """
+    if isinstance(problems, DiscreteProblem | ContactProblem | str):
+        raise ProblemError(f"the problems are {described(problems)}; give a list of them, from coarse to fine")
     if not problems:
         raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")
     solutions: list[Solution] = []
-    for i, problem in enumerate(problems):
+    for i, problem in enumerate(posed(given, "solve_nested") for given in problems):
         guess = transfer_solution(solutions[-1], problem) if solutions else None
         shared = None if condensed is None else condensed[i]
         solutions.append(solve(problem, solver, controls, initial=guess, condensed=shared))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 import time
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar._typing import Array
+from hemivar.arguments import described, expect
 from hemivar.arrays import real_array
 from hemivar.errors import MethodError, ProblemError
 from hemivar.linear.multigrid import sole_use
@@ -17,6 +19,8 @@ from hemivar.linear.threads import one_thread
 from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.mechanics.free_motion import known_to_be_held
 from hemivar.mechanics.hold import Verdict, decide
+from hemivar.mechanics.posed import posed
+from hemivar.mechanics.problem import ContactProblem
 from hemivar.mechanics.residual import residual
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.choice import choose
@@ -33,10 +37,22 @@ __all__ = ["solve", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
+#: Of the methods in hemivar.METHODS, for messages.
+_NAMES = (
+    "newton",
+    "multigrid",
+    "direct-powell",
+    "direct-lbfgs",
+    "bundle",
+    "augmented-lagrangian",
+    "augmented-lagrangian-newton",
+    "active-set",
+    "active-set-krylov",
+)
 
 
 def solve(
-    problem: DiscreteProblem,
+    problem: DiscreteProblem | ContactProblem,
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,
@@ -47,8 +63,8 @@ def solve(
 
     Parameters
     ----------
-    problem : DiscreteProblem
-        From :func:`hemivar.discretize`, or made of the user's own arrays.
+    problem : DiscreteProblem or ContactProblem
+        From :func:`hemivar.discretize`, or made of the user's own arrays; a statement is discretised.
     solver : Solver, optional
         The method and its options. By default :class:`NonsmoothNewton`, or :class:`NonsmoothMultigrid` where that is
         predicted to be faster or the memory to be too small (:func:`choose`; the logger ``hemivar`` says which and
@@ -73,6 +89,13 @@ def solve(
     ProblemError
         The problem cannot be solved as stated.
     """
+    problem = posed(problem, "solve")
+    if solver is not None and not isinstance(solver, Solver):
+        raise _no_method(solver)
+    if condensed is not None:
+        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    if controls is not None:
+        expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
     if solver is None:
         chosen, reason = choose(problem)
         solver = suited(chosen if condensed is None else NonsmoothNewton(), problem)
@@ -91,6 +114,21 @@ def solve(
         raise ProblemError("the condensation given belongs to another problem; condense this one")
     with one_thread(not solver.condenses), sole_use(problem, not solver.condenses):
         return _run(problem, solver, controls, initial, condensed)
+
+
+def _no_method(given: object) -> MethodError:
+    """What to do instead of giving a name, a class, or the controls in the place of the method."""
+    if isinstance(given, Controls):
+        return MethodError("the controls are given in the place of the method; pass them by name, controls=...")
+    if isinstance(given, type) and issubclass(given, Solver):
+        return MethodError(f"the method is the class {given.__name__}; pass one with its options, {given.__name__}()")
+    if isinstance(given, str):
+        close = difflib.get_close_matches(given, _NAMES, n=1, cutoff=0.4)
+        return MethodError(
+            f"the method is the name '{given}'; pass the method itself, such as "
+            f"hemivar.METHODS['{(close or _NAMES)[0]}'] (known: {', '.join(_NAMES)})"
+        )
+    return MethodError(f"the method is {described(given)}; pass one such as NonsmoothNewton(), or leave it out")
 
 
 def _run(

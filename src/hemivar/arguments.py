@@ -1,0 +1,58 @@
+"""Sentences for arguments of the wrong kind, before anything is done with them."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import operator
+from typing import Any
+
+from hemivar.errors import ProblemError
+
+__all__ = ["described", "expect", "number", "whole_number"]
+
+
+def described(value: object) -> str:
+    """What a value is, in a few words: ``'newton'``, ``3``, ``None``, ``the class Clamped``, ``a Mesh``."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if value is None or isinstance(value, str | bytes | numbers.Number):
+        text = repr(value)
+        return text if len(text) <= 60 else text[:57] + "..."
+    name = type(value).__name__
+    return f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
+
+
+def expect(value: object, kind: Any, name: str, remedy: str) -> Any:
+    """The value, if it is of a kind, a class or a union of classes.
+
+    Raises
+    ------
+    ProblemError
+        ``NAME is WHAT; REMEDY``; for the class in place of an object of it, that it must be made first.
+    """
+    if isinstance(value, kind):
+        return value
+    if isinstance(value, type) and issubclass(value, kind):
+        raise ProblemError(f"{name} is the class {value.__name__}; make one of it: {value.__name__}(...)")
+    raise ProblemError(f"{name} is {described(value)}; {remedy}")
+
+
+def whole_number(value: object, name: str, least: int) -> int:
+    """An integer that is at least ``least``, NumPy's included; booleans and floats are refused."""
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        found = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise ProblemError(f"{name} is {described(value)}; give a whole number >= {least}") from None
+    if found < least:
+        raise ProblemError(f"{name} is {found}; it must be at least {least}")
+    return found
+
+
+def number(value: Any, name: str, what: str = "give a real number") -> float:
+    """A real number, NumPy's included, not nan."""
+    if not isinstance(value, numbers.Real) or isinstance(value, bool) or math.isnan(value):
+        raise ProblemError(f"{name} is {described(value)}; {what}")
+    return float(value)

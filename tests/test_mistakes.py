@@ -1,0 +1,152 @@
+"""The likeliest mistakes in Python: each is understood, or answered by one sentence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.laws import ContactLaw
+from hemivar.solvers import transfer_solution
+from hemivar.solvers.solve import _NAMES
+from tests.problems import square
+
+PROBLEM = square(n=2)
+DISCRETE = hv.discretize(PROBLEM)
+SOLUTION = hv.solve(DISCRETE)
+U, LAM = SOLUTION.unknowns, SOLUTION.multiplier
+K, F, B, W, G = DISCRETE.stiffness, DISCRETE.load, DISCRETE.trace, DISCRETE.weights, DISCRETE.gap
+
+
+def changed(**changes: Any) -> hv.ContactProblem:
+    return replace(PROBLEM, **changes)
+
+
+MISTAKES: list[tuple[Callable[[], object], str]] = [
+    (lambda: hv.solve("problem.toml"), "solve: the problem is 'problem.toml'; give a ContactProblem.*read_problem"),
+    (lambda: hv.solve(PROBLEM.mesh), "solve: the problem is a Mesh; give a ContactProblem"),
+    (lambda: hv.solve(DISCRETE, "newton"), r"the method is the name 'newton'; .* hemivar.METHODS\['newton'\]"),
+    (lambda: hv.solve(DISCRETE, "multgrid"), r"such as hemivar.METHODS\['multigrid'\] \(known: newton"),
+    (lambda: hv.solve(DISCRETE, hv.NonsmoothNewton), r"is the class NonsmoothNewton; .*NonsmoothNewton\(\)"),
+    (lambda: hv.solve(DISCRETE, hv.Controls()), "controls are given in the place of the method; pass them by name"),
+    (lambda: hv.solve(DISCRETE, 1e-6), "the method is 1e-06; pass one such as NonsmoothNewton"),
+    (lambda: hv.solve(DISCRETE, None, {"rtol": 1e-6}), r"controls is a dict; pass Controls\(rtol"),
+    (lambda: hv.solve(DISCRETE, None, 1e-6), r"controls is 1e-06; pass Controls\(rtol"),
+    (lambda: hv.solve(DISCRETE, None, hv.Controls), r"controls is the class Controls; make one of it: Controls\(...\)"),
+    (lambda: hv.solve(DISCRETE, initial="zero"), "the initial guess is no array of numbers: it is text"),
+    (lambda: hv.solve(DISCRETE, initial=SOLUTION.displacement), "the initial guess has shape .*transfer_solution"),
+    (lambda: hv.solve(DISCRETE, condensed=DISCRETE), r"the condensation is a DiscreteProblem; pass .*condense"),
+    (lambda: hv.certify(DISCRETE), "certify: no displacement is given; give a solution"),
+    (lambda: hv.certify(PROBLEM, U), "certify: the problem is a ContactProblem; give hemivar.discretize"),
+    (lambda: hv.certify(SOLUTION, U), "certify: a solution stands for its unknowns"),
+    (lambda: hv.certify(DISCRETE, SOLUTION.displacement), "the displacement has shape"),
+    (lambda: hv.certify(DISCRETE, U, SOLUTION.pressure), "the multiplier has shape"),
+    (lambda: hv.certify(DISCRETE, U, tolerance="x"), "the tolerance of a certificate is 'x'; give a real number"),
+    (lambda: hv.certify(DISCRETE, U, tolerance=-1.0), "the tolerance of a certificate is -1.0; it must be"),
+    (lambda: hv.certify(DISCRETE, U, factor=hv.condense(DISCRETE)), "the factor is a CondensedProblem; .*energy_norm"),
+    (lambda: hv.residual(PROBLEM, U, LAM), "the problem of the residual is a ContactProblem; discretise it first"),
+    (lambda: hv.residual(DISCRETE, U, SOLUTION.pressure), "the multiplier has shape"),
+    (lambda: hv.residual(DISCRETE, SOLUTION.displacement, LAM), "the displacement has shape"),
+    (lambda: hv.find_solutions("p.toml"), "find_solutions: the problem is 'p.toml'"),
+    (lambda: hv.find_solutions(DISCRETE, starts=1.5), "starts is 1.5; give a whole number >= 0"),
+    (lambda: hv.find_solutions(DISCRETE, starts="many"), "starts is 'many'; give a whole number >= 0"),
+    (lambda: hv.find_solutions(DISCRETE, max_solutions=0), "max_solutions is 0; it must be at least 1"),
+    (lambda: hv.find_solutions(DISCRETE, seed=-1), "seed is -1; it must be at least 0"),
+    (lambda: hv.find_solutions(DISCRETE, controls={}), r"controls is a dict; pass Controls"),
+    (lambda: hv.follow_path(DISCRETE, 1.0), r"the load factors are no pair; give a range such as \(0.0, 1.0\)"),
+    (lambda: hv.follow_path(DISCRETE, (0.0, 1j)), "a load factor is 1j; give a real number"),
+    (lambda: hv.follow_path(DISCRETE, unloaded=PROBLEM), "the unloaded problem is a ContactProblem; discretise"),
+    (lambda: hv.follow_path(DISCRETE, max_points="many"), "max_points is 'many'; give a whole number >= 2"),
+    (lambda: hv.follow_path(DISCRETE, largest_step="big"), "largest_step is 'big'; give a real number"),
+    (lambda: hv.smallness(DISCRETE, hv.Signorini()), "the law is a Signorini; pass the frozen law"),
+    (lambda: hv.condense(SOLUTION), "condense: the problem is a Solution; give a ContactProblem"),
+    (lambda: hv.solve_nested(DISCRETE), "the problems are a DiscreteProblem; give a list of them"),
+    (lambda: transfer_solution(DISCRETE, DISCRETE), "the solution is a DiscreteProblem; pass what hemivar.solve"),
+    (lambda: transfer_solution(SOLUTION, PROBLEM), "the problem is a ContactProblem; discretise it first"),
+    (lambda: hv.discretize("problem.toml"), r"what to discretize is 'problem.toml'; .*read_problem\(path\)"),
+    (lambda: hv.discretize(DISCRETE), "this problem is discrete already; solve it"),
+    (lambda: changed(material=None), r"material is None; pass Material.lame\(...\)"),
+    (lambda: changed(material=hv.Material), "material is the class Material; pass Material.lame"),
+    (lambda: changed(material=hv.Material()), "material is a Material; pass Material.lame"),
+    (lambda: changed(mesh="mesh.msh"), "mesh is 'mesh.msh'; pass a hemivar Mesh, from read_mesh"),
+    (lambda: changed(supports={"left": "clamped"}), r"supports\['left'\] is 'clamped'; pass Clamped\(\)"),
+    (lambda: changed(supports={"left": hv.Clamped}), r"supports\['left'\] is the class Clamped; pass Clamped\(\)"),
+    (lambda: changed(supports=["left"]), r"supports must map boundary names to conditions, .*; it is a list"),
+    (lambda: changed(supports=None), "supports must map boundary names .*; it is None"),
+    (lambda: changed(supports={"lefft": hv.Clamped()}), "did you mean 'left'"),
+    (lambda: changed(supports={0: hv.Clamped()}), "supports names boundary '0', which the mesh does not have"),
+    (lambda: changed(contact={"bottom": hv.Signorini()}), r"contact\['bottom'\] is a Signorini; wrap the law"),
+    (lambda: changed(contact=hv.Contact(hv.Signorini())), "contact must map boundary names .*; it is a Contact"),
+    (lambda: changed(tractions={"top": 1.0}), r"tractions\['top'\] has shape \(\); on this mesh it needs 2"),
+    (lambda: changed(order="2"), "order = '2'; elements of order 1 and 2 exist"),
+    (lambda: hv.Contact(hv.Tresca(0.5), hv.Signorini()), "the normal law and the friction law are swapped"),
+    (lambda: hv.Contact(hv.Tresca(0.5)), "the normal law must be a superpotential .*, not a Friction"),
+    (lambda: hv.Contact(hv.Signorini), "the normal law must be a superpotential .*, not the class Signorini"),
+    (lambda: hv.Contact(hv.Signorini(), 0.5), r"must be a Friction such as Tresca\(0.5\), not 0.5"),
+    (lambda: hv.Contact(hv.Signorini(), gap="0.1"), "gap is no array of numbers: it is text"),
+    (lambda: hv.Contact(hv.Signorini(), obstacle=hv.Plane), "obstacle is the class Plane; pass Plane"),
+    (lambda: hv.Controls(rtol="1e-9"), "Controls.rtol is '1e-9'; it must be a number >= 0"),
+    (lambda: hv.Controls(rtol=None), "Controls.rtol is None; it must be a number >= 0"),
+    (lambda: hv.Controls(atol=float("nan")), "Controls.atol is nan; it must be a number >= 0"),
+    (lambda: hv.Controls(max_steps=1.5), "Controls.max_steps is 1.5; give a whole number >= 1"),
+    (lambda: hv.Controls(callback="print"), "Controls.callback is 'print'; give a function"),
+    (lambda: hv.FixedPoint("newton"), r"FixedPoint.inner is 'newton'; pass a method such as NonsmoothNewton\(\)"),
+    (lambda: hv.FixedPoint(hv.NonsmoothNewton), "FixedPoint.inner is the class NonsmoothNewton; make one of it"),
+    (lambda: hv.LoadStepping(inner="newton"), "LoadStepping.inner is 'newton'; pass a method"),
+    (lambda: hv.LoadStepping(steps="many"), "LoadStepping.steps is 'many'; give a whole number >= 1"),
+    (lambda: hv.DirectOptimization("powell"), r"DirectOptimization.optimizer is 'powell'; pass Powell\(\)"),
+    (lambda: hv.PrimalDualActiveSet("exact"), r"PrimalDualActiveSet.inner is 'exact'; pass ExactInner\(\)"),
+    (lambda: DISCRETE.with_law(hv.Signorini()), r"the law of a discrete problem is a Signorini; pass ContactLaw"),
+    (lambda: hv.DiscreteProblem(K, F, B, W, G, hv.Contact(hv.Signorini())), "is a Contact; pass ContactLaw"),
+    (lambda: DISCRETE.energy(SOLUTION.displacement), r"the unknowns have shape \(13, 2\); this problem has \(20,\)"),
+    (lambda: DISCRETE.contact_force(SOLUTION.pressure), "the multiplier has shape"),
+    (lambda: hv.Material.by_region([hv.Material.lame(1.0, 1.0)]), "by_region takes a mapping .*, not a list"),
+    (lambda: hv.Material.young(0.3, 210e3), "material constant nu = 210000; it must lie between -1 and 0.5"),
+]
+
+
+@pytest.mark.parametrize(("mistake", "words"), MISTAKES, ids=[words[:40] for _, words in MISTAKES])
+def test_a_mistake_is_answered_by_a_sentence(mistake: Callable[[], object], words: str) -> None:
+    with pytest.raises(hv.HemivarError, match=words) as caught:
+        mistake()
+    text = str(caught.value)
+    assert "\n" not in text
+    assert len(text) < 400
+    assert not re.search(r"object at 0x|array\(", text)
+
+
+def test_a_statement_is_discretised_where_a_discrete_problem_is_asked_for() -> None:
+    np.testing.assert_array_equal(hv.solve(PROBLEM).unknowns, U)
+    np.testing.assert_array_equal(hv.condense(PROBLEM).matrix, hv.condense(DISCRETE).matrix)
+    assert hv.smallness(PROBLEM) == hv.smallness(DISCRETE)
+    np.testing.assert_array_equal(hv.find_solutions(PROBLEM).energies, hv.find_solutions(DISCRETE).energies)
+    np.testing.assert_array_equal(hv.follow_path(PROBLEM).load_factor, hv.follow_path(DISCRETE).load_factor)
+    np.testing.assert_array_equal(hv.solve_nested([PROBLEM])[0].unknowns, U)
+
+
+def test_a_solution_is_certified() -> None:
+    expected = hv.certify(DISCRETE, U, LAM).record()
+    for found in (hv.certify(SOLUTION), hv.certify(DISCRETE, SOLUTION), hv.certify(DISCRETE, SOLUTION, LAM)):
+        record = found.record()
+        assert {**record, "seconds": 0.0} == {**expected, "seconds": 0.0}
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert hv.Controls(rtol=np.float32(1e-6), max_steps=np.int64(3)).max_steps == 3
+    assert hv.LoadStepping(steps=np.int32(2)).steps == 2
+    assert len(hv.find_solutions(DISCRETE, starts=np.int64(1), enumerate_up_to=np.int64(0))) >= 1
+
+
+def test_names_in_messages_are_those_of_the_methods() -> None:
+    assert list(hv.METHODS) == list(_NAMES)
+
+
+def test_the_right_arguments_pass() -> None:
+    law = ContactLaw(hv.Signorini(), hv.Tresca(0.5))
+    assert DISCRETE.with_law(law).law is law
+    assert hv.solve(DISCRETE, hv.METHODS["newton"], hv.Controls(), initial=SOLUTION).status is hv.Status.CONVERGED
