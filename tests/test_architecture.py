@@ -19,7 +19,8 @@ PACKAGE = ROOT / "src" / "hemivar"
 #: Modules and packages of hemivar by rank: each may import itself and what stands on a lower line.
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("errors", "_typing"),
-    ("arguments", "arrays", "deadline", "disk", "expression", "memory", "portable"),
+    ("arguments", "arrays", "deadline", "disk", "intervals", "memory", "portable"),
+    ("expression",),
     ("smooth",),
     ("formula",),
     ("laws",),

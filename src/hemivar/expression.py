@@ -14,6 +14,7 @@ import numpy as np
 
 from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.intervals import ENCLOSED, Pair, mended, power
 
 __all__ = ["Graph"]
 
@@ -21,8 +22,6 @@ __all__ = ["Graph"]
 _MOST_NODES = 6_000
 #: Longest text, in nodes, that is written out.
 _LONGEST_TEXT = 150
-#: Relative error that every operation may add: more than numpy's elementary functions have.
-_ROUNDING = 1e-15
 
 _SYMBOLS: Mapping[str, ast.operator] = {
     "+": ast.Add(),
@@ -379,7 +378,7 @@ class Graph:
             The values in the interval lie between them; both are infinite where nothing can be said, also where the
             expression has no value everywhere.
         """
-        kept: dict[int, _Pair] = {}
+        kept: dict[int, Pair] = {}
         with np.errstate(all="ignore"):
             for i, op, arguments, leaf, done in self._program(node):
                 kept[i] = self._one_enclosed(op, leaf, arguments, kept, low, high)
@@ -392,21 +391,21 @@ class Graph:
         op: str,
         leaf: float | str,
         arguments: Sequence[int],
-        kept: Mapping[int, _Pair],
+        kept: Mapping[int, Pair],
         low: Array,
         high: Array,
-    ) -> _Pair:
+    ) -> Pair:
         """Bounds of one operation from those of its arguments."""
         if op == "number":
             value = np.full(low.shape, float(leaf))
-            return _mended(value, value)
+            return mended(value, value)
         if op == "name":
             return low, high
         if op == "^":
             exponent = arguments[1]
             known = float(self.value(exponent, {})) if not self._varies[exponent] else None
-            return _mended(*_power(kept[arguments[0]], kept[exponent], known))
-        below, above = _mended(*_ENCLOSED[op](*(kept[a] for a in arguments)))
+            return mended(*power(kept[arguments[0]], kept[exponent], known))
+        below, above = mended(*ENCLOSED[op](*(kept[a] for a in arguments)))
         if op in ("sin", "cos", "tanh"):
             return np.clip(below, -1.0, 1.0), np.clip(above, -1.0, 1.0)
         return below, above
@@ -423,7 +422,7 @@ class Graph:
         near = abs(start)
         kept: dict[int, _Growth | None] = {}
         least: dict[int, _Growth | None] = {}
-        bounds: dict[int, _Pair] = {}
+        bounds: dict[int, Pair] = {}
         with np.errstate(all="ignore"):
             for i, op, arguments, leaf, _ in self._program(node):
                 bounds[i] = self._one_enclosed(op, leaf, arguments, bounds, *ends)
@@ -528,134 +527,3 @@ def _first_true(inner: Sequence[Any], size: int) -> IntArray:
     for k in reversed(range(len(inner) // 2)):
         out = np.where(np.broadcast_to(inner[2 * k], (size,)), 2 * k + 1, out)
     return out
-
-
-# ---- interval arithmetic; an interval is a pair of arrays ----------------------------------------------------------
-
-_Pair = tuple[Array, Array]
-
-
-def _mended(low: Array, high: Array) -> _Pair:
-    """Rounded outwards, and the whole line where there is no number."""
-    return (
-        np.where(np.isnan(low), -np.inf, low - _ROUNDING * np.abs(np.where(np.isinf(low), 0.0, low))),
-        np.where(np.isnan(high), np.inf, high + _ROUNDING * np.abs(np.where(np.isinf(high), 0.0, high))),
-    )
-
-
-def _product(x: _Pair, y: _Pair) -> _Pair:
-    with np.errstate(all="ignore"):
-        corners = [np.where((a == 0.0) | (b == 0.0), 0.0, a * b) for a in x for b in y]
-    return np.minimum.reduce(corners), np.maximum.reduce(corners)
-
-
-def _inverse(x: _Pair) -> _Pair:
-    low, high = x
-    crosses = ((low < 0.0) & (high > 0.0)) | ((low == 0.0) & (high == 0.0))
-    below = np.where(crosses | (high == 0.0), -np.inf, 1.0 / np.where(high == 0.0, 1.0, high))
-    above = np.where(crosses | (low == 0.0), np.inf, 1.0 / np.where(low == 0.0, 1.0, low))
-    return below, above
-
-
-def _whole_power(x: _Pair, n: int) -> _Pair:
-    low, high = x
-    a, b = low ** float(n), high ** float(n)
-    if n % 2:
-        return a, b
-    return np.where((low <= 0.0) & (high >= 0.0), 0.0, np.minimum(a, b)), np.maximum(a, b)
-
-
-def _power(x: _Pair, y: _Pair, exponent: float | None) -> _Pair:
-    if exponent is not None and exponent == round(exponent) and abs(exponent) < 1e9:
-        n = int(exponent)
-        return _whole_power(x, n) if n >= 0 else _inverse(_mended(*_whole_power(x, -n)))
-    if exponent is not None:
-        low, high = x
-        ends = (low**exponent, high**exponent) if exponent > 0.0 else (high**exponent, low**exponent)
-        return np.where(low < 0.0, -np.inf, ends[0]), np.where(low < 0.0, np.inf, ends[1])
-    low, high = _exp(_mended(*_product(_mended(*_log(x)), y)))
-    return np.where(x[0] < 0.0, -np.inf, low), np.where(x[0] < 0.0, np.inf, high)
-
-
-def _exp(x: _Pair) -> _Pair:
-    return np.exp(x[0]), np.maximum(
-        np.exp(x[1]), np.finfo(float).tiny
-    )  # never zero: what is multiplied may be infinite
-
-
-def _log(x: _Pair) -> _Pair:
-    low, high = x
-    return np.where(low > 0.0, np.log(np.where(low > 0.0, low, 1.0)), -np.inf), np.where(
-        high > 0.0, np.log(np.where(high > 0.0, high, 1.0)), np.inf
-    )
-
-
-def _sqrt(x: _Pair) -> _Pair:
-    low, high = x
-    bad = low < 0.0
-    root = np.sqrt(np.maximum(high, 0.0))
-    return np.where(bad, -np.inf, np.sqrt(np.maximum(low, 0.0))), np.where(bad, np.inf, root)
-
-
-def _absolute(x: _Pair) -> _Pair:
-    low, high = x
-    return np.maximum(np.maximum(low, -high), 0.0), np.maximum(np.abs(low), np.abs(high))
-
-
-def _wave(x: _Pair, function: Callable[[Any], Any], top: float) -> _Pair:
-    """A sine whose maxima are at ``top + 2 pi k``."""
-    low, high = x
-    margin = 1e-14 * (1.0 + np.maximum(np.abs(low), np.abs(high)))
-    first, last = low - margin, high + margin
-    wild = ~(last - first < 2.0 * np.pi) | ~(margin < 0.1)
-    turn = 2.0 * np.pi
-    holds_top = np.floor((last - top) / turn) >= np.ceil((first - top) / turn)
-    holds_bottom = np.floor((last - top - np.pi) / turn) >= np.ceil((first - top - np.pi) / turn)
-    a, b = function(np.where(wild, 0.0, low)), function(np.where(wild, 0.0, high))
-    lower = np.where(wild | holds_bottom, -1.0, np.minimum(a, b))
-    upper = np.where(wild | holds_top, 1.0, np.maximum(a, b))
-    return lower, upper
-
-
-def _tangent(x: _Pair) -> _Pair:
-    low, high = x
-    margin = 1e-14 * (1.0 + np.maximum(np.abs(low), np.abs(high)))
-    same = np.floor((low - margin) / np.pi + 0.5) == np.floor((high + margin) / np.pi + 0.5)
-    same &= margin < 0.1
-    return np.where(same, np.tan(np.where(same, low, 0.0)), -np.inf), np.where(
-        same, np.tan(np.where(same, high, 0.0)), np.inf
-    )
-
-
-def _hull(*parts: _Pair) -> _Pair:
-    """What contains all values of piecewise (condition, value, ..., last)."""
-    values = [parts[k] for k in range(len(parts)) if k % 2 or k == len(parts) - 1]
-    return np.minimum.reduce([v[0] for v in values]), np.maximum.reduce([v[1] for v in values])
-
-
-def _undecided(*parts: _Pair) -> _Pair:
-    shape = parts[0][0].shape if parts else ()
-    return np.zeros(shape), np.ones(shape)
-
-
-_ENCLOSED: Mapping[str, Callable[..., _Pair]] = {
-    "+": lambda x, y: (x[0] + y[0], x[1] + y[1]),
-    "-": lambda x, y: (x[0] - y[1], x[1] - y[0]),
-    "*": _product,
-    "/": lambda x, y: _product(x, _mended(*_inverse(y))),
-    "neg": lambda x: (-x[1], -x[0]),
-    "sin": lambda x: _wave(x, np.sin, 0.5 * np.pi),
-    "cos": lambda x: _wave(x, np.cos, 0.0),
-    "tan": _tangent,
-    "tanh": lambda x: (np.tanh(x[0]), np.tanh(x[1])),
-    "exp": _exp,
-    "log": _log,
-    "sqrt": _sqrt,
-    "abs": _absolute,
-    "min": lambda x, y: (np.minimum(x[0], y[0]), np.minimum(x[1], y[1])),
-    "max": lambda x, y: (np.maximum(x[0], y[0]), np.maximum(x[1], y[1])),
-    "piecewise": _hull,
-    "true": _undecided,
-    "and": _undecided,
-    **dict.fromkeys(_COMPARISONS, _undecided),
-}
