@@ -536,7 +536,7 @@ class _Maker:
              ["compare", "problem.toml", "--max-time", "1", "--methods", "newton", "--csv", "a.csv"], ["laws"],
              ["methods"],
              ["path", "problem.toml", "--max-points", "20", "--json", "a.json", "--plot", "a.png"], ["solutions",
-             "problem.toml", "--json", "a.json"]]
+             "problem.toml", "--max-time", "5", "--json", "a.json"]]
         )  # fmt: skip
         plot = ["solve", "problem.toml", "--plot", "a.png"]
         others: dict[str, Any] = {"fresh": True}
