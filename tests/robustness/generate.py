@@ -33,9 +33,9 @@ class _Maker:
         rng = self.rng
         kind = rng.choices(["solve", "solutions", "certify", "path", "compare"], [80, 7, 6, 4, 3])[0]
         json_file = f"{kind}.json"
-        words = [kind, "problem.toml", "--json", json_file]
+        words = [kind, "problem.toml", "--json", json_file, "--max-time", "1" if kind == "compare" else "5"]
         if kind == "solve":
-            words += ["--vtu", "solve.vtu", "--max-time", "5"]
+            words += ["--vtu", "solve.vtu"]
             if rng.random() < 0.4:
                 words += ["--method", rng.choice(METHODS)]
             if rng.random() < 0.05:
@@ -47,7 +47,7 @@ class _Maker:
             if rng.random() < 0.1:
                 words += ["--quiet"]
         elif kind == "compare":
-            words += ["--max-time", "1", "--csv", "compare.csv"]
+            words += ["--csv", "compare.csv"]
         elif kind == "path":
             words += ["--max-points", "60"] + (["--plot", "path.png"] if rng.random() < 0.2 else [])
         elif kind == "solutions":
@@ -390,7 +390,8 @@ class _Maker:
                     *rng.choice([["--rtol", number], ["--json", file], ["--solution", file], extra]),
                 ]
             case "solutions":
-                words = ["solutions", "problem.toml", *rng.choice([["--starts", number], ["--seed", number],
+                words = ["solutions", "problem.toml", "--max-time", "5", *rng.choice([["--starts", number],
+                ["--seed", number],
                 ["--max-solutions", number],
                                                                    ["--json", file], extra])]  # fmt: skip
             case "path":
@@ -535,7 +536,7 @@ class _Maker:
              ["compare", "problem.toml", "--max-time", "1", "--methods", "newton", "--csv", "a.csv"], ["laws"],
              ["methods"],
              ["path", "problem.toml", "--max-points", "20", "--json", "a.json", "--plot", "a.png"], ["solutions",
-             "problem.toml", "--json", "a.json"]]
+             "problem.toml", "--max-time", "5", "--json", "a.json"]]
         )  # fmt: skip
         plot = ["solve", "problem.toml", "--plot", "a.png"]
         others: dict[str, Any] = {"fresh": True}
