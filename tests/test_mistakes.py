@@ -63,7 +63,6 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.follow_path(DISCRETE, unloaded=PROBLEM), "the unloaded problem is a ContactProblem; discretise"),
     (lambda: hv.follow_path(DISCRETE, max_points="many"), "max_points is 'many'; give a whole number >= 2"),
     (lambda: hv.follow_path(DISCRETE, largest_step="big"), "largest_step is 'big'; give a real number"),
-    (lambda: hv.smallness(DISCRETE, hv.Signorini()), "the law is a Signorini; pass the frozen law"),
     (lambda: hv.condense(SOLUTION), "condense: the problem is a Solution; give a ContactProblem"),
     (lambda: hv.solve_nested(DISCRETE), "the problems are a DiscreteProblem; give a list of them"),
     (lambda: transfer_solution(DISCRETE, DISCRETE), "the solution is a DiscreteProblem; pass what hemivar.solve"),

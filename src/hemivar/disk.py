@@ -16,6 +16,7 @@ from hemivar.errors import FileError
 
 __all__ = [
     "MOST_BYTES",
+    "first_bytes",
     "make_folder",
     "noting_files_read",
     "open_new",
@@ -93,6 +94,16 @@ def read_bytes(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTE
     if left <= 0:
         raise FileError(f"{what} {shown(path)} grew beyond {most_bytes / 2**20:.0f} MiB while it was read")
     return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+def first_bytes(path: str | Path, count: int, what: str = "file") -> bytes:
+    """The first bytes of a regular file, however large it is.  Raises as :func:`regular_file` does."""
+    name = regular_file(path, what, 1 << 62)
+    try:
+        with name.open("rb") as stream:
+            return stream.read(count)
+    except OSError as error:
+        raise FileError(f"cannot read {what} {shown(path)}: {_reason(error)}") from error
 
 
 def read_text(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTES) -> str:

@@ -156,7 +156,7 @@ def test_a_convex_problem_has_one_solution(quadrature: Quadrature) -> None:
 
 
 def test_bad_options_are_named() -> None:
-    with pytest.raises(ProblemError, match="max_solutions = 0"):
+    with pytest.raises(ProblemError, match="max_solutions is 0"):
         find_solutions(columns(1), max_solutions=0)
 
 

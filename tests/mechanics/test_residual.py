@@ -118,5 +118,5 @@ def test_tolerances_that_would_accept_anything_are_refused(change: dict[str, flo
     with pytest.raises(ProblemError, match=rf"Controls\.{word}"):
         Controls(**change)  # type: ignore[arg-type]
     problem = discrete_square()
-    with pytest.raises(ProblemError, match="tolerance is 1e"):
+    with pytest.raises(ProblemError, match="tolerance of a certificate is 1"):
         certify(problem, np.zeros(problem.unknowns), tolerance=1e10)

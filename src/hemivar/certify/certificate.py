@@ -209,7 +209,7 @@ def certify(
     if u.shape != problem.load.shape:
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
     if not 0.0 <= tolerance <= 0.1:
-        raise ProblemError(f"the tolerance is {tolerance:g}; it must lie between 0 and 0.1 of the load")
+        raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
     if not np.isfinite(u).all():
         raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
     budget = Budget(max_time)

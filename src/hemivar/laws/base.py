@@ -63,6 +63,9 @@ class Superpotential(Portable, ABC):
     #: Whether alpha or the growth constants come from sampling, so that they may be too small.
     constants_sampled: bool = False
 
+    #: Whether the library made it from a law that has been looked at, so that its shape is not looked at again.
+    examined: bool = False
+
     @property
     def alpha_sampled(self) -> bool:
         """Whether alpha comes from sampling."""

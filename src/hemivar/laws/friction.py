@@ -129,7 +129,7 @@ _CHECKED: WeakSet[Superpotential] = WeakSet()
 def _check_profile(profile: Superpotential) -> None:
     """Refuse a profile that is not even, or is friction in the direction of the slip, at some sample."""
     try:
-        if profile is ABSOLUTE_VALUE or profile in _CHECKED:
+        if profile is ABSOLUTE_VALUE or profile.examined or profile in _CHECKED:
             return
     except TypeError:  # a class of the user's that cannot be hashed is looked at again
         pass

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hemivar._typing import IntArray
-from hemivar.disk import read_bytes, regular_file
+from hemivar.disk import first_bytes, read_bytes, regular_file
 from hemivar.errors import FileError, ProblemError
 from hemivar.mechanics.mesh import Mesh
 from hemivar.mechanics.msh import RawMesh, _printable, is_msh, parse_msh
@@ -37,8 +37,7 @@ def mesh_from_file(path: str | Path) -> Mesh:
         f"reading {_named(path)} of {size / 2**20:.0f} MiB",
         "take a coarser mesh",
     )
-    with name.open("rb") as stream:
-        head = stream.read(64)
+    head = first_bytes(name, 64, "mesh file")
     if is_msh(head):
         raw = parse_msh(read_bytes(name, "mesh file", max(size, 1)), _printable(str(path)))
     elif name.suffix == ".msh" and not head.lstrip().startswith(b"("):

@@ -143,6 +143,7 @@ class CuttingPlanes(Superpotential):
     slopes: Array
     ends: Interval
     name: str = "cutting planes"
+    examined = True
 
     @staticmethod
     def around(law: Superpotential, m: int, reach: float) -> CuttingPlanes:
