@@ -423,6 +423,11 @@ def test_a_settings_file_that_matplotlib_cannot_read_is_one_line(folder: Path) -
     assert done.stderr.count("\n") == (1 if done.returncode else 0)
     assert "Traceback" not in done.stderr
     assert (folder / "a.json").exists()
+    done = in_process("laws", "signorini", "--plot", "b.png", cwd=folder)
+    assert done.returncode == 2
+    assert done.stderr.startswith("hemivar: error: ")
+    assert "matplotlib cannot read its settings" in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_bytes_that_are_no_text_on_the_command_line(folder: Path) -> None:

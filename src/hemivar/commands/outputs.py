@@ -165,6 +165,13 @@ class Writer:
             self.failed.append(f"{option} {path}: {error}")
         except MemoryError:
             self.failed.append(f"{option} {path}: not enough memory to write it")
+        except UnicodeDecodeError as error:
+            if not picture:
+                self.failed.append(f"{option} {path}: {internal_error(error)}")
+            else:
+                self.failed.append(
+                    f"{option} {path}: matplotlib cannot read its settings ({error}); mend or remove that matplotlibrc"
+                )
         except Exception as error:
             self.failed.append(f"{option} {path}: {internal_error(error)}")
         else:
