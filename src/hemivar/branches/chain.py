@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.deadline import check_time
 from hemivar.errors import MethodError
 from hemivar.laws import ContactLaw, Superpotential
 from hemivar.solvers.condensed import CondensedProblem
 
-__all__ = ["Chain", "chain_of"]
+__all__ = ["Chain", "chain_of", "segments_at_most"]
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 _Kind = TypeVar("_Kind", bound="Chain")
@@ -331,12 +332,16 @@ def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # t
     tables = [_SegmentTable(law, m) for law in _laws(kind.graph_law(system), d)]
     point, column = np.divmod(system.free, d)
     tau = kind.lengths(system, point, column)
-    rows = [tables[c].row(int(j), float(t)) for j, c, t in zip(point, column, tau, strict=True)]
+    rows = []
+    for j, c, t in zip(point, column, tau, strict=True):
+        check_time()
+        rows.append(tables[c].row(int(j), float(t)))
     width = max((len(row) for row in rows), default=1)
 
     def table(name: str, fill: float | bool | int) -> Array:
         out = np.full((len(rows), width), fill)
         for i, row in enumerate(rows):
+            check_time()
             out[i, : len(row)] = [getattr(segment, name) for segment in row]
         return out
 
@@ -375,6 +380,12 @@ class _Segment:
     value: float = 0.0
 
 
+def segments_at_most(system: CondensedProblem) -> int:
+    """Number of segments that :func:`chain_of` will lay out, at most."""
+    counts = [2 * law.knots.shape[-1] + 1 for law in _laws(system.law, system.shape[1])]
+    return int(np.bincount(system.free % system.shape[1], minlength=len(counts)) @ counts)
+
+
 class _SegmentTable:
     """Knots, jumps and curvatures of one scalar law at all contact points, and the segments made of them."""
 
@@ -389,6 +400,7 @@ class _SegmentTable:
         self.curvature = np.zeros((m, count))
         self.affine = np.zeros((m, count), dtype=bool)
         for k in range(count):
+            check_time()
             low, high = law.piece_bounds(np.full(m, k, dtype=np.int64))
             low, high = np.broadcast_to(low, (m,)), np.broadcast_to(high, (m,))
             with np.errstate(invalid="ignore"):

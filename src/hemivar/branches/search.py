@@ -62,6 +62,11 @@ class SolutionSearch:
         self.stopped = ""
         self.interrupted = False
 
+    def follow(self, chain: Chain) -> None:
+        """Take up the curves of the law, which were not there before."""
+        self.chain = chain
+        self.points = [chain.nearest(solution.local, solution.multiplier) for solution in self.found]
+
     @contextmanager
     def stopped_cleanly(self) -> Iterator[None]:
         """An interruption or the time limit ends the search, and what was found stays."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from hemivar._typing import Array
 from hemivar.arguments import expect, whole_number
-from hemivar.branches.chain import Chain, chain_of
+from hemivar.branches.chain import Chain, chain_of, segments_at_most
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SolutionSearch
-from hemivar.branches.state_chain import StateChain, state_chain_of
+from hemivar.branches.state_chain import state_chain_of
 from hemivar.certify import Smallness, one_solution, smallness
 from hemivar.deadline import Budget, limited
 from hemivar.mechanics.discrete import DiscreteProblem
@@ -21,6 +21,10 @@ from hemivar.mechanics.problem import ContactProblem
 from hemivar.solvers import CondensedProblem, Controls, NonsmoothNewton, Solution, Status, condense
 
 __all__ = ["SolutionSet", "find_solutions"]
+
+
+#: Segments of laws that are laid out before it is known whether there is one solution: a moment's work.
+_SEGMENTS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,16 +134,16 @@ def find_solutions(
     budget = Budget(controls.max_time)
     system = condense(problem) if condensed is None else condensed
     chain: Chain | None = None
-    if problem.dim <= 2 and problem.contact_points > 0:
-        chain = state_chain_of(system) if problem.law.state_dependent else chain_of(system)
-    dependent = isinstance(chain, StateChain)
+    dependent = bool(problem.contact_points and problem.law.state_dependent)
+    plane = problem.dim <= 2 and problem.contact_points > 0
+    if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
+        chain = state_chain_of(system) if dependent else chain_of(system)
     search = SolutionSearch(system, chain, controls, max_solutions, np.random.default_rng(seed), budget)
     if chain is not None and not dependent and chain.combinations <= enumerate_up_to and _affine(chain):
         return _enumerated(search, chain)
-    combinations = chain.combinations if chain is not None and not dependent else np.inf
     constants: Smallness | None = None
     with search.stopped_cleanly(), limited(budget):
-        if not (problem.contact_points and problem.law.state_dependent):
+        if not dependent:
             constants = smallness(problem, trace_constant=False)
         if constants is None or one_solution(problem, constants):
             search.run(NonsmoothNewton(), None)
@@ -150,10 +154,14 @@ def find_solutions(
             )
         proved = constants is not None and one_solution(problem, constants)
         if not (proved and search.found):
+            if plane and chain is None:
+                chain = chain_of(system)
+                search.follow(chain)
             search.from_solvers(starts)
             if chain is not None:
                 search.from_deflation(starts)
                 search.from_paths_and_saddles()
+    combinations = chain.combinations if chain is not None and not dependent else np.inf
     if constants is not None and one_solution(problem, constants) and len(search.found) == 1:
         searched = f"the margin {constants.margin:.3g} is positive, so there is one solution"
         return SolutionSet(search.sorted(), True, combinations, search.starts, searched, search.interrupted)
