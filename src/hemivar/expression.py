@@ -16,7 +16,7 @@ from hemivar._typing import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.intervals import ENCLOSED, Pair, mended, power
 
-__all__ = ["Graph"]
+__all__ = ["OPERATIONS", "Graph"]
 
 #: Nodes that a graph may have, derivatives included.
 _MOST_NODES = 6_000
@@ -30,7 +30,8 @@ _SYMBOLS: Mapping[str, ast.operator] = {
     "/": ast.Div(),
     "^": ast.Pow(),
 }
-_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+#: What an operator or a function of a formula does to arrays.
+OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "+": np.add,
     "-": np.subtract,
     "*": np.multiply,
@@ -518,7 +519,7 @@ def _applied(op: str, leaf: float | str, inner: list[Any], at: Mapping[str, Any]
         for k in reversed(range(pairs)):
             chosen = np.where(inner[2 * k], inner[2 * k + 1], chosen)
         return chosen
-    return _FUNCTIONS[op](*inner)
+    return OPERATIONS[op](*inner)
 
 
 def _first_true(inner: Sequence[Any], size: int) -> IntArray:

@@ -21,7 +21,7 @@ import numpy as np
 
 from hemivar._typing import Array
 from hemivar.errors import ProblemError
-from hemivar.expression import Graph
+from hemivar.expression import OPERATIONS, Graph
 from hemivar.smooth import WIDE, SmoothFormula
 
 __all__ = ["CONSTANTS", "FUNCTIONS", "VARIABLES", "Formula", "FormulaArray", "ScalarFormula"]
@@ -34,18 +34,7 @@ CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi)})
 
 #: Functions that a formula may use; ``min`` and ``max`` take two or more arguments, the others one.
 FUNCTIONS: Mapping[str, Callable[..., Any]] = MappingProxyType(
-    {
-        "sin": np.sin,
-        "cos": np.cos,
-        "tan": np.tan,
-        "tanh": np.tanh,
-        "exp": np.exp,
-        "log": np.log,
-        "sqrt": np.sqrt,
-        "abs": np.abs,
-        "min": np.minimum,
-        "max": np.maximum,
-    }
+    {name: OPERATIONS[name] for name in ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt", "abs", "min", "max")}
 )
 
 _OPERATORS: Mapping[type[ast.AST], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "^"}
