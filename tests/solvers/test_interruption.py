@@ -238,6 +238,7 @@ def test_a_factorisation_is_left_at_once(tmp_path: Path) -> None:
             time.sleep(300)
 
         factorisation._QUICK = 10  # in a thread of its own, whatever the size
+        factorisation.mumps_available = lambda: False  # which would leave splu to the certificate
         factorisation.spla.splu = splu
         sys.exit(cli.main(["solve", "part.toml", "--method", "newton", "--json", "a.json"]))
         """,
