@@ -190,7 +190,7 @@ def _pipe(name: str) -> Change:
 
 
 def _table(folder: Path) -> None:
-    (folder / "law.csv").write_text("r,p\n0,0\n1,1\n", encoding="utf-8")
+    (folder / "law.csv").write_text("r,derivative\n0,0\n1,1\n", encoding="utf-8")
 
 
 def _two_squares(folder: Path) -> None:
@@ -252,7 +252,7 @@ CASES: dict[str, Case] = {
     "mesh: even numbers of cells": Case("of memory", _BASE.replace("[12, 12]", "[262144, 262144]")),
     "mesh: odd numbers of cells": Case("of memory", _BASE.replace("[12, 12]", "[99999, 99999]")),
     "mesh: a part that nothing holds": Case("part 2 of 2", _TWO, _two_squares),
-    "numbers: stiffness": Case("not finite", _BASE.replace("[4.0, 4.0]", "[1e308, 1e308]")),
+    "numbers: stiffness": Case("must lie between", _BASE.replace("[4.0, 4.0]", "[1e308, 1e308]")),
     "numbers: load": Case("", _BASE.replace("[-0.8, -0.8]", "[-1e200, -1e200]"), code=1),
     "numbers: larger load": Case("", _BASE.replace("[-0.8, -0.8]", "[-1e308, -1e308]"), code=1),
     "output: full disk": Case(

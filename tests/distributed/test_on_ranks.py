@@ -51,6 +51,10 @@ CASES = {
     "cube": "[mesh]\nbox = [1.0, 1.0, 1.0]\ncells = [8, 8, 8]\n[material]\nlame = [4.0, 4.0]\n[loads]\n"
     'body = [-0.8, -0.3, -0.8]\n[supports]\nleft = "clamped"\n[contact.bottom]\n'
     'normal = { law = "survey", q_max = 0.3, p_const = 2.0 }\nfriction = { law = "tresca", bound = 0.2 }\n',
+    # friction is left out where two foundations meet
+    "corner": "[mesh]\nrectangle = [1.0, 1.0]\ncells = [16, 16]\n"
+    + _BODY.format(friction=_TRESCA)
+    + '[contact.right]\nnormal = { law = "compliance", stiffness = 5.0 }\nfriction = { law = "tresca", bound = 0.1 }\n',
 }
 FILES = {
     "gmsh, curved": "half_disc.toml",
@@ -96,6 +100,9 @@ def _compare(problem: Path, result: Path) -> dict[str, object]:
     np.testing.assert_allclose(contact["x"], discrete.points, atol=1e-12)
     np.testing.assert_allclose(contact["weight"], discrete.weights, rtol=1e-12)
     np.testing.assert_allclose(contact["pressure"], reference.pressure, atol=1e-7 * size)
+    assert discrete.without_friction is not None
+    assert contact["without_friction"] == discrete.without_friction.tolist()
+    assert record["warnings"] == list(discrete.warnings)
     return record  # type: ignore[no-any-return]
 
 
@@ -105,7 +112,8 @@ def test_the_serial_solution_on_any_number_of_ranks(tmp_path: Path, name: str, r
     problem = _written(tmp_path, name)
     done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
-    _compare(problem, tmp_path / "r.json")
+    record = _compare(problem, tmp_path / "r.json")
+    assert bool(record["warnings"]) == (name == "corner")
 
 
 @pytest.mark.parametrize(("name", "ranks"), list(zip(FILES, (2, 3, 3, 2), strict=True)))

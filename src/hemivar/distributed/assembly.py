@@ -21,7 +21,7 @@ from hemivar.distributed.ranks import Ranks, shared
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.assembly import EdgeBlocks, linear_stiffness, load_vector
-from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.mechanics.discrete import DiscreteProblem, friction_warning
 from hemivar.mechanics.discretize import (
     JoinedContact,
     NodalConditions,
@@ -319,7 +319,7 @@ def assemble(
         contact_points=int(points),
         constant=float(constant),
         load_scale=load_size,
-        warnings=_warnings(ranks, own),
+        warnings=_warnings(ranks, own, contact, np.column_stack([of_boundary, piece.numbers[contact_nodes]])),
         against=_against(ranks, load_size, contact, active, compliance),
         seconds=time.perf_counter() - began,
         coarser=coarser,
@@ -521,13 +521,16 @@ def _compliance(ranks: Ranks, weights: Array, active: BoolArray, unknown: IntArr
     return np.asarray(weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0))
 
 
-def _warnings(ranks: Ranks, own: ContactProblem) -> tuple[str, ...]:
-    """Those of the rank whose part is closest to incompressible."""
+def _warnings(ranks: Ranks, own: ContactProblem, contact: JoinedContact, order: Array) -> tuple[str, ...]:
+    """Locking, of the rank whose part is closest to incompressible, and friction left out, in the order of (k, 2)."""
     mine: tuple[float, str] = (-np.inf, "")
     if own.mesh.number_of_cells:
         mine = largest_poisson_ratio(own) or -np.inf, locking_warning(own) or ""
     text = max(ranks.mpi.allgather(mine))[1]
-    return (text,) if text else ()
+    told = np.column_stack([order, contact.points])[contact.without_friction]
+    told = np.concatenate(ranks.mpi.allgather(told))
+    left_out = friction_warning(told[np.lexsort((told[:, 1], told[:, 0])), 2:])
+    return tuple(sentence for sentence in (text, left_out) if sentence)
 
 
 def _against(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hemivar.mechanics.mesh import Mesh
     from hemivar.mechanics.problem import ContactProblem
 
-__all__ = ["DiscreteProblem", "FieldMap"]
+__all__ = ["DiscreteProblem", "FieldMap", "friction_warning"]
 
 _SYMMETRY_TOLERANCE = 1e-10
 #: Contact points named in a warning.
@@ -333,20 +333,10 @@ class DiscreteProblem(Portable):
         from hemivar.mechanics.locking import locking_warning
 
         found = None if self.field is None else locking_warning(self.field)
-        return tuple(sentence for sentence in (found, self._friction_warning()) if sentence is not None)
-
-    def _friction_warning(self) -> str | None:
-        """Where friction is left out, in words; None if nowhere."""
-        if self.without_friction is None or not self.without_friction.any() or self.points is None:
-            return None
-        where = self.points[self.without_friction]
-        places = ", ".join("(" + ", ".join(f"{x + 0.0:.6g}" for x in point) + ")" for point in where[:_SHOWN])
-        more = f" and {len(where) - _SHOWN} more" if len(where) > _SHOWN else ""
-        return (
-            f"friction is left out, in one direction at least, at {len(where)} contact point"
-            f"{'s' if len(where) > 1 else ''}, x = {places}{more}: two contact boundaries meet there at more than 45 "
-            "degrees, or a support fixes a direction oblique to the contact normal"
-        )
+        left_out = None
+        if self.without_friction is not None and self.points is not None:
+            left_out = friction_warning(self.points[self.without_friction])
+        return tuple(sentence for sentence in (found, left_out) if sentence is not None)
 
     def local(self, unknowns: Array) -> Array:
         """Penetration and slip at the contact points: ``r = B u - offset``.
@@ -426,6 +416,19 @@ class DiscreteProblem(Portable):
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
         parts |= {"load": load, "gap": gap, "slip_offset": slip_offset, "law": law}
         return DiscreteProblem._assembled(**parts)
+
+
+def friction_warning(where: Array) -> str | None:
+    """That friction is left out at points (k, d), in words; None if there are none."""
+    if not len(where):
+        return None
+    places = ", ".join("(" + ", ".join(f"{x + 0.0:.6g}" for x in point) + ")" for point in where[:_SHOWN])
+    more = f" and {len(where) - _SHOWN} more" if len(where) > _SHOWN else ""
+    return (
+        f"friction is left out, in one direction at least, at {len(where)} contact point"
+        f"{'s' if len(where) > 1 else ''}, x = {places}{more}: two contact boundaries meet there at more than 45 "
+        "degrees, or a support fixes a direction oblique to the contact normal"
+    )
 
 
 def _check_diagonal(stiffness: sp.csr_array) -> None:

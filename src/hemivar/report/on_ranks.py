@@ -106,6 +106,7 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
             solution.local,
             solution.multiplier,
             solution.state,
+            contact.without_friction,
         ]
     )
     told, _, _ = ranks.exchange(np.zeros(len(table), dtype=np.int64), table)
@@ -113,7 +114,9 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
         return None
     told = told[np.lexsort((told[:, 1], told[:, 0]))]
     names = list(body.statement.contact)
-    boundary, _, x, normal, weight, gap, local, lam, state = np.split(told, np.cumsum([1, 1, d, d, 1, 1, d, d]), axis=1)
+    boundary, _, x, normal, weight, gap, local, lam, state, left_out = np.split(
+        told, np.cumsum([1, 1, d, d, 1, 1, d, d, 1]), axis=1
+    )
     return {
         "x": x,
         "normal": normal,
@@ -125,6 +128,7 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
         "pressure": lam[:, 0],
         "friction": lam[:, 1] if d == 2 else lam[:, 1:],
         "state": [ContactState(int(number)).label for number in state[:, 0]],
+        "without_friction": left_out[:, 0] > 0.0,
     }
 
 
