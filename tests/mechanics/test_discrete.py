@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, Signorini, SurveyLaw, Tresca
+from hemivar.laws import ContactLaw, NoFriction, Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import (
     Clamped,
     Contact,
@@ -151,3 +151,11 @@ def test_field_must_match() -> None:
         discrete.field.displacement(np.zeros(3))
     with pytest.raises(ProblemError, match="displacement has shape"):
         discrete.field.restrict(np.zeros((3, 2)))
+
+
+def test_energy_forgives_the_rounding_of_displacements_that_cancel() -> None:
+    """A mean of two displacements that misses the end of a rigid law by the rounding of these, and by more."""
+    law = ContactLaw(Signorini(), NoFriction())
+    problem = DiscreteProblem(np.eye(2), np.zeros(2), [[0.5, 0.5]], [1.0], [0.0], law)  # type: ignore[arg-type]
+    assert problem.energy(np.array([1.0, -1.0 + 1e-14])) == pytest.approx(1.0)
+    assert problem.energy(np.array([1.0, -1.0 + 1e-9])) == np.inf

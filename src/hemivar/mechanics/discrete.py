@@ -371,7 +371,8 @@ class DiscreteProblem(Portable):
         if self.contact_points > 0:
             r = self.local(u)
             domain = self.law.normal.domain
-            rounding = 1e-12 * max(float(np.abs(r).max()), float(np.abs(self.offset).max()))
+            moved = np.abs(self.trace) @ np.abs(u)  # what may cancel in r
+            rounding = 1e-12 * max(float(moved.max()), float(np.abs(self.offset).max()))
             inside = np.clip(r[:, 0], domain.lower, domain.upper)
             r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
