@@ -67,14 +67,24 @@ class Graph:
         return least, largest
 
     def _differences(self, low: float, high: float) -> list[float]:
+        """Slopes over steps of the size of one, and of the displacement where rounding lets these be told."""
+        size = max(abs(low), abs(high))
+        slopes, error = self._slopes(low, high, 1e-6 * max(1.0, size))
+        found = [min(slopes) - error, max(slopes) + error]
+        if 0.0 < size < 1.0:
+            slopes, error = self._slopes(low, high, 1e-6 * size)
+            if error <= 1e-3 * max(map(abs, slopes)):
+                found += [min(slopes) - error, max(slopes) + error]
+        return found
+
+    def _slopes(self, low: float, high: float, step: float) -> tuple[list[float], float]:
         assert self.potential is not None
-        step = 1e-6 * max(1.0, abs(low), abs(high)) + 0.25 * (high - low)
+        step += 0.25 * (high - low)
         start, count = low - 2.0 * step, 13
         width = (high - low + 4.0 * step) / (count - 1)
         values = [self.potential(start + i * width) for i in range(count)]
-        slopes = [(b - a) / width for a, b in itertools.pairwise(values)]
         error = 1e-15 * max(map(abs, values)) * 4.0 / width
-        return [min(slopes) - error, max(slopes) + error]
+        return [(b - a) / width for a, b in itertools.pairwise(values)], error
 
 
 def _spring(slope: float, offset: float = 0.0) -> Callable[[float], float]:
