@@ -146,8 +146,6 @@ class Certificate:
                 value = list(value)
             elif isinstance(value, np.ndarray):
                 value = value.tolist()
-            elif isinstance(value, tuple):
-                value = list(value)
             elif isinstance(value, float) and not math.isfinite(value):
                 if math.isinf(value):
                     (infinite if value > 0 else negative).append(name)

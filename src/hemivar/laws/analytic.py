@@ -354,11 +354,6 @@ class _FormulaLaw(_OwnLaw):
                             f"law needs a finite slope everywhere (but at jumps of its derivative)"
                         )
 
-    @cached_property
-    def _proved_alpha(self) -> float:
-        """Guaranteed bound of -j'' over the whole line; inf if none was found."""
-        return self._supremum(2, -1.0, far=True).bound
-
     @property
     def constants_sampled(self) -> bool:  # type: ignore[override]
         """Whether a constant is sampled, for want of a bound that is proved."""
