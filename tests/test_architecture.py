@@ -152,7 +152,7 @@ def test_import_is_quick(module: str, absent: tuple[str, ...]) -> None:
 WRITING = {"write_text", "write_bytes", "savefig", "screenshot", "to_csv", "tofile", "savez", "savetxt", "touch"}
 READING = {"read_text", "read_bytes", "loadtxt", "genfromtxt"}
 #: Where files are opened otherwise: descriptors of the process, files of the system, parallel writers of one file.
-OPENING = ("disk", "commands.terminal", "memory", "solvers.memory", "distributed", "report.on_ranks")
+OPENING = ("disk", "commands.terminal", "memory", "distributed.checkpoint", "distributed.files", "report.on_ranks")
 
 
 def opened(path: Path) -> Iterator[tuple[str, int]]:
