@@ -31,12 +31,12 @@ from common import peak_mib, show
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.linear.multigrid import ElasticMultigrid
-from hemivar.mechanics import assembly
+from hemivar.fem import assembly
+from hemivar.linear.cycle import ElasticMultigrid
 
 TOLERANCE = 1e-10
 PROBLEMS = {2: lambda n: gallery.survey("5.1", n, "right"), 3: lambda n: gallery.survey_cube("5.1", n)}
-DISCRETIZE = sys.modules["hemivar.mechanics.discretize"]
+DISCRETIZE = sys.modules["hemivar.fem.discretize"]
 PARTS = {
     "stiffness_s": ((DISCRETIZE, "linear_stiffness"), (assembly.EdgeBlocks, "matrix"), (assembly.EdgeBlocks, "turn")),
     "load_s": ((DISCRETIZE, "load_vector"),),

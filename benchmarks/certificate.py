@@ -23,7 +23,7 @@ from overhead import PROBLEMS, TOLERANCE
 
 import hemivar as hv
 from hemivar.certify import certify
-from hemivar.linear.multigrid import ElasticMultigrid
+from hemivar.linear.cycle import ElasticMultigrid
 
 
 def measure(dim: int, law: str, n: int, repeats: int) -> dict[str, Any]:

@@ -83,7 +83,7 @@ def _outcome(
 
 def superlu(problem: hv.DiscreteProblem) -> Outcome:
     """SciPy's SuperLU with minimum degree."""
-    from hemivar.solvers.memory import available_bytes, factorisation_bytes
+    from hemivar.linear.factor_memory import available_bytes, factorisation_bytes
 
     needed, free = 1.3 * factorisation_bytes(problem.unknowns, problem.dim, 0), available_bytes()
     if free is not None and needed > free:

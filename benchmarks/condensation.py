@@ -17,7 +17,7 @@ from common import arguments, peak_mib, show
 
 import hemivar as hv
 from hemivar.gallery import survey
-from hemivar.solvers.factorisation import mumps_available
+from hemivar.linear.factorisation import mumps_available
 
 
 def main() -> None:

@@ -20,9 +20,9 @@ import numpy as np
 from petsc4py import PETSc
 
 import hemivar as hv
-from hemivar.distributed import BodyOnRanks, Ranks, assemble, family, solve_distributed, world
-from hemivar.distributed.multigrid import Multigrid
-from hemivar.mechanics.mesh import Mesh
+from hemivar.engines.petsc import BodyOnRanks, Ranks, assemble, family, solve_distributed, world
+from hemivar.engines.petsc.preconditioner import Multigrid
+from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import Controls
 
 

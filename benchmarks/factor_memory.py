@@ -1,4 +1,4 @@
-"""Memory of the condensation: measured against the model of ``hemivar.solvers.memory``.
+"""Memory of the condensation: measured against the model of ``hemivar.linear.factor_memory``.
 
     python benchmarks/factor_memory.py --json factor_memory.json
     python benchmarks/factor_memory.py --dim 3 --sizes 8 16 24
@@ -59,9 +59,9 @@ def main() -> None:
 def _row(shape: str, dim: int, cells: int, layers: int) -> dict[str, Any]:
     import hemivar as hv
     from hemivar.gallery import survey
-    from hemivar.solvers import condense
-    from hemivar.solvers.factorisation import SuperLUFactorisation, mumps_available
-    from hemivar.solvers.memory import factorisation_bytes
+    from hemivar.linear.factor_memory import factorisation_bytes
+    from hemivar.linear.factorisation import SuperLUFactorisation, mumps_available
+    from hemivar.systems import condense
 
     problem = survey("5.1", cells) if dim == 2 else _block(cells, layers)
     discrete = hv.discretize(problem)

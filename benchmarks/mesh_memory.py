@@ -1,4 +1,4 @@
-"""Memory of meshes and of their discretisation: measured against the prediction of ``hemivar.memory``.
+"""Memory of meshes and of their discretisation: measured against the prediction of ``hemivar.basics.memory``.
 
 Each case runs in a process of its own, so that its peak is its own; Linux and macOS.
 
@@ -59,7 +59,7 @@ def measure(kind: str, cells: int, order: int, stage: str) -> None:
 
 def main() -> None:
     """Print the table."""
-    from hemivar.memory import mesh_bytes, problem_bytes
+    from hemivar.basics.memory import mesh_bytes, problem_bytes
 
     print("| mesh | order | cells | stage | measured, bytes a cell | predicted/measured |")
     print("|---|---:|---:|---|---:|---:|")

@@ -26,8 +26,9 @@ import numpy as np
 import hemivar as hv
 from hemivar import gallery, laws
 from hemivar.certify import smallness
-from hemivar.mechanics import residual
-from hemivar.solvers import CondensedProblem, condense, suited
+from hemivar.discrete import residual
+from hemivar.solvers import suited
+from hemivar.systems import CondensedProblem, condense
 
 BEGIN, END = "<!-- method table: begin (benchmarks/method_table.py) -->", "<!-- method table: end -->"
 

@@ -28,7 +28,7 @@ from common import peak_mib, show
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.linear.multigrid import ElasticMultigrid
+from hemivar.linear.cycle import ElasticMultigrid
 
 TOLERANCE = 1e-10
 PROBLEMS = {

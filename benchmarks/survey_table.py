@@ -21,7 +21,8 @@ import hemivar as hv
 from hemivar.gallery import survey
 from hemivar.report.survey import SURVEY_METHODS
 from hemivar.report.tables import PAPER_TABLE_1, energy_norm_difference
-from hemivar.solvers import METHODS, Controls, Solution, condense, solve, suited, transfer_solution
+from hemivar.solvers import METHODS, Controls, Solution, solve, suited, transfer_solution
+from hemivar.systems import condense
 
 _DEFAULT = "newton"
 

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 import hemivar as hv
+from hemivar.fem import LoadLine
 from hemivar.gallery import broken_foundation
 from hemivar.laws import NoContact
-from hemivar.solvers import FixedPoint, LoadLine, Search
+from hemivar.solvers import FixedPoint, Search
 
 #: Walks downhill only, and so stays on the branch on which it starts.
 STAY = FixedPoint(hv.NonsmoothNewton(search=Search.DOWNHILL))
@@ -92,7 +93,8 @@ def main(out: Path | None = None) -> dict[str, float]:
         loads[m] = breaking_load(m)
         print(f"{m:>6}{loads[m]:>16.6f}")
     if out is not None:
-        from hemivar.report import plot_solution, save, write_json
+        from hemivar.files import write_json
+        from hemivar.report import plot_solution, save
 
         for name, solution in answers.items():
             stem = f"jureczka_ochal_{name.replace(' ', '_')}"

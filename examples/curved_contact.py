@@ -52,7 +52,8 @@ def main(out: Path | None = None) -> dict[str, float]:
     print(f"a:  computed {found_width:.6e}, Hertz {half_width:.6e}, relative error {found_width / half_width - 1:+.2%}")
     print(f"a/R = {half_width / RADIUS:.3f}, nodes in contact: {np.count_nonzero(pressure > 0)}")
     if out is not None:
-        from hemivar.report import plot_contact, save, write_vtu
+        from hemivar.files import write_vtu
+        from hemivar.report import plot_contact, save
 
         save(plot_contact(solution), out / "curved_contact.png")
         write_vtu(solution, out / "curved_contact.vtu")

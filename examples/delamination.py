@@ -16,8 +16,8 @@ import numpy as np
 import hemivar as hv
 from hemivar.branches import Path as EquilibriumPath
 from hemivar.branches import follow_path
+from hemivar.fem import LoadLine
 from hemivar.gallery import delamination
-from hemivar.solvers import LoadLine
 
 TEETH = (0.5e-3, 1e-3, 2e-3)
 FACTORS = np.round(np.arange(0.02, 1.3001, 0.02), 2)

@@ -27,7 +27,8 @@ def main(out: Path | None = None) -> dict[str, float]:
     print(f"the foundation pushes up with {solution.normal_force:.6f}")
 
     if out is not None:
-        from hemivar.report import plot_solution, save, write_vtu
+        from hemivar.files import write_vtu
+        from hemivar.report import plot_solution, save
 
         save(plot_solution(solution), out / "first_solution.png")
         write_vtu(solution, out / "first_solution.vtu")

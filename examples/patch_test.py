@@ -16,7 +16,7 @@ import numpy as np
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.mechanics import stress
+from hemivar.fem import stress
 
 
 def turned_block(angle: float = np.pi / 6) -> hv.ContactProblem:
@@ -84,7 +84,7 @@ def main(out: Path | None = None) -> dict[str, float]:
     ]
     print(f"3. cantilever: largest difference from the displacements computed independently {max(misses):.1e}")
     if out is not None:
-        from hemivar.report import write_vtu
+        from hemivar.files import write_vtu
 
         write_vtu(solution, out / "turned_block.vtu")
         write_vtu(pressed, out / "cube.vtu")

@@ -49,7 +49,7 @@ def main(out: Path | None = None) -> dict[str, float]:
     touching = np.count_nonzero(si.state != hv.ContactState.OPEN)
     print(f"{touching} of {si.state.size} nodes touch, {np.count_nonzero(si.state == hv.ContactState.SLIP)} slip")
     if out is not None:
-        from hemivar.report import write_json
+        from hemivar.files import write_json
 
         write_json(si, out / "bracket_m_Pa.json")
         write_json(mm, out / "bracket_mm_MPa.json")

@@ -15,7 +15,7 @@ import numpy as np
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.mechanics import interpolate, v_norm
+from hemivar.fem import interpolate, v_norm
 
 
 def orders(errors: list[float]) -> list[float]:

@@ -40,7 +40,7 @@ def main(out: Path | None = None) -> dict[float, tuple[float, float]]:
         print(f"{weight:>8g}{s:>16.12f}{sunk:>16.12f}{pressure:>16.12f}{kappa * (free - sunk):>16.12f}")
         found[weight] = (s, pressure)
         if out is not None:
-            from hemivar.report import write_json
+            from hemivar.files import write_json
 
             write_json(solution, out / f"block_{weight:g}.json")
     return found

@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.discrete import DiscreteProblem
+from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, Friction, Signorini, Superpotential, SurveyLaw, Tresca
-from hemivar.mechanics import (
-    Clamped,
-    Contact,
-    ContactProblem,
-    DiscreteProblem,
-    Material,
-    Quadrature,
-    discretize,
-    rectangle,
-)
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Quadrature
+from hemivar.mesh import rectangle
 from hemivar.solvers import Solution
 
 #: The survey's five data sets: body force, normal law, friction bound (its Figures 1 to 4 and (5.1)).

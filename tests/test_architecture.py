@@ -18,34 +18,36 @@ PACKAGE = ROOT / "src" / "hemivar"
 
 #: Modules and packages of hemivar by rank: each may import itself and what stands on a lower line.
 LAYERS: tuple[tuple[str, ...], ...] = (
-    ("errors", "_typing"),
-    ("arguments", "arrays", "deadline", "disk", "intervals", "memory", "portable"),
-    ("expression",),
-    ("smooth",),
+    ("errors",),
+    ("basics",),
     ("formula",),
     ("laws",),
+    ("mesh",),
+    ("discrete",),
     ("mechanics",),
+    ("fem",),
     ("linear",),
+    ("systems",),
     ("solvers", "certify", "gallery"),
-    ("branches", "evolution", "distributed"),
-    ("problem_file",),
+    ("branches", "engines", "evolution", "adapt"),
+    ("files",),
+    ("workflows",),
     ("report",),
-    ("commands",),
-    ("cli",),
+    ("cli", "studio"),
     ("__main__",),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 
 #: External packages that only some rooms know; module path prefixes inside hemivar.
 ONLY_IN = {
-    "skfem": ("mechanics",),
+    "skfem": ("fem",),
     "matplotlib": ("report",),
     "mpl_toolkits": ("report",),
-    "meshio": ("mechanics", "report"),
+    "meshio": ("mesh", "files"),
     "gmsh": (),
     "pyamg": ("linear",),
     "typer": ("cli",),
-    "mumps": ("solvers.factorisation",),
+    "mumps": ("linear.factorisation",),
 }
 
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -152,7 +154,14 @@ def test_import_is_quick(module: str, absent: tuple[str, ...]) -> None:
 WRITING = {"write_text", "write_bytes", "savefig", "screenshot", "to_csv", "tofile", "savez", "savetxt", "touch"}
 READING = {"read_text", "read_bytes", "loadtxt", "genfromtxt"}
 #: Where files are opened otherwise: descriptors of the process, files of the system, parallel writers of one file.
-OPENING = ("disk", "commands.terminal", "memory", "distributed.checkpoint", "distributed.files", "report.on_ranks")
+OPENING = (
+    "basics.disk",
+    "cli.terminal",
+    "basics.memory",
+    "engines.petsc.checkpoint",
+    "engines.petsc.files",
+    "report.on_ranks",
+)
 
 
 def opened(path: Path) -> Iterator[tuple[str, int]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hemivar.arrays import norm, real_array
+from hemivar.basics.arrays import norm, real_array
 from hemivar.errors import ProblemError
 
 

@@ -16,7 +16,7 @@ import pytest
 
 import hemivar
 from hemivar import cli
-from hemivar.problem_file import SAMPLE
+from hemivar.files.problem import SAMPLE
 
 BASE = """\
 title = "block"
@@ -583,7 +583,7 @@ def test_compare_takes_multigrid_for_reference_where_no_factorisation_fits(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (folder / "part.toml").write_text(BASE)
-    monkeypatch.setattr("hemivar.solvers.memory.available_bytes", lambda: 1e3)
+    monkeypatch.setattr("hemivar.linear.factor_memory.available_bytes", lambda: 1e3)
     code, out, err = run(capsys, "compare", "part.toml", "--methods", "newton,bundle", "--json", "a.json")
     assert (code, err) == (0, "")
     assert re.search(r"^condensation +none: the factorisation of 40 unknowns.* are free", out, re.MULTILINE)

@@ -14,9 +14,8 @@ from typing import Any
 import pytest
 
 from hemivar import cli
-from hemivar.cli import main
-from hemivar.commands import terminal
-from hemivar.commands.outputs import Writer
+from hemivar.cli import main, terminal
+from hemivar.cli.outputs import Writer
 from hemivar.errors import ProblemError
 
 PROBLEM = """\
@@ -135,8 +134,8 @@ def test_no_input_is_overwritten(
 
 
 def test_the_mesh_of_a_problem_is_noted(folder: Path) -> None:
-    from hemivar.disk import noting_files_read
-    from hemivar.problem_file import read_problem_file
+    from hemivar.basics.disk import noting_files_read
+    from hemivar.files.problem import read_problem_file
 
     with noting_files_read() as files:
         read_problem_file("m.toml")

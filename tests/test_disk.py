@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hemivar import disk
+from hemivar.basics import disk
 from hemivar.errors import FileError
 
 

@@ -12,8 +12,9 @@ import pytest
 import scipy.sparse as sp
 
 import hemivar as hv
+from hemivar.discrete import FieldMap
+from hemivar.fem import interpolate, interpolation_matrix, nodal_average, strain, v_norm
 from hemivar.laws import ContactLaw
-from hemivar.mechanics import FieldMap, interpolate, interpolation_matrix, nodal_average, strain, v_norm
 from tests.problems import discrete_square, square
 
 SOLVED = hv.solve(discrete_square(n=2))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.gallery import (
     BEAM_DISPLACEMENTS,
     SURVEY_DATA,
@@ -17,7 +18,6 @@ from hemivar.gallery import (
     weighted_block,
 )
 from hemivar.laws import SurveyLaw
-from hemivar.mechanics import discretize
 from hemivar.solvers import solve
 
 

@@ -10,7 +10,10 @@ import pytest
 
 from hemivar.branches import find_solutions, follow_path
 from hemivar.certify import certify, smallness
+from hemivar.discrete import residual
 from hemivar.errors import ProblemError
+from hemivar.fem import LoadLine, discretize
+from hemivar.files.problem import read_problem
 from hemivar.gallery import (
     broken_foundation,
     delamination,
@@ -19,19 +22,9 @@ from hemivar.gallery import (
     survey_logarithmic,
 )
 from hemivar.laws import Capped, NoContact
-from hemivar.mechanics import Contact, ContactProblem, discretize, residual
-from hemivar.problem_file import read_problem
-from hemivar.solvers import (
-    METHODS,
-    FixedPoint,
-    LoadLine,
-    LoadStepping,
-    NonsmoothNewton,
-    Search,
-    Status,
-    condense,
-    solve,
-)
+from hemivar.mechanics import Contact, ContactProblem
+from hemivar.solvers import METHODS, FixedPoint, LoadStepping, NonsmoothNewton, Search, Status, solve
+from hemivar.systems import condense
 
 ROOT = Path(__file__).parents[1]
 STAY = FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))

@@ -23,7 +23,7 @@ from threadpoolctl import ThreadpoolController
 import hemivar as hv
 from hemivar import report
 from hemivar.linear.algebraic import algebraic_levels
-from hemivar.mechanics.mesh import Mesh
+from hemivar.mesh.mesh import Mesh
 from tests.problems import bar, square
 
 TOML = """
@@ -135,7 +135,7 @@ def test_importing_every_room_changes_nothing_global() -> None:
         "def state(): return (pickle.dumps(np.random.get_state()), np.geterr(), list(warnings.filters),"
         " dict(os.environ), [signal.getsignal(s) for s in signal.valid_signals()], locale.setlocale(locale.LC_ALL))\n"
         "before = state()\n"
-        "import hemivar, hemivar.report, hemivar.branches, hemivar.problem_file, hemivar.gallery, hemivar.cli\n"
+        "import hemivar, hemivar.report, hemivar.branches, hemivar.files.problem, hemivar.gallery, hemivar.cli\n"
         "[getattr(hemivar, name) for name in hemivar.__all__]\n"
         "print(before == state())"
     )

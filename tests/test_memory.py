@@ -6,11 +6,13 @@ import tracemalloc
 
 import pytest
 
-import hemivar.memory as machine
+import hemivar.basics.memory as machine
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
+from hemivar.files.problem import parse_problem_file
 from hemivar.laws import Signorini
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Mesh, box, discretize, rectangle
-from hemivar.problem_file import parse_problem_file
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import Mesh, box, rectangle
 
 MATERIAL = "[material]\nlame = [4.0, 4.0]\n"
 

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics.portable import Portable
 from hemivar.laws.friction import ABSOLUTE_VALUE
-from hemivar.mechanics.mesh import Mesh
-from hemivar.portable import Portable
+from hemivar.mesh.mesh import Mesh
 from tests.problems import bar, discrete_square, square
 
 

@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
+from hemivar.files.problem import KEYS, SAMPLE, parse_problem, parse_problem_file, read_problem
 from hemivar.laws import (
     Adhesive,
     Bilateral,
@@ -36,18 +39,14 @@ from hemivar.mechanics import (
     Clamped,
     Contact,
     ContactProblem,
-    DiscreteProblem,
     Fixed,
     Material,
-    Mesh,
     Prescribed,
     Pressure,
     Quadrature,
     Roller,
-    discretize,
-    rectangle,
 )
-from hemivar.problem_file import KEYS, SAMPLE, parse_problem, parse_problem_file, read_problem
+from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import Status, solve
 
 SURVEY_FILE = """\

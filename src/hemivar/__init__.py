@@ -46,25 +46,35 @@ _EXPORTS = {
         "read_law_table",
         "table_law",
     ),
+    "hemivar.mesh": (
+        "Mesh",
+        "box",
+        "read_mesh",
+        "rectangle",
+    ),
+    "hemivar.discrete": (
+        "DiscreteProblem",
+        "residual",
+    ),
     "hemivar.mechanics": (
         "Clamped",
         "Contact",
         "ContactProblem",
-        "DiscreteProblem",
+        "Cylinder",
         "Fixed",
         "Material",
-        "Mesh",
+        "Normals",
+        "Plane",
         "Prescribed",
         "Pressure",
         "Quadrature",
         "Roller",
-        "box",
-        "discretize",
-        "read_mesh",
-        "rectangle",
-        "residual",
+        "SignedDistance",
+        "Sphere",
     ),
-    "hemivar.mechanics.obstacles": ("Cylinder", "Normals", "Plane", "SignedDistance", "Sphere"),
+    "hemivar.fem": ("discretize",),
+    "hemivar.systems": ("condense",),
+    "hemivar.files": ("read_problem",),
     "hemivar.solvers": (
         "LBFGS",
         "METHODS",
@@ -84,13 +94,11 @@ _EXPORTS = {
         "ProximalBundle",
         "Solution",
         "Status",
-        "condense",
         "solve",
         "solve_nested",
     ),
     "hemivar.branches": ("Path", "SolutionSet", "find_solutions", "follow_path"),
     "hemivar.certify": ("Certificate", "Smallness", "certify", "smallness"),
-    "hemivar.problem_file": ("read_problem",),
 }
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
@@ -123,7 +131,10 @@ sys.modules[__name__].__class__ = _Package
 if TYPE_CHECKING:
     from hemivar.branches import Path, SolutionSet, find_solutions, follow_path
     from hemivar.certify import Certificate, Smallness, certify, smallness
+    from hemivar.discrete import DiscreteProblem, residual
     from hemivar.errors import HemivarError, MethodError, ProblemError
+    from hemivar.fem import discretize
+    from hemivar.files import read_problem
     from hemivar.laws import (
         Adhesive,
         Bilateral,
@@ -157,22 +168,19 @@ if TYPE_CHECKING:
         Clamped,
         Contact,
         ContactProblem,
-        DiscreteProblem,
+        Cylinder,
         Fixed,
         Material,
-        Mesh,
+        Normals,
+        Plane,
         Prescribed,
         Pressure,
         Quadrature,
         Roller,
-        box,
-        discretize,
-        read_mesh,
-        rectangle,
-        residual,
+        SignedDistance,
+        Sphere,
     )
-    from hemivar.mechanics.obstacles import Cylinder, Normals, Plane, SignedDistance, Sphere
-    from hemivar.problem_file import read_problem
+    from hemivar.mesh import Mesh, box, read_mesh, rectangle
     from hemivar.solvers import (
         LBFGS,
         METHODS,
@@ -192,7 +200,7 @@ if TYPE_CHECKING:
         ProximalBundle,
         Solution,
         Status,
-        condense,
         solve,
         solve_nested,
     )
+    from hemivar.systems import condense

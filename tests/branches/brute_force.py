@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
+from hemivar.discrete import DiscreteProblem
 from hemivar.laws import ContactLaw, Friction, PenetrationBound, SlipTable, SlipWeakening, table_law
-from hemivar.mechanics import DiscreteProblem
 
 _FAR = 60.0
 

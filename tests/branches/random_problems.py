@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
+from hemivar.discrete import DiscreteProblem
 from hemivar.laws import ContactLaw, Friction, PiecewiseQuadratic
-from hemivar.mechanics import DiscreteProblem
 
 
 def random_law(random: np.random.Generator, m: int, even: bool = False) -> PiecewiseQuadratic:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hemivar.branches import enumeration, find_solutions, search
+from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, PiecewiseQuadratic, Tresca, table_law
-from hemivar.mechanics import DiscreteProblem
 from hemivar.solvers import Status, solve
 
 from .random_problems import random_problem

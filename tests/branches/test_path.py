@@ -7,9 +7,11 @@ import pytest
 
 from hemivar.branches import find_solutions, follow_path
 from hemivar.errors import ProblemError
+from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance, PiecewiseQuadratic, Softening
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller, discretize, rectangle
-from hemivar.solvers import LoadLine, LoadStepping, solve
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
+from hemivar.mesh import rectangle
+from hemivar.solvers import LoadStepping, solve
 
 from ..problems import bar, discrete_square
 from .random_problems import random_problem

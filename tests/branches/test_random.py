@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hemivar.branches import chain_of, find_solutions
-from hemivar.solvers import NonsmoothNewton, Search, Status, condense, solve
+from hemivar.solvers import NonsmoothNewton, Search, Status, solve
+from hemivar.systems import condense
 
 from .random_problems import random_problem
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
 from hemivar.branches import find_solutions
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import Bilateral, ContactLaw, PiecewiseQuadratic, SlipWeakening
-from hemivar.mechanics import DiscreteProblem, Quadrature
+from hemivar.mechanics import Quadrature
 from hemivar.solvers import Status, solve
 
 from ..problems import bar, discrete_square
@@ -162,7 +163,7 @@ def test_bad_options_are_named() -> None:
 
 def brute_force(problem: DiscreteProblem, points: int) -> float:
     """Lowest energy of the condensed problem on a grid that is refined three times around its best point."""
-    from hemivar.solvers import condense
+    from hemivar.systems import condense
 
     system = condense(problem)
     size = system.shape[0] * system.shape[1]

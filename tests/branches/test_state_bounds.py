@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 
 from hemivar.branches import find_solutions
 from hemivar.certify import certify, smallness
+from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, Tresca
-from hemivar.mechanics import DiscreteProblem
 from hemivar.solvers import solve
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hemivar.discrete import DiscreteProblem
+from hemivar.fem import discretize
 from hemivar.laws import ContactLaw, Friction, PiecewiseQuadratic, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, discretize, rectangle
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import rectangle
 from tests.problems import bar
 
 X = np.linspace(0.0, 1.0, 9)[1:]

@@ -8,11 +8,14 @@ import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.certify import PointKind, certify
-from hemivar.certify._linear import EnergyNorm, MultigridNorm, energy_norm
+from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
+from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, Signorini
 from hemivar.linear.definite import free_unknowns, indefinite
-from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, Roller, discretize, rectangle
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
+from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
 
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from hemivar.certify import certify
+from hemivar.fem import discretize
+from hemivar.files.results import solution_record
 from hemivar.laws import Compliance, CoulombBound, Friction, PenetrationBound
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, discretize, rectangle
-from hemivar.report.files import solution_record
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import rectangle
 from hemivar.solvers import solve
 
 

@@ -13,9 +13,11 @@ from scipy.special import lambertw
 
 import hemivar
 from hemivar.certify import EnergyNorm, PointKind, _bound, certify
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, Signorini, Tresca
-from hemivar.mechanics import DiscreteProblem, Quadrature, discretize
+from hemivar.mechanics import Quadrature
 from hemivar.solvers import Controls, solve
 from tests import problems as plain
 from tests.certify.problems import (

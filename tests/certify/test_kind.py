@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hemivar.certify import PointKind, certify
+from hemivar.discrete import DiscreteProblem
 from hemivar.laws import ContactLaw, NoFriction, PiecewiseQuadratic, Signorini, Tresca
-from hemivar.mechanics import DiscreteProblem
 from hemivar.solvers import Controls, solve
 from tests.certify.problems import (
     bar_problem,

@@ -12,9 +12,12 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.certify import EnergyNorm, MultigridNorm, PointKind, _linear, certify, energy_norm, smallness
 from hemivar.certify.smallness import trace_constants
+from hemivar.discrete import DiscreteProblem
+from hemivar.fem import discretize
 from hemivar.laws import Friction, NoFriction, PenetrationBound, PiecewiseQuadratic, Superpotential, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, Roller, discretize, rectangle
-from hemivar.mechanics.mesh import Mesh
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
+from hemivar.mesh import rectangle
+from hemivar.mesh.mesh import Mesh
 from tests.certify.problems import softening, weakening
 
 TIGHT = hv.Controls(rtol=1e-10)

@@ -7,9 +7,9 @@ import pytest
 
 from hemivar.branches import find_solutions
 from hemivar.certify import Certificate, PointKind, certify, one_solution, smallness
-from hemivar.commands.certify import certificate_lines
+from hemivar.cli.certify import certificate_lines
+from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, PenetrationBound, Superpotential
-from hemivar.mechanics import DiscreteProblem
 from hemivar.solvers import solve
 
 STEP = "6e-4*(1 + tanh((s - 1)/3e-4))"

@@ -7,10 +7,12 @@ import pytest
 import scipy.linalg as la
 
 from hemivar.certify import ellipticity, smallness, trace_constants
+from hemivar.fem import discretize
+from hemivar.fem.assembly import stiffness_matrix
 from hemivar.gallery import survey
 from hemivar.laws import Friction
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, discretize, rectangle
-from hemivar.mechanics.assembly import stiffness_matrix
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import rectangle
 from tests.certify.problems import bar_problem, softening, square, weakening
 
 

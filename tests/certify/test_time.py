@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from hemivar import deadline
+from hemivar.basics import deadline
 from hemivar.branches import find_solutions, follow_path
 from hemivar.certify import PointKind, _bound, certify
 from hemivar.laws import ContactLaw, PiecewiseQuadratic, Tresca, table_law

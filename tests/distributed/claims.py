@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.commands.on_ranks import read_on_ranks
-from hemivar.distributed import all_or_none, certificate, solve_distributed, world
-from hemivar.distributed.alarm import Alarm
+from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.engines.petsc import all_or_none, certificate, solve_distributed, world
+from hemivar.engines.petsc.alarm import Alarm
 
 ranks = world()
 with all_or_none(ranks):

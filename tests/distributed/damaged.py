@@ -4,8 +4,8 @@ import json
 import sys
 from pathlib import Path
 
-from hemivar.commands.on_ranks import read_on_ranks
-from hemivar.distributed import all_or_none, read_checkpoint, world
+from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.engines.petsc import all_or_none, read_checkpoint, world
 from hemivar.errors import HemivarError
 
 ranks = world()

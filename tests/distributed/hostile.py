@@ -15,7 +15,7 @@ from typing import Any
 from mpi4py import MPI
 
 from hemivar.cli import main
-from hemivar.distributed import newton
+from hemivar.engines.petsc import newton
 
 conditions = json.loads(sys.argv[1])
 mine = MPI.COMM_WORLD.rank == conditions.get("rank", 0)

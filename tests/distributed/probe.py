@@ -6,8 +6,8 @@ import signal
 import sys
 from pathlib import Path
 
-from hemivar.commands.on_ranks import read_on_ranks
-from hemivar.distributed import all_or_none, solve_distributed, world
+from hemivar.cli.on_ranks import read_on_ranks
+from hemivar.engines.petsc import all_or_none, solve_distributed, world
 from hemivar.errors import ProblemError
 
 ranks = world()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
 from tests.distributed.running import mpirun
 
 pytest.importorskip("petsc4py")

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hemivar._typing import Array
-from hemivar.mechanics import discretize
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.problem_file import read_problem
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem import discretize
+from hemivar.files.problem import read_problem
 from hemivar.solvers import Controls, Solution, Status, solve
 from tests.distributed.running import mpirun
 
@@ -128,7 +128,7 @@ def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
     import meshio
 
     from hemivar.certify import certify
-    from hemivar.report.files import write_json, write_vtu
+    from hemivar.files.results import write_json, write_vtu
 
     problem = _EXAMPLES / "cube_logarithmic.toml"
     done = _solve(2, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")

@@ -12,9 +12,9 @@ import scipy.sparse.linalg as spla
 import hemivar as hv
 from hemivar import gallery
 from hemivar.linear import ElasticMultigrid
+from hemivar.linear.cycle import contact_unknowns
 from hemivar.linear.krylov import conjugate_gradients
-from hemivar.linear.multigrid import contact_unknowns
-from hemivar.mechanics.mesh import Mesh
+from hemivar.mesh.mesh import Mesh
 
 
 def square(n: int = 16) -> hv.DiscreteProblem:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import skfem
 
-from hemivar.mechanics import Mesh
+from hemivar.mesh import Mesh
 
 
 def cube(cells: int = 2) -> Mesh:

@@ -8,15 +8,10 @@ import skfem
 from skfem.helpers import ddot, sym_grad, trace
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import Material, Mesh, Pressure, box, rectangle
-from hemivar.mechanics.assembly import (
-    _form_stiffness,
-    linear_stiffness,
-    load_vector,
-    quadrature_rule,
-    stiffness_matrix,
-)
-from hemivar.mechanics.discretize import _basis
+from hemivar.fem.assembly import _form_stiffness, linear_stiffness, load_vector, quadrature_rule, stiffness_matrix
+from hemivar.fem.discretize import _basis
+from hemivar.mechanics import Material, Pressure
+from hemivar.mesh import Mesh, box, rectangle
 
 from .meshes import cube, distorted
 

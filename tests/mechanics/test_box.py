@@ -8,20 +8,11 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize, interpolate
 from hemivar.laws import Signorini
-from hemivar.mechanics import (
-    Clamped,
-    Contact,
-    ContactProblem,
-    Material,
-    Mesh,
-    box,
-    discretize,
-    interpolate,
-    read_mesh,
-    rectangle,
-)
-from hemivar.mechanics._mesh_arrays import _distinct_pairs
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import Mesh, box, read_mesh, rectangle
+from hemivar.mesh.keys import _distinct_pairs
 
 NORMALS = {
     "left": (-1, 0, 0),

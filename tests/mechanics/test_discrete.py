@@ -8,17 +8,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.laws import ContactLaw, NoFriction, Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import (
-    Clamped,
-    Contact,
-    ContactProblem,
-    DiscreteProblem,
-    Material,
-    discretize,
-    rectangle,
-)
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import rectangle
 
 LAW = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5))
 

@@ -10,26 +10,22 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize, interpolate, stress, v_norm
 from hemivar.laws import Bilateral, Compliance, NoContact, Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import (
     Clamped,
     Contact,
     ContactProblem,
-    DiscreteProblem,
     Fixed,
     Material,
-    Mesh,
     Prescribed,
     Pressure,
     Quadrature,
     Roller,
-    discretize,
-    interpolate,
-    rectangle,
-    stress,
-    v_norm,
 )
+from hemivar.mesh import Mesh, rectangle
 
 from .meshes import cube, distorted
 
@@ -293,7 +289,7 @@ def test_rotated_problem_is_the_same_problem(order: int) -> None:
 
 def test_energy_is_the_energy_of_the_full_field() -> None:
     """Reduced energy, prescribed part and dropped points included, against the plain formula."""
-    from hemivar.mechanics.assembly import load_vector, stiffness_matrix
+    from hemivar.fem.assembly import load_vector, stiffness_matrix
 
     problem = survey_problem(
         4, supports={"left": Prescribed(lambda x: np.column_stack([0.1 * x[:, 1], -0.2 + 0 * x[:, 1]]))}
@@ -491,7 +487,7 @@ def test_contact_points_all_held() -> None:
 
 
 def test_points_without_friction_are_in_log_result_and_json(caplog: pytest.LogCaptureFixture) -> None:
-    from hemivar.report.files import solution_record
+    from hemivar.files.results import solution_record
     from hemivar.solvers import solve
 
     rough = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))

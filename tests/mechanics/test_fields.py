@@ -8,18 +8,9 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import (
-    Clamped,
-    ContactProblem,
-    Material,
-    discretize,
-    nodal_average,
-    rectangle,
-    strain,
-    stress,
-    v_norm,
-    von_mises,
-)
+from hemivar.fem import discretize, nodal_average, strain, stress, v_norm, von_mises
+from hemivar.mechanics import Clamped, ContactProblem, Material
+from hemivar.mesh import rectangle
 
 from .meshes import cube
 
@@ -76,7 +67,7 @@ def test_v_norm_of_a_quadratic_field() -> None:
 def test_by_region_stress_uses_each_material() -> None:
     plain = rectangle((2, 1), (4, 2))
     left = plain.points[plain.cells].mean(axis=1)[:, 0] < 1
-    from hemivar.mechanics import Mesh
+    from hemivar.mesh import Mesh
 
     mesh = Mesh(plain.points, plain.cells, {}, {"a": np.flatnonzero(left), "b": np.flatnonzero(~left)})
     material = Material.by_region({"a": Material.lame(0.0, 1.0), "b": Material.lame(0.0, 2.0)})

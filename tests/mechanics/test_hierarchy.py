@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
+from hemivar.fem import discretize
+from hemivar.fem.hierarchy import coarser, rigid_motions
 from hemivar.laws import SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Mesh, box, discretize, rectangle
-from hemivar.mechanics.hierarchy import coarser, rigid_motions
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material
+from hemivar.mesh import Mesh, box, rectangle
 
 from .meshes import cube
 

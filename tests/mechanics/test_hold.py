@@ -10,12 +10,14 @@ import pytest
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
+from hemivar.discrete.hold import Growth, Verdict, decide, growth_along
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
+from hemivar.fem.free_motion import free_growth
+from hemivar.fem.parts import free_motions
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoContact, Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import Contact, ContactProblem, Material, Mesh, Roller, box, discretize, rectangle
-from hemivar.mechanics.free_motion import free_growth
-from hemivar.mechanics.hold import Growth, Verdict, decide, growth_along
-from hemivar.mechanics.parts import free_motions
+from hemivar.mechanics import Contact, ContactProblem, Material, Roller
+from hemivar.mesh import Mesh, box, rectangle
 
 clarabel = pytest.importorskip("clarabel")
 

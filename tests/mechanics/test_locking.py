@@ -10,10 +10,13 @@ import pytest
 
 from hemivar.certify import certify
 from hemivar.cli import main
+from hemivar.discrete import DiscreteProblem
+from hemivar.fem import discretize
+from hemivar.fem.locking import LOCKING, largest_poisson_ratio
+from hemivar.files.results import solution_record
 from hemivar.laws import Compliance
-from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, box, discretize, rectangle
-from hemivar.mechanics.locking import LOCKING, largest_poisson_ratio
-from hemivar.report.files import solution_record
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import box, rectangle
 from hemivar.solvers import solve
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import Mesh, read_mesh, rectangle
+from hemivar.mesh import Mesh, read_mesh, rectangle
 
 from .meshes import cube
 

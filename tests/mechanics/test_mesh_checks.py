@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import Mesh, box, rectangle
+from hemivar.mesh import Mesh, box, rectangle
 
 SQUARE = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
 TETRAHEDRON = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.2, 0.2, 0.9]]

@@ -10,10 +10,10 @@ import meshio
 import numpy as np
 import pytest
 
-import hemivar.memory as machine
+import hemivar.basics.memory as machine
 from hemivar.errors import ProblemError
-from hemivar.mechanics import read_mesh
-from hemivar.problem_file import parse_problem_file, read_problem
+from hemivar.files.problem import parse_problem_file, read_problem
+from hemivar.mesh import read_mesh
 
 SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 CELLS = np.array([[0, 1, 2], [0, 2, 3]])

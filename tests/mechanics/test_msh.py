@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.laws import Signorini
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Mesh, Pressure, discretize, read_mesh
-from hemivar.mechanics.msh import parse_msh
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Pressure
+from hemivar.mesh import Mesh, read_mesh
+from hemivar.mesh.msh import parse_msh
 from hemivar.solvers import solve
 
 from .gmsh_models import FILES, MODELS, file_name, variants, write

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
+from hemivar.files.problem import parse_problem
 from hemivar.laws import Bilateral, Compliance, Signorini, Tresca
 from hemivar.mechanics import (
     Clamped,
@@ -16,7 +18,6 @@ from hemivar.mechanics import (
     ContactProblem,
     Cylinder,
     Material,
-    Mesh,
     Normals,
     Obstacle,
     Plane,
@@ -24,10 +25,8 @@ from hemivar.mechanics import (
     Quadrature,
     SignedDistance,
     Sphere,
-    discretize,
-    rectangle,
 )
-from hemivar.problem_file import parse_problem
+from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import solve
 
 from .meshes import cube

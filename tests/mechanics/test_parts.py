@@ -6,22 +6,13 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
+from hemivar.fem.parts import free_motions, parts
 from hemivar.laws import Adhesive, Bilateral, Compliance, Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import (
-    Clamped,
-    Contact,
-    ContactProblem,
-    DiscreteProblem,
-    Fixed,
-    Material,
-    Mesh,
-    Roller,
-    box,
-    discretize,
-    rectangle,
-)
-from hemivar.mechanics.parts import free_motions, parts
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Roller
+from hemivar.mesh import Mesh, box, rectangle
 from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
 
 MATERIAL = Material.lame(4.0, 4.0)

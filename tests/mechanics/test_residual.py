@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hemivar.certify import PointKind, certify
+from hemivar.discrete import DiscreteProblem, Residual, residual
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoFriction, Signorini, Superpotential, Tresca
-from hemivar.mechanics import DiscreteProblem, Residual, residual
 from hemivar.solvers import METHODS, Controls, Status, solve
 
 from ..problems import discrete_square

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
+from hemivar.files.problem import parse_problem_file
 from hemivar.laws import Bilateral, Compliance, Signorini
 from hemivar.mechanics import (
     Clamped,
@@ -16,7 +18,6 @@ from hemivar.mechanics import (
     Cylinder,
     Fixed,
     Material,
-    Mesh,
     Normals,
     Obstacle,
     Plane,
@@ -26,11 +27,8 @@ from hemivar.mechanics import (
     Roller,
     SignedDistance,
     Sphere,
-    box,
-    discretize,
-    rectangle,
 )
-from hemivar.problem_file import parse_problem_file
+from hemivar.mesh import Mesh, box, rectangle
 
 HEAD = "[mesh]\nrectangle = [1.0, 1.0]\ncells = [4, 4]\n"
 TAIL = '[loads]\nbody = [0.0, -0.8]\n[supports]\nleft = "clamped"\n[contact.bottom]\nnormal = { law = "signorini" }\n'

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.mechanics import Clamped, ContactProblem, Material, Mesh, discretize, interpolate, rectangle
-from hemivar.mechanics.transfer import interpolation_matrix, locate
+from hemivar.fem import discretize, interpolate
+from hemivar.fem.transfer import interpolation_matrix, locate
+from hemivar.mechanics import Clamped, ContactProblem, Material
+from hemivar.mesh import Mesh, rectangle
 
 from .meshes import cube, distorted
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from hemivar.fem import discretize
 from hemivar.gallery import elastic_bar, survey
 from hemivar.laws import Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Mesh, Prescribed, discretize, rectangle
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
+from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import solve
 
 

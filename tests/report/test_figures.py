@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.gallery import beam, survey
-from hemivar.mechanics import discretize
 from hemivar.report import observed_order, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.solvers import solve
 

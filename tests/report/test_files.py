@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize, von_mises
+from hemivar.files import read_json, solution_record, write_csv, write_json, write_vtu
 from hemivar.gallery import beam, survey_cube
 from hemivar.laws import Compliance
-from hemivar.mechanics import Contact, Sphere, discretize, von_mises
-from hemivar.report import read_json, solution_record, write_csv, write_json, write_vtu
+from hemivar.mechanics import Contact, Sphere
 from hemivar.solvers import solve
 
 

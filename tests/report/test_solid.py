@@ -9,9 +9,11 @@ import pytest
 from matplotlib.axes import Axes
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.gallery import survey_cube
 from hemivar.laws import Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import Contact, Prescribed, Sphere, box, discretize
+from hemivar.mechanics import Contact, Prescribed, Sphere
+from hemivar.mesh import box
 from hemivar.report import plot_contact, plot_solution, render_solution, save
 from hemivar.report._solid import sharp_edges, viewing_direction
 from hemivar.solvers import ContactState, solve

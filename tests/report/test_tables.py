@@ -6,8 +6,8 @@ from html.parser import HTMLParser
 import pytest
 
 from hemivar.errors import ProblemError
+from hemivar.fem import discretize
 from hemivar.gallery import survey
-from hemivar.mechanics import discretize
 from hemivar.report import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
 from hemivar.solvers import METHODS, solve
 

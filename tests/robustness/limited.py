@@ -86,13 +86,13 @@ def warm_up() -> None:
     import hemivar.branches
     import hemivar.certify
     import hemivar.cli
-    import hemivar.commands.certify
-    import hemivar.commands.laws
-    import hemivar.commands.path
-    import hemivar.commands.solutions
-    import hemivar.problem_file
+    import hemivar.cli.certify
+    import hemivar.cli.laws
+    import hemivar.cli.path
+    import hemivar.cli.solutions
+    import hemivar.files.problem
+    import hemivar.files.results
     import hemivar.report.figures
-    import hemivar.report.files
     import hemivar.report.path
     import hemivar.solvers
 

@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from hemivar import cli
-from hemivar.problem_file import SAMPLE
+from hemivar.files.problem import SAMPLE
 
 PROBLEM = """\
 title = "block"
@@ -418,7 +418,7 @@ def test_a_solution_that_cannot_be_certified_is_written(
     """Neither a lack of memory for the certificate nor Ctrl-C there costs the solution."""
     folder = prepared(tmp_path, [])
     monkeypatch.chdir(folder)
-    from hemivar.commands import certify
+    from hemivar.cli import certify
 
     for raised, code, line in (
         (MemoryError, 2, "hemivar: error: the solution could not be certified: not enough memory\n"),

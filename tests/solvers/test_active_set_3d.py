@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
+from hemivar.discrete import DiscreteProblem
+from hemivar.fem import discretize
 from hemivar.laws import (
     ContactLaw,
     CoulombBound,
@@ -23,20 +25,12 @@ from hemivar.laws import (
     Tresca,
 )
 from hemivar.laws.contact import spread
-from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, discretize
-from hemivar.solvers import (
-    ContactState,
-    InnerSolver,
-    NewtonKrylov,
-    PrimalDualActiveSet,
-    Status,
-    condense,
-    solve,
-    suited,
-)
-from hemivar.solvers.active_set import ExactInner, RadialSets
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.solvers import ContactState, InnerSolver, NewtonKrylov, PrimalDualActiveSet, Status, solve, suited
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
+from hemivar.solvers.survey.active_set import ExactInner, RadialSets
+from hemivar.systems import condense
 
 from ..mechanics.meshes import cube
 from ..problems import OTHER_DATA, SURVEY_DATA, discrete_square, relative_difference

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import DiscreteProblem, Quadrature
-from hemivar.solvers import METHODS, Status, condense, solve
-from hemivar.solvers.factorisation import MumpsFactorisation, SuperLUFactorisation, mumps_available
+from hemivar.linear.factorisation import MumpsFactorisation, SuperLUFactorisation, mumps_available
+from hemivar.mechanics import Quadrature
+from hemivar.solvers import METHODS, Status, solve
+from hemivar.systems import condense
 
 from ..problems import discrete_square
 

@@ -5,18 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
+from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpotential, SurveyLaw
-from hemivar.mechanics import (
-    Contact,
-    ContactProblem,
-    DiscreteProblem,
-    Material,
-    Pressure,
-    Roller,
-    discretize,
-    rectangle,
-)
+from hemivar.mechanics import Contact, ContactProblem, Material, Pressure, Roller
+from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, Controls, Status, solve
 
 
@@ -108,7 +102,7 @@ def test_body_loaded_by_its_foundation_alone() -> None:
 
 
 def test_runaway_iterates_do_not_excuse_themselves() -> None:
-    from hemivar.mechanics import residual
+    from hemivar.discrete import residual
 
     problem = free_bar((-0.2, -0.3), Compliance(3.0))
     far = residual(problem, np.full(2, -8e15), np.zeros((1, 1)))

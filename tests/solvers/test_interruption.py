@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 import hemivar
-import hemivar.memory as machine_memory
+import hemivar.basics.memory as machine_memory
 from hemivar.branches import find_solutions, follow_path
 from hemivar.certify import certify
 from hemivar.errors import MethodError
+from hemivar.fem import discretize
 from hemivar.gallery import broken_foundation
 from hemivar.laws import PiecewiseQuadratic
-from hemivar.mechanics import discretize
+from hemivar.linear import factor_memory as memory
 from hemivar.solvers import (
-    CondensedProblem,
     Controls,
     DirectOptimization,
     FixedPoint,
@@ -30,13 +30,12 @@ from hemivar.solvers import (
     Powell,
     Solver,
     Status,
-    condense,
-    memory,
     solve,
     solve_nested,
 )
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
+from hemivar.systems import CondensedProblem, condense
 
 from ..problems import bar, discrete_square
 
@@ -231,7 +230,7 @@ def test_a_factorisation_is_left_at_once(tmp_path: Path) -> None:
         """
         import sys, time
         from hemivar import cli
-        from hemivar.solvers import factorisation
+        from hemivar.linear import factorisation
 
         def splu(*arguments, **options):
             print("factorising", flush=True)
@@ -259,8 +258,9 @@ _BLOCK = """
     import numpy as np, scipy.sparse as sp
     from hemivar.errors import MethodError
     from hemivar.laws import ContactLaw, SurveyLaw, Tresca
-    from hemivar.mechanics import DiscreteProblem
-    from hemivar.solvers import Controls, NonsmoothNewton, memory, solve
+    from hemivar.discrete import DiscreteProblem
+    from hemivar.solvers import Controls, NonsmoothNewton, solve
+    from hemivar.linear import factor_memory as memory
 
     def limit(mib):
         pages = int(open("/proc/self/statm").read().split()[0])
@@ -355,7 +355,7 @@ def test_condensation_asks_before_it_starts(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_model_of_the_memory_is_above_the_factors_themselves() -> None:
     """The factors alone, counted, take 12 bytes an entry; the model allows for them, and not for ten times as much."""
-    from hemivar.solvers.factorisation import SuperLUFactorisation, mumps_available
+    from hemivar.linear.factorisation import SuperLUFactorisation, mumps_available
 
     if mumps_available():
         pytest.skip("the factors of MUMPS cannot be counted")

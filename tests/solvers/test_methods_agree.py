@@ -7,9 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError
-from hemivar.mechanics import DiscreteProblem, Quadrature
-from hemivar.solvers import METHODS, Controls, Solution, Status, condense, solve, solve_nested
+from hemivar.mechanics import Quadrature
+from hemivar.solvers import METHODS, Controls, Solution, Status, solve, solve_nested
+from hemivar.systems import condense
 
 from ..problems import OTHER_DATA, SURVEY_DATA, bar, discrete_square, relative_difference
 

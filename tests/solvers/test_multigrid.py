@@ -12,7 +12,7 @@ import pytest
 import hemivar as hv
 from hemivar import gallery
 from hemivar.errors import MethodError
-from hemivar.mechanics.mesh import Mesh
+from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Status
 from hemivar.solvers.choice import choose
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
+from hemivar.fem import discretize
 from hemivar.laws import (
     Compliance,
     ContactLaw,
@@ -18,7 +20,8 @@ from hemivar.laws import (
     Superpotential,
     Tresca,
 )
-from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, discretize, rectangle
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import rectangle
 from hemivar.solvers import (
     METHODS,
     Controls,
@@ -28,10 +31,10 @@ from hemivar.solvers import (
     Search,
     Solution,
     Status,
-    condense,
     solve,
     suited,
 )
+from hemivar.systems import condense
 
 from ..problems import bar, discrete_square, relative_difference
 

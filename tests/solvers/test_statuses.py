@@ -8,13 +8,12 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, SurveyLaw, Tresca
-from hemivar.mechanics import DiscreteProblem
 from hemivar.solvers import (
     METHODS,
     AugmentedLagrangian,
-    CondensedProblem,
     Controls,
     DirectOptimization,
     ExactInner,
@@ -24,11 +23,11 @@ from hemivar.solvers import (
     Progress,
     Solver,
     Status,
-    condense,
     solve,
 )
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
+from hemivar.systems import CondensedProblem, condense
 
 from ..problems import bar, discrete_square
 
@@ -214,7 +213,7 @@ def test_no_residual_is_hidden_by_a_kink_missed_by_rounding() -> None:
         ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5)),
     )
     found = solve(problem, NonsmoothNewton())
-    from hemivar.mechanics import residual
+    from hemivar.discrete import residual
 
     assert residual(problem, np.array([0.0, 1e-17]), np.array([[0.0, 0.2]])).total < 1e-15
     assert residual(problem, found.unknowns, found.multiplier).total < 1e-15

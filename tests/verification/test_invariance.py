@@ -8,8 +8,11 @@ import pytest
 import scipy.optimize as opt
 import scipy.sparse as sp
 
+from hemivar.discrete import DiscreteProblem
+from hemivar.fem import discretize
 from hemivar.laws import ContactLaw, Friction, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, DiscreteProblem, Material, Roller, discretize, rectangle
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
+from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, Solution, solve
 
 from ..problems import OTHER_DATA, SURVEY_DATA, discrete_square, relative_difference, square
@@ -140,7 +143,7 @@ def test_energy_is_that_of_a_quadratic_programme(data: str) -> None:
 
 def brute_force(problem: DiscreteProblem, starts: int = 12) -> float:
     """Lowest energy of a two-point problem by a dense grid, then by simplex searches from the best grid points."""
-    from hemivar.solvers import condense
+    from hemivar.systems import condense
 
     condensed = condense(problem)
     axis = np.linspace(-0.5, 0.5, 21)

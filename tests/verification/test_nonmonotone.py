@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from hemivar.certify import PointKind, certify, smallness
+from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import manufactured_softening, shear_block, softening_block
-from hemivar.mechanics import discretize, interpolate, rectangle, v_norm
+from hemivar.mesh import rectangle
 from hemivar.solvers import Status, solve
 
 

@@ -10,11 +10,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from hemivar.fem import discretize
+from hemivar.files.boundary import contact_boundaries
+from hemivar.files.problem import read_problem
 from hemivar.laws import Bilateral
-from hemivar.mechanics import Contact, ContactProblem, Fixed, Material, Prescribed, Quadrature, discretize
-from hemivar.mechanics.mesh import box
-from hemivar.problem_file import read_problem
-from hemivar.report._boundary import contact_boundaries
+from hemivar.mechanics import Contact, ContactProblem, Fixed, Material, Prescribed, Quadrature
+from hemivar.mesh.mesh import box
 from hemivar.solvers import Solution, solve
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

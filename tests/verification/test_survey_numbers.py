@@ -7,9 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
+from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import survey
-from hemivar.mechanics import discretize, interpolate, v_norm
-from hemivar.solvers import METHODS, condense, solve, solve_nested
+from hemivar.solvers import METHODS, solve, solve_nested
+from hemivar.systems import condense
 
 
 @pytest.mark.parametrize(("n", "largest"), [(32, 0.4986), (64, 0.4988), (128, 0.4990)])

@@ -11,19 +11,12 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from hemivar.certify import certify
+from hemivar.discrete import DiscreteProblem
+from hemivar.fem import discretize, interpolate
 from hemivar.gallery import survey_cube, survey_cube_logarithmic
 from hemivar.laws import Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import (
-    Clamped,
-    Contact,
-    ContactProblem,
-    DiscreteProblem,
-    Material,
-    Prescribed,
-    box,
-    discretize,
-    interpolate,
-)
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
+from hemivar.mesh import box
 from hemivar.solvers import METHODS, Solution, Status, solve, solve_nested
 
 

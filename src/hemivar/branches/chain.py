@@ -20,11 +20,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hemivar._typing import Array, BoolArray, IntArray
-from hemivar.deadline import check_time
+from hemivar.basics.deadline import check_time
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import MethodError
 from hemivar.laws import ContactLaw, Superpotential
-from hemivar.solvers.condensed import CondensedProblem
+from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["Chain", "chain_of", "segments_at_most"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.certify import equilibrium_multiplier
 

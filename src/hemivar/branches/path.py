@@ -7,17 +7,19 @@ from functools import cached_property
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray
-from hemivar.arguments import expect, number, whole_number
+from hemivar.basics.arguments import expect, number, whole_number
+from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
-from hemivar.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.posed import posed
-from hemivar.mechanics.problem import ContactProblem
-from hemivar.portable import Portable
-from hemivar.solvers import CondensedProblem, Controls, LoadLine, LoadStepping, Solution, Status, condense, solve
-from hemivar.solvers.condensed import depends_on_state
+from hemivar.fem import LoadLine
+from hemivar.fem.posed import posed
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
+from hemivar.systems import CondensedProblem, condense
+from hemivar.systems.condensed import depends_on_state
 
 __all__ = ["Fold", "Jump", "Path", "follow_path", "trace"]
 

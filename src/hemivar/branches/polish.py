@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.certify import trace_force
-from hemivar.mechanics.residual import Residual, residual
-from hemivar.solvers import CondensedProblem, Controls, NonsmoothNewton, Solution, solve, suited
+from hemivar.discrete.residual import Residual, residual
+from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.systems import CondensedProblem
 
 __all__ = ["Polished", "polish", "polish_by_solver"]
 

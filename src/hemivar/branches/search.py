@@ -8,27 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.branches.enumeration import Candidate
 from hemivar.branches.path import trace
 from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.branches.state_chain import StateChain
-from hemivar.solvers import (
-    CondensedProblem,
-    Controls,
-    LoadStepping,
-    NonsmoothNewton,
-    Search,
-    Solution,
-    Solver,
-    Status,
-    solve,
-    suited,
-)
-from hemivar.solvers.condensed import depends_on_state
+from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.systems import CondensedProblem
+from hemivar.systems.condensed import depends_on_state
 
 __all__ = ["SolutionSearch"]
 

@@ -7,18 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar._typing import Array
-from hemivar.arguments import expect, whole_number
+from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.deadline import Budget, limited
+from hemivar.basics.types import Array
 from hemivar.branches.chain import Chain, chain_of, segments_at_most
 from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.certify import Smallness, one_solution, smallness
-from hemivar.deadline import Budget, limited
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.posed import posed
-from hemivar.mechanics.problem import ContactProblem
-from hemivar.solvers import CondensedProblem, Controls, NonsmoothNewton, Solution, Status, condense
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.posed import posed
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
+from hemivar.systems import CondensedProblem, condense
 
 __all__ = ["SolutionSet", "find_solutions"]
 

@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.laws import ContactLaw, Friction, StateBound
-from hemivar.solvers.condensed import CondensedProblem
+from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["StateChain", "state_chain_of"]
 

@@ -1,9 +1,9 @@
 """Certificates: constants, error bounds and the kind of a point, recomputed from the problem alone."""
 
-from hemivar.certify._bound import equilibrium_multiplier, trace_force
-from hemivar.certify._kind import PointKind
-from hemivar.certify._linear import EnergyNorm, MultigridNorm, energy_norm, factorises
+from hemivar.certify.bound import equilibrium_multiplier, trace_force
 from hemivar.certify.certificate import Certificate, certify
+from hemivar.certify.kind import PointKind
+from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm, factorises
 from hemivar.certify.smallness import Smallness, TraceConstants, ellipticity, one_solution, smallness, trace_constants
 
 __all__ = [

@@ -10,19 +10,19 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from hemivar._typing import Array
-from hemivar.arguments import expect, number
-from hemivar.arrays import real_array
-from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound
-from hemivar.certify._kind import LocalStudy, PointKind, study
-from hemivar.certify._linear import EnergyNorm, MultigridNorm, Norm, energy_norm
+from hemivar.basics.arguments import expect, number
+from hemivar.basics.arrays import real_array
+from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.types import Array
+from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound
+from hemivar.certify.kind import LocalStudy, PointKind, study
+from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
 from hemivar.certify.smallness import Smallness, one_solution, smallness, unknown_constants, with_survey
-from hemivar.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.residual import Residual, residual
 
 __all__ = ["Certificate", "certify"]
 

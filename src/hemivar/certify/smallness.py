@@ -11,18 +11,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar._typing import Array
-from hemivar.certify._bound import Point, equilibrium_multiplier, error_bound, friction_bound
-from hemivar.certify._linear import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
-from hemivar.deadline import check_time
+from hemivar.basics.deadline import check_time
+from hemivar.basics.types import Array
+from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound, friction_bound
+from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
+from hemivar.discrete.problem import DiscreteProblem, FieldMap
 from hemivar.errors import ProblemError
+from hemivar.fem.assembly import quadrature_rule, region_masks, stiffness_matrix
+from hemivar.fem.discretize import discretize
+from hemivar.fem.posed import posed
 from hemivar.laws import ContactLaw
-from hemivar.mechanics.assembly import quadrature_rule, region_masks, stiffness_matrix
-from hemivar.mechanics.discrete import DiscreteProblem, FieldMap
-from hemivar.mechanics.discretize import discretize
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.posed import posed
-from hemivar.mechanics.problem import ContactProblem
+from hemivar.mechanics.statement import ContactProblem
 
 #: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
 _NEAR = 1e-6

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
-from hemivar.arrays import real_array
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
+from hemivar.formula.smooth import SmoothFormula, Supremum, supremum_of_pieces
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.consistency import check_consistency
 from hemivar.laws.scaled import ScaledLaw
-from hemivar.portable import Portable
-from hemivar.smooth import SmoothFormula, Supremum, supremum_of_pieces
 
 __all__ = ["FormulaLaw", "FunctionLaw"]
 

@@ -17,9 +17,9 @@ from functools import cached_property
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.description import LawDescription, LawKink
-from hemivar.portable import Portable
 
 __all__ = ["Interval", "Superpotential"]
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray, Parameter
-from hemivar.arrays import real_array
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
+from hemivar.formula.smooth import WIDE, supremum_of_pieces
 from hemivar.laws.parameters import evaluate
-from hemivar.portable import Portable
-from hemivar.smooth import WIDE, supremum_of_pieces
 
 __all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
 

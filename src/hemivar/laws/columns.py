@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar._typing import Array
-from hemivar.disk import read_text
+from hemivar.basics.disk import read_text
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 
 __all__ = ["BOUND_COLUMNS", "LAW_COLUMNS", "read_columns"]

@@ -8,7 +8,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
 

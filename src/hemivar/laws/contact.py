@@ -8,15 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray
-from hemivar.arguments import described
+from hemivar.basics.arguments import described
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound, stack_bounds
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.stacked import stack
-from hemivar.portable import Portable
 
 __all__ = ["ContactLaw", "Linearisation", "spread"]
 

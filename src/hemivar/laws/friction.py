@@ -9,14 +9,14 @@ from weakref import WeakSet
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray, Parameter
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Superpotential
 from hemivar.laws.bounds import StateBound
 from hemivar.laws.consistency import check_own
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.portable import Portable
 
 __all__ = ["ABSOLUTE_VALUE", "Friction", "NoFriction", "Tresca"]
 

@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray, Parameter
+from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.parameters import evaluate

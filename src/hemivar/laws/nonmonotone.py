@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray, Parameter
-from hemivar.arrays import real_array
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval
 from hemivar.laws.bounds import StateBound

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array, Parameter
-from hemivar.arrays import real_array
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
 
 __all__ = ["evaluate"]

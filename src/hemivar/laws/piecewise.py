@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray, IntArray
-from hemivar.arrays import real_array
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.scaled import ScaledLaw

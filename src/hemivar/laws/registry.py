@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from hemivar._typing import Parameter
+from hemivar.basics.types import Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.analytic import FormulaLaw
 from hemivar.laws.base import Superpotential

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.description import LawDescription

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray
-from hemivar.arrays import real_array
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.laws.columns import read_columns
 from hemivar.laws.piecewise import PiecewiseQuadratic

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import HemivarError
 from hemivar.laws.base import Superpotential
 from hemivar.laws.friction import Friction

@@ -6,10 +6,10 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from hemivar._typing import Array, IntArray
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.hierarchy import rigid_motions
 from hemivar.linear.levels import COARSEST, Transfer
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.hierarchy import rigid_motions
 
 __all__ = ["algebraic_levels"]
 

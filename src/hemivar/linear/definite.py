@@ -10,10 +10,10 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.parts import free_motions
+from hemivar.fem.parts import free_motions
 
 __all__ = [
     "below_zero",

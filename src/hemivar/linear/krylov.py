@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
 
 __all__ = ["Descent", "conjugate_gradients"]
 

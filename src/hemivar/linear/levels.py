@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["COARSEST", "Levels", "Transfer"]
 

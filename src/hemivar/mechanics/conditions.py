@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array
-from hemivar.arrays import real_array
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.portable import Portable
 
 __all__ = ["Clamped", "Fixed", "Prescribed", "Pressure", "Roller", "Support", "Traction", "VectorData"]
 

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray
-from hemivar.arguments import described
-from hemivar.arrays import real_array
+from hemivar.basics.arguments import described
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
-from hemivar.portable import Portable
 
 __all__ = ["Material", "PlaneState"]
 

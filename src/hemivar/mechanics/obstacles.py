@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array, BoolArray
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.conditions import _check_finite as check_finite
-from hemivar.mechanics.mesh import Mesh
-from hemivar.portable import Portable
+from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
 

@@ -9,7 +9,6 @@ from hemivar.report.figures import (
     plot_solution,
     save,
 )
-from hemivar.report.files import contact_columns, read_json, solution_record, write_csv, write_json, write_vtu
 from hemivar.report.scene import render_solution
 from hemivar.report.survey import SURVEY_METHODS, SurveyResult, run_survey
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
@@ -21,19 +20,13 @@ __all__ = [
     "SurveyResult",
     "Table",
     "comparison_table",
-    "contact_columns",
     "energy_norm_difference",
     "observed_order",
     "plot_contact",
     "plot_errors",
     "plot_history",
     "plot_solution",
-    "read_json",
     "render_solution",
     "run_survey",
     "save",
-    "solution_record",
-    "write_csv",
-    "write_json",
-    "write_vtu",
 ]

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
-from hemivar.mechanics import nodal_average, von_mises
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.mesh import Mesh
-from hemivar.report._boundary import ContactBoundary, contact_boundaries, global_vectors
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem import nodal_average, von_mises
+from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors
+from hemivar.mesh.mesh import Mesh
 from hemivar.report._style import GREY, MARKERS, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState, Solution
 

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
-from hemivar.disk import make_folder, whole_file
+from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem import von_mises
+from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors, polylines
 from hemivar.laws import ContactLaw
-from hemivar.mechanics import von_mises
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.mesh import Mesh
-from hemivar.report._boundary import ContactBoundary, contact_boundaries, global_vectors, polylines
+from hemivar.mesh.mesh import Mesh
 from hemivar.report._solid import contact_maps, draw_solid
 from hemivar.report._style import BLUE, GREEN, GREY, MARKERS, ORANGE, PURPLE, RED, SKY, drawing, with_unit
 from hemivar.solvers import Solution

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import Superpotential
 from hemivar.report._style import BLUE, GREY, RED, drawing

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
-from hemivar.disk import shown, whole_file
-from hemivar.distributed import DistributedSolution, Ranks
-from hemivar.distributed.files import one_writer
+from hemivar.basics.disk import shown, whole_file
+from hemivar.basics.types import Array, IntArray
+from hemivar.engines.petsc import DistributedSolution, Ranks
+from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
-from hemivar.mechanics import nodal_average, von_mises
-from hemivar.report.files import (
+from hemivar.fem import nodal_average, von_mises
+from hemivar.files.results import (
     _plain,
     _prepared,
     _region_numbers,
@@ -37,7 +37,7 @@ _NODES_AT_A_TIME = 1 << 17
 
 
 def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: dict[str, Any] | None) -> Path:
-    """Write the record of :func:`hemivar.report.files.solution_record`; all ranks call this, rank 0 writes.
+    """Write the record of :func:`hemivar.files.results.solution_record`; all ranks call this, rank 0 writes.
 
     Contact points and nodes are in the order of the serial run. Rank 0 holds the contact points, and the
     displacements portion by portion.
@@ -138,7 +138,7 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
 def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[Path]:
     """Write each rank's cells as a VTU file of its own, ``NAME_RANK.vtu``, and ``NAME.pvtu`` that names them.
 
-    Fields are those of :func:`hemivar.report.files.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
+    Fields are those of :func:`hemivar.files.results.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
     Old files are replaced once all new ones are written, the ``.pvtu`` files last.
 
     Returns

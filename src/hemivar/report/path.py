@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hemivar._typing import Array
+from hemivar.basics.types import Array
 from hemivar.branches import Path
 from hemivar.errors import ProblemError
 from hemivar.report._style import BLUE, GREY, ORANGE, RED, drawing, with_unit

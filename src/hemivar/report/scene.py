@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hemivar._typing import IntArray
-from hemivar.disk import make_folder, whole_file
+from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.types import IntArray
 from hemivar.errors import ProblemError
 from hemivar.report._solid import moved_points, sharp_edges, shown_on_surface, viewing_direction
 from hemivar.report._style import STATE_COLOURS, with_unit

@@ -19,24 +19,18 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array
-from hemivar.disk import make_folder, read_bytes, write_text
+from hemivar.basics.disk import make_folder, read_bytes, write_text
+from hemivar.basics.types import Array
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import FileError, HemivarError, ProblemError
+from hemivar.fem import discretize, interpolate, v_norm
+from hemivar.files.results import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA, survey
-from hemivar.mechanics import DiscreteProblem, Mesh, discretize, interpolate, v_norm
+from hemivar.mesh import Mesh
 from hemivar.report.figures import observed_order, plot_contact, plot_errors, plot_solution, save
-from hemivar.report.files import write_csv, write_json
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
-from hemivar.solvers import (
-    METHODS,
-    CondensedProblem,
-    Controls,
-    Solution,
-    Status,
-    condense,
-    solve,
-    transfer_solution,
-)
+from hemivar.solvers import METHODS, Controls, Solution, Status, solve, transfer_solution
+from hemivar.systems import CondensedProblem, condense
 
 __all__ = ["FILES", "MOST_CELLS", "SURVEY_METHODS", "SurveyResult", "run_survey"]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hemivar.disk import make_folder, open_new, shown, whole_file
+from hemivar.basics.disk import make_folder, open_new, shown, whole_file
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 

@@ -3,16 +3,9 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from hemivar.solvers.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
-from hemivar.solvers.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
 from hemivar.solvers.base import Solver
-from hemivar.solvers.bundle import ProximalBundle
-from hemivar.solvers.condensed import CondensedProblem, condense
 from hemivar.solvers.controls import Controls, Progress
-from hemivar.solvers.direct import DirectOptimization, Optimizer, Powell
 from hemivar.solvers.fixed_point import FixedPoint
-from hemivar.solvers.lbfgs import LBFGS
-from hemivar.solvers.load_line import LoadLine
 from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
@@ -20,6 +13,11 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.solution import ContactState, Solution
 from hemivar.solvers.solve import solve, suited
 from hemivar.solvers.status import Status
+from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
+from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
+from hemivar.solvers.survey.bundle import ProximalBundle
+from hemivar.solvers.survey.direct import DirectOptimization, Optimizer, Powell
+from hemivar.solvers.survey.lbfgs import LBFGS
 
 _ALL = (
     NonsmoothNewton(),
@@ -41,14 +39,12 @@ __all__ = [
     "METHODS",
     "AugmentedLagrangian",
     "AugmentedLagrangianNewton",
-    "CondensedProblem",
     "ContactState",
     "Controls",
     "DirectOptimization",
     "ExactInner",
     "FixedPoint",
     "InnerSolver",
-    "LoadLine",
     "LoadStepping",
     "NewtonKrylov",
     "NonsmoothMultigrid",
@@ -63,7 +59,6 @@ __all__ = [
     "Solution",
     "Solver",
     "Status",
-    "condense",
     "solve",
     "solve_nested",
     "suited",

@@ -6,14 +6,14 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
-from hemivar._typing import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.hold import Growth
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import Residual
 from hemivar.laws import ContactLaw
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.hold import Growth
-from hemivar.mechanics.residual import Residual
-from hemivar.solvers.condensed import condense
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
+from hemivar.systems.condensed import condense
 
 __all__ = ["Solver", "State", "System"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from hemivar.linear.multigrid import selects
-from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.linear.cycle import selects
+from hemivar.linear.factor_memory import available_bytes, factorisation_bytes
 from hemivar.solvers.base import Solver
-from hemivar.solvers.memory import available_bytes, factorisation_bytes
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton
 

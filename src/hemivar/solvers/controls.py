@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hemivar.arguments import described, number, whole_number
-from hemivar.deadline import Budget, OutOfTime
+from hemivar.basics.arguments import described, number, whole_number
+from hemivar.basics.deadline import Budget, OutOfTime
 from hemivar.errors import ProblemError
 
 __all__ = ["Budget", "Controls", "OutOfTime", "Progress"]

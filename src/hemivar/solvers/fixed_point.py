@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from hemivar._typing import Array
-from hemivar.arguments import expect
+from hemivar.basics.arguments import expect
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws.contact import spread
-from hemivar.mechanics.discrete import DiscreteProblem
 from hemivar.solvers.base import Solver, State, System
-from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
+from hemivar.systems.condensed import depends_on_state
 
 __all__ = ["FixedPoint"]
 

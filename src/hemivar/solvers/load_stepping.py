@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.arguments import expect, whole_number
-from hemivar.mechanics.discrete import DiscreteProblem
+from hemivar.basics.arguments import expect, whole_number
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.load_line import LoadLine
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls
-from hemivar.solvers.load_line import LoadLine
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.status import STOPPED

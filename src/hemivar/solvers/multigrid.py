@@ -12,11 +12,17 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from hemivar._typing import Array, BoolArray, IntArray
-from hemivar.arrays import norm
+from hemivar.basics.arrays import norm
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.hold import Growth, growth_along
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.errors import ProblemError
+from hemivar.fem.free_motion import free_growth
+from hemivar.fem.parts import free_motions
 from hemivar.laws import ContactLaw
 from hemivar.laws.contact import Linearisation
+from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns, selects
 from hemivar.linear.definite import (
     below_zero,
     free_unknowns,
@@ -28,18 +34,12 @@ from hemivar.linear.definite import (
 )
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.linear.levels import COARSEST
-from hemivar.linear.multigrid import ElasticMultigrid, contact_unknowns, selects
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.free_motion import free_growth
-from hemivar.mechanics.hold import Growth, growth_along
-from hemivar.mechanics.parts import free_motions
-from hemivar.mechanics.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.condensed import depends_on_state
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import best_component, diagonal_step, majorant, newton_components, snapped
 from hemivar.solvers.status import STOPPED, Status
+from hemivar.systems.condensed import depends_on_state
 
 __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hemivar._typing import Array
-from hemivar.arguments import described, expect
+from hemivar.basics.arguments import described, expect
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.posed import posed
-from hemivar.mechanics.problem import ContactProblem
-from hemivar.mechanics.transfer import interpolate
+from hemivar.fem.posed import posed
+from hemivar.fem.transfer import interpolate
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.base import Solver
-from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.solve import solve
 from hemivar.solvers.status import Status
+from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["solve_nested", "transfer_solution"]
 

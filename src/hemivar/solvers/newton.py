@@ -9,13 +9,13 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import scipy.linalg as la
 
-from hemivar._typing import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import ContactLaw
 from hemivar.solvers.base import Solver, State
-from hemivar.solvers.condensed import CondensedProblem
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.downhill import downhill_minimiser
 from hemivar.solvers.status import Status
+from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.downhill import downhill_minimiser
 
 __all__ = [
     "NonsmoothNewton",

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
-from hemivar._typing import Array, IntArray
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.residual import Residual
-from hemivar.portable import Portable
 from hemivar.solvers.controls import Progress
 from hemivar.solvers.status import Status
 

@@ -10,28 +10,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
-from hemivar._typing import Array
-from hemivar.arguments import described, expect
-from hemivar.arrays import real_array
+from hemivar.basics.arguments import described, expect
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array
+from hemivar.discrete.hold import Verdict, decide
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import residual
 from hemivar.errors import MethodError, ProblemError
-from hemivar.linear.multigrid import sole_use
+from hemivar.fem.free_motion import known_to_be_held
+from hemivar.fem.posed import posed
+from hemivar.linear.cycle import sole_use
+from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics.discrete import DiscreteProblem
-from hemivar.mechanics.free_motion import known_to_be_held
-from hemivar.mechanics.hold import Verdict, decide
-from hemivar.mechanics.posed import posed
-from hemivar.mechanics.problem import ContactProblem
-from hemivar.mechanics.residual import residual
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.choice import choose
-from hemivar.solvers.condensed import CondensedProblem, depends_on_state
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.loop import iterate
-from hemivar.solvers.memory import shortage
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
+from hemivar.systems.condensed import CondensedProblem, depends_on_state
 
 __all__ = ["solve", "suited"]
 

@@ -1,0 +1,135 @@
+"""The one check of arrays that users give, and the one norm."""
+
+from __future__ import annotations
+
+from numbers import Complex, Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
+
+__all__ = ["norm", "real_array", "real_matrix"]
+
+
+def real_array(
+    value: ArrayLike, name: str, ndim: int | None = None, *, finite: bool = True, own: bool = False
+) -> Array:
+    """An array of floats made of what a user gave.
+
+    Parameters
+    ----------
+    value : array_like
+    name : str
+        What the array is, for messages.
+    ndim : int, optional
+        Number of axes it must have.
+    finite : bool
+        Whether nan and infinity are refused.
+    own : bool
+        Whether to return a read-only array of its own, which later changes of what was given do not reach.
+
+    Raises
+    ------
+    ProblemError
+        If it is no array of real numbers (complex numbers lose half of themselves as floats, and are refused even
+        where their imaginary part is zero; masked arrays lose their mask; text and dates are no numbers), has other
+        axes, or a number is not finite; the first such entry is named.
+    """
+    given = _checked(value, name)
+    try:
+        array = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name} is no array of numbers: {error}") from error
+    if ndim is not None and array.ndim != ndim:
+        raise ProblemError(f"{name} has shape {array.shape}; it must have {ndim} {'axis' if ndim == 1 else 'axes'}")
+    if finite and not np.isfinite(array).all():
+        place = np.unravel_index(int(np.flatnonzero(~np.isfinite(array).ravel())[0]), array.shape)
+        where = f"[{', '.join(map(str, place))}]" if place else ""
+        raise ProblemError(f"{name}{where} = {array[place]}; every number must be finite")
+    if own and (array.flags.writeable or np.may_share_memory(array, given)):
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+def real_matrix(value: Any, name: str, *, own: bool = False) -> sp.csr_array:
+    """A sparse matrix of finite floats, duplicates summed, made of a dense one or of any of SciPy's.
+
+    Parameters
+    ----------
+    value : array_like or sparse array
+    name : str
+        What the matrix is, for messages.
+    own : bool
+        Whether to copy what would share memory with what was given.
+
+    Raises
+    ------
+    ProblemError
+        As :func:`real_array`.
+    """
+    import scipy.sparse as sp  # only here: laws and the command do without it
+
+    if not sp.issparse(value):
+        dense = real_array(value, name)
+        if dense.ndim > 2:
+            raise ProblemError(f"{name} has shape {dense.shape}; it must have 2 axes")
+        return sp.csr_array(np.atleast_2d(dense))
+    _checked(value.data if value.format not in ("lil", "dok") else value.tocoo().data, name)
+    try:
+        matrix = sp.csr_array(value).astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name} is no matrix of numbers: {error}") from error
+    if own or not matrix.has_canonical_format:
+        matrix = matrix.copy()
+        matrix.sum_duplicates()
+    bad = np.flatnonzero(~np.isfinite(matrix.data))
+    if bad.size:
+        row = int(np.searchsorted(matrix.indptr, bad[0], side="right")) - 1
+        entry = f"{name}[{row}, {matrix.indices[bad[0]]}]"
+        raise ProblemError(f"{entry} = {matrix.data[bad[0]]}; every number must be finite")
+    return matrix
+
+
+def _checked(value: Any, name: str) -> np.ndarray[Any, Any]:
+    """The array of what was given, if its entries may be real numbers."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise ProblemError(f"{name} is a masked array, whose mask would be lost; fill it in, .filled(...)")
+    if hasattr(value, "tocsr"):
+        raise ProblemError(f"{name} is a sparse matrix; give an array, .toarray()")
+    try:
+        given = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name} is no array of numbers: {error}") from error
+    kind = given.dtype.kind
+    entries: list[Any] = list(given.ravel()) if kind == "O" else []
+    if kind == "c" or any(isinstance(entry, Complex) and not isinstance(entry, Real) for entry in entries):
+        raise ProblemError(f"{name} is complex; give real numbers (take .real if the imaginary part is meant to go)")
+    wrong = next((entry for entry in entries if entry is None or isinstance(entry, str | bytes)), None)
+    if kind not in "biufO" or wrong is not None or any(entry is None for entry in entries):
+        what = f"holds {wrong!r}" if kind == "O" else f"is {'text' if kind in 'SU' else given.dtype.name}"
+        raise ProblemError(f"{name} is no array of numbers: it {what}")
+    return given
+
+
+def norm(vector: ArrayLike) -> float:
+    """Euclidean norm of all entries, without overflow or underflow on the way; inf or nan only if an entry is.
+
+    It is ``s |x / s|`` with ``s`` the power of two next to the largest entry, so that nothing is rounded twice.
+    """
+    x = np.asarray(vector, dtype=float).ravel()
+    largest = float(np.abs(x).max(initial=0.0))
+    if largest == 0.0 or not np.isfinite(largest):
+        return largest
+    exponent = int(np.frexp(largest)[1])
+    if -400 < exponent < 400:
+        return float(np.sqrt(x @ x))
+    with np.errstate(over="ignore", under="ignore"):
+        scaled = np.ldexp(x, -exponent)
+        return float(np.ldexp(np.sqrt(scaled @ scaled), exponent))

@@ -1,0 +1,208 @@
+"""Files that a command writes: tried before the work, kept off everything it read, written one by one in the end."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from hemivar.basics.disk import same_file, shown, try_output
+from hemivar.cli.terminal import hold_signals, quiet_logging
+from hemivar.errors import FileError, HemivarError, ProblemError
+
+__all__ = ["FIGURES", "Writer", "check_folder", "check_outputs", "internal_error", "keep_off", "one_line"]
+
+#: Characters of a message that are shown: a name of thousands of them would hide what is wrong.
+_LONGEST = 1000
+#: Suffixes of figures.
+FIGURES = (".png", ".svg", ".pdf")
+
+_SUFFIXES = {
+    "--json": (".json",),
+    "--csv": (".csv",),
+    "--vtu": (".vtu",),
+    "--plot": FIGURES,
+    "--plot-contact": FIGURES,
+    "--render": (".png",),
+}
+
+
+# ---- before the work -------------------------------------------------------------------------------------------
+
+
+def check_outputs(outputs: Mapping[str, Path | None], source: Path | None = None) -> None:
+    """Refuse output files that could not be written, or that would overwrite one another or ``source``.
+
+    Files that come along with one (``X_contact.vtu``) are tried too.
+
+    Raises
+    ------
+    ProblemError
+        One sentence that names the option and the file.
+    """
+    taken: list[tuple[Path, str]] = [] if source is None else [(source, "the problem file")]
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        suffixes = _SUFFIXES.get(option)
+        if suffixes and path.suffix.lower() not in suffixes:
+            raise ProblemError(f"{option} {path}: the name must end in {' or '.join(suffixes)}")
+        for file in _files(option, path):
+            _check_file(file, option)
+            for other, what in taken:
+                if same_file(file, other):
+                    raise ProblemError(f"{option} {file}: this is {what} already; name another file")
+            taken.append((file, option))
+
+
+def keep_off(outputs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None:
+    """Refuse outputs that would overwrite a file that was read, by whatever name.
+
+    Raises
+    ------
+    ProblemError
+    """
+    inputs = list(inputs)
+    for option, path in outputs.items():
+        for file in () if path is None else _files(option, path):
+            for read in inputs:
+                if same_file(file, read):
+                    raise ProblemError(f"{option} {file}: {read} was read for this problem; name another file")
+
+
+def check_folder(path: Path, names: Iterable[str]) -> None:
+    """Refuse an output folder that is a file or could not be made, or where one of the files could not be written."""
+    if not os.path.exists(path):  # which takes any name, unlike Path.exists
+        _check_parent(path, f"--out {path}")
+        _try(path, "--out", "folder")
+        return
+    if not os.path.isdir(path):
+        raise ProblemError(f"--out {path}: this is a file; name a folder")
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise ProblemError(f"--out {path}: the folder is write-protected; name another one")
+    for name in names:
+        _try(path / name, "--out", "folder")
+
+
+def _files(option: str, path: Path) -> tuple[Path, ...]:
+    """The files that an option writes."""
+    if option == "--vtu":
+        return path, path.with_name(f"{path.stem}_contact.vtu")
+    return (path,)
+
+
+def _check_file(path: Path, option: str) -> None:
+    what = f"{option} {path}"
+    if os.path.isdir(path):
+        raise ProblemError(f"{what}: this is a folder; name a file")
+    _check_parent(path, what)
+    if os.path.exists(path) and not os.access(path, os.W_OK):
+        raise ProblemError(f"{what}: the file is write-protected; name another one")
+    _try(path, option, "file")
+
+
+def _try(path: Path, option: str, what: str) -> None:
+    try:
+        try_output(path)
+    except FileError as error:
+        raise ProblemError(f"{option}: {error}; name another {what}") from error
+
+
+def _check_parent(path: Path, what: str) -> None:
+    parent = path.parent
+    if not os.path.exists(parent):
+        raise ProblemError(f"{what}: the folder '{parent}' does not exist; make it first")
+    if not os.path.isdir(parent):
+        raise ProblemError(f"{what}: '{parent}' is not a folder; name another place")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise ProblemError(f"{what}: the folder '{parent}' is write-protected; name another one")
+
+
+# ---- after it --------------------------------------------------------------------------------------------------
+
+
+class Writer:
+    """Writes files one after the other; one that fails does not stop the others.
+
+    After Ctrl-C the file in work and all further pictures are left out; data are still written, and SIGTERM and SIGHUP
+    do not disturb them.
+
+    Parameters
+    ----------
+    inputs : iterable of Path
+        Files that were read and must not be overwritten.
+    """
+
+    def __init__(self, inputs: Iterable[Path] = ()) -> None:
+        self.inputs = list(inputs)
+        self.written: list[Path] = []
+        self.failed: list[str] = []
+        self.interrupted = False
+        self._said = 0
+
+    def write(self, option: str, path: Path | None, task: Callable[[Path], object], *, picture: bool = False) -> None:
+        """Let ``task`` write ``path``, if there is one; it may return the files it wrote, in a list or a tuple."""
+        if path is None or (picture and self.interrupted):
+            return
+        try:
+            keep_off({option: path}, self.inputs)
+        except ProblemError as error:
+            self.failed.append(str(error))
+            return
+        try:
+            with contextlib.nullcontext() if picture else hold_signals(), quiet_logging():
+                made = task(path)
+        except KeyboardInterrupt:
+            if self.interrupted:
+                raise
+            self.interrupted = True
+        except FileError as error:
+            self.failed.append(f"{option}: {error}")
+        except HemivarError as error:
+            self.failed.append(f"{option} {path}: {error}")
+        except MemoryError:
+            self.failed.append(f"{option} {path}: not enough memory to write it")
+        except UnicodeDecodeError as error:
+            if not picture:
+                self.failed.append(f"{option} {path}: {internal_error(error)}")
+            else:
+                self.failed.append(
+                    f"{option} {path}: matplotlib cannot read its settings ({error}); mend or remove that matplotlibrc"
+                )
+        except Exception as error:
+            self.failed.append(f"{option} {path}: {internal_error(error)}")
+        else:
+            several = made if isinstance(made, list | tuple) else [path]
+            self.written += [file for file in several if file is not None]
+
+    def tell(self) -> None:
+        """Print the names of the files that were written."""
+        if self.written:
+            print(f"written           {', '.join(map(shown, self.written))}", flush=True)
+
+    def complain(self) -> bool:
+        """One line on standard error, once, for each file that could not be written; whether there was one."""
+        sys.stdout.flush()
+        while self._said < len(self.failed):
+            sys.stderr.write(f"hemivar: error: {one_line(self.failed[self._said])}\n")
+            self._said += 1
+        return bool(self.failed)
+
+
+def one_line(message: str) -> str:
+    """A message on one line, free of control characters, its middle cut out where it is very long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
+
+
+def internal_error(error: BaseException) -> str:
+    """What to say about an error that should not occur; HEMIVAR_TRACEBACK=1 shows where it came from."""
+    if os.environ.get("HEMIVAR_TRACEBACK"):
+        traceback.print_exception(error)
+        return "internal error, see above; please report it"
+    reason = " ".join(str(error).split())[:300]
+    kind = type(error).__name__
+    return f"internal error: {kind}{': ' if reason else ''}{reason}; please report it, HEMIVAR_TRACEBACK=1 shows where"

@@ -1,0 +1,209 @@
+"""What stands between the command and the terminal: harmless output that may fail, signals, warnings."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+from hemivar.basics.disk import shown
+
+__all__ = ["Stream", "guarded_streams", "hold_signals", "quiet_logging", "quiet_warnings", "signals_as_interrupts"]
+
+_SUSPECT = re.compile(r"[^\n\t\x20-\x7e]+")
+_COALESCE = 2.0
+
+
+class Stream(io.TextIOBase):
+    """Standard output or error: control characters are escaped, and a failure is remembered rather than raised.
+
+    Colours and bars come from rich, which finds the stream without the filter under ``rich_proxied_file``; both are one
+    stream in all else.
+
+    Parameters
+    ----------
+    under : text stream or None
+        Where the text goes; None where the process has no such stream.
+    """
+
+    def __init__(self, under: Any, filtered: bool = True, failures: list[Exception] | None = None) -> None:
+        self._under = under
+        self._filtered = filtered
+        self._failures: list[Exception] = [] if failures is None else failures
+
+    @property
+    def failed(self) -> Exception | None:
+        """The first error of writing; nothing is written after it."""
+        return self._failures[0] if self._failures else None
+
+    @property
+    def reader_left(self) -> bool:
+        """Whether the other end of the pipe, or the terminal, has gone."""
+        return isinstance(self.failed, BrokenPipeError)
+
+    @property
+    def rich_proxied_file(self) -> Stream:
+        """The same stream without the filter."""
+        return Stream(self._under, False, self._failures)
+
+    def write(self, text: str, /) -> int:
+        """Write a text; returns its length."""
+        if self._under is not None and not self._failures:
+            if self._filtered:
+                text = _SUSPECT.sub(lambda found: shown(found.group().replace("\xa0", " ")), text)
+            try:
+                self._under.write(text)
+            except (OSError, ValueError) as error:
+                self._failures.append(error)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, if it is still possible."""
+        if self._under is not None and not self._failures:
+            try:
+                self._under.flush()
+            except (OSError, ValueError) as error:
+                self._failures.append(error)
+
+    def isatty(self) -> bool:
+        """Whether it is a terminal."""
+        return self._under is not None and bool(self._under.isatty())
+
+    def writable(self) -> bool:
+        """Always."""
+        return True
+
+    def fileno(self) -> int:
+        """Of the stream below."""
+        if self._under is None:
+            raise io.UnsupportedOperation("fileno")
+        return int(self._under.fileno())
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """Of the stream below."""
+        return str(getattr(self._under, "encoding", None) or "utf-8")
+
+    @property
+    def errors(self) -> str | None:  # type: ignore[override]
+        """Of the stream below."""
+        return getattr(self._under, "errors", None)
+
+    def seal(self) -> None:
+        """After a failure, lead the descriptor to nowhere, so that Python's flush at exit cannot fail again."""
+        if not self._failures:
+            return
+        with contextlib.suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self.fileno())
+            os.close(nowhere)
+
+
+@contextlib.contextmanager
+def guarded_streams() -> Iterator[tuple[Stream, Stream]]:
+    """Standard output and error as :class:`Stream` inside the block.
+
+    Descriptors that the process was started without lead to nowhere, so that no file gets their numbers.
+    """
+    for descriptor in (0, 1, 2):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.open(os.devnull, os.O_RDWR)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(AttributeError, ValueError, OSError):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    before = sys.stdout, sys.stderr
+    out, err = Stream(sys.stdout), Stream(sys.stderr)
+    sys.stdout, sys.stderr = out, err
+    try:
+        yield out, err
+    finally:
+        for stream in (out, err):
+            stream.flush()
+            stream.seal()
+        sys.stdout, sys.stderr = before
+
+
+# ---- signals ---------------------------------------------------------------------------------------------------
+
+_holding = 0
+_last = -1e9
+
+
+@contextlib.contextmanager
+def signals_as_interrupts() -> Iterator[None]:
+    """SIGTERM and SIGHUP end the block as Ctrl-C does, by KeyboardInterrupt; several at once count as one.
+
+    Those that whoever started the process has set otherwise (nohup) stay as they are.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before: dict[int, Any] = {}
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            before[number] = signal.signal(number, _interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(*_: object) -> None:
+    global _last
+    now = time.monotonic()
+    if _holding or now - _last < _COALESCE:
+        return
+    _last = now
+    raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def hold_signals() -> Iterator[None]:
+    """SIGTERM and SIGHUP are of no effect inside the block, where the last files are written (Ctrl-C is)."""
+    global _holding
+    _holding += 1
+    try:
+        yield
+    finally:
+        _holding -= 1
+
+
+# ---- warnings --------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def quiet_warnings() -> Iterator[None]:
+    """No warning of a library reaches the user raw: what matters is said in the results.
+
+    ``python -W`` and PYTHONWARNINGS show them.
+    """
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        yield
+
+
+@contextlib.contextmanager
+def quiet_logging() -> Iterator[None]:
+    """The same for what libraries log while they draw, such as fonts and folders that they miss."""
+    import logging
+
+    disabled = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(disabled)

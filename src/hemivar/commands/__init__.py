@@ -1,3 +1,0 @@
-"""Bodies of the commands; :mod:`hemivar.cli` registers them."""
-
-__all__: list[str] = []

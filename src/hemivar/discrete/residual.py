@@ -1,0 +1,179 @@
+"""The one residual: how far a pair (u, lambda) is from solving the discrete problem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.arguments import expect
+from hemivar.basics.arrays import norm, real_array
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+
+__all__ = ["LoadScale", "Residual", "contact_compliance", "load_scale", "residual"]
+
+
+@dataclass(frozen=True)
+class LoadScale:
+    """What a residual is held against: sizes of forces that the data of a problem set, whatever the iterate.
+
+    Attributes
+    ----------
+    load : float
+        ``|f|_2``.
+    rest : float
+        Size of the forces with which the foundation meets the body where nothing has moved: of its law at
+        ``r = -offset``, and of what it takes to bring a point back into the domain of a law that ends before it.
+    """
+
+    load: float
+    rest: float
+
+    def of(self, contact_force: float) -> float:
+        """The scale where the foundation exerts a force of the given size.
+
+        A body may be loaded by its foundation alone (a negative gap, glue under tension), but a force that only the
+        iterate makes is no load: a runaway one would excuse its own residual.  Where the data set no scale at all, the
+        force of the foundation is what is left.
+        """
+        scale = max(self.load, min(contact_force, self.rest))
+        return scale if scale > 0.0 else contact_force
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Residual of ``K u + B'W lambda = f``, ``lambda in dj(r)``, in units of force.
+
+    Attributes
+    ----------
+    equilibrium : float
+        ``|f - K u - B'W lambda|_2``.
+    inclusion : float
+        ``|W e|_2`` with ``e`` the distance of (r, lambda) to the graph of the law at every contact point.
+    scale : float
+        ``|f|_2``, or more where the foundation loads the body by itself: :class:`LoadScale`.
+    noise : float
+        What the arithmetic alone can leave in ``equilibrium``.
+    """
+
+    equilibrium: float
+    inclusion: float
+    scale: float
+    noise: float
+
+    @staticmethod
+    def of(out_of_balance: Array, inclusion: Array, load: LoadScale, contact_force: Array, moved: Array) -> Residual:
+        """From the vectors of both parts, what they are held against, and the size of what cancels, entry by entry."""
+        return Residual.of_sizes(norm(out_of_balance), norm(inclusion), load, norm(contact_force), norm(moved))
+
+    @staticmethod
+    def of_sizes(
+        out_of_balance: float, inclusion: float, load: LoadScale, contact_force: float, moved: float
+    ) -> Residual:
+        """The same from the norms of these vectors."""
+        return Residual(out_of_balance, inclusion, load.of(contact_force), 8.0 * float(np.finfo(float).eps) * moved)
+
+    @property
+    def rounding(self) -> float:
+        """``noise``, but at most 1e-6 of ``scale``: a runaway iterate must not excuse its own residual."""
+        return min(self.noise, 1e-6 * self.scale)
+
+    @property
+    def total(self) -> float:
+        """Both parts together."""
+        return math.hypot(self.equilibrium, self.inclusion)
+
+    @property
+    def relative(self) -> float:
+        """Both parts together over ``scale``; the number reported by every solver.
+
+        At least what the arithmetic may leave where that is more than a thousandth of ``scale``.
+        """
+        size = self.total if self._telling else max(self.total, self.noise)
+        return size / self.scale if self.scale > 0.0 else size
+
+    @property
+    def _telling(self) -> bool:
+        """Whether a small residual shows anything: the arithmetic alone leaves less."""
+        return self.noise <= 1e-3 * self.scale
+
+    def below(self, atol: float, rtol: float) -> bool:
+        """Whether the pair solves the problem to ``atol + rtol * scale``, up to rounding.
+
+        Never where a number is not finite, or the arithmetic alone may leave more than a thousandth of ``scale``:
+        however small the residual is then, it shows nothing.
+        """
+        finite = all(math.isfinite(number) for number in (self.total, self.scale, self.noise))
+        return finite and self._telling and self.total <= atol + rtol * self.scale + self.rounding
+
+
+def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
+    """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it."""
+    if not problem.contact_points:
+        return LoadScale(norm(problem.load), 0.0)
+    domain = problem.law.normal.domain
+    start = -problem.offset.reshape(problem.contact_points, problem.dim)
+    inside = start.copy()
+    inside[:, 0] = np.clip(start[:, 0], domain.lower, domain.upper)
+    with np.errstate(all="ignore"):
+        law = problem.law.frozen(inside, np.zeros_like(inside))
+        lam = law.nearest_multiplier(inside, np.zeros_like(inside))
+        lam[:, 0] += (start - inside)[:, 0] / compliance[:, 0]
+        rest = norm(problem.contact_force(lam))
+    return LoadScale(norm(problem.load), rest if math.isfinite(rest) else math.inf)
+
+
+def contact_compliance(problem: DiscreteProblem) -> Array:
+    """Displacement for a unit pressure at each contact point when all else is held, shape (m, 2).
+
+    It makes displacement and multiplier comparable; the columns are for the normal and the tangential part.
+    """
+    flexibility = problem.trace.power(2) @ (1.0 / problem.diagonal)
+    flexibility = flexibility.reshape(problem.contact_points, problem.dim)
+    normal = flexibility[:, 0]
+    tangential = flexibility[:, 1:].max(axis=1) if problem.dim > 1 else normal
+    pair = np.stack([normal, tangential], axis=1)
+    largest = pair.max(initial=0.0)
+    return problem.weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0)
+
+
+def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> Residual:
+    """Residual at a displacement and a multiplier, whoever computed them.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    displacement : array (n,)
+        Unknowns u.
+    multiplier : array (m, d)
+        Pressure and friction at the contact points. A friction bound that depends on the state is taken at
+        this very displacement and pressure.
+
+    Raises
+    ------
+    ProblemError
+        Wrong shapes, or arrays that are not of real numbers.
+    """
+    expect(problem, DiscreteProblem, "the problem of the residual", "discretise it first, hemivar.discretize(problem)")
+    K, f = problem.stiffness, problem.load
+    displacement = real_array(displacement, "the displacement", finite=False)
+    multiplier = real_array(multiplier, "the multiplier", finite=False)
+    if displacement.shape != f.shape:
+        raise ProblemError(f"the displacement has shape {displacement.shape}; the unknowns have shape {f.shape}")
+    force = problem.contact_force(multiplier)
+    compliance = contact_compliance(problem)
+    inclusion = np.zeros(0)
+    if problem.contact_points:
+        r = problem.local(displacement)
+        law = problem.law.frozen(r, multiplier)
+        inclusion = problem.weights * law.graph_distance(r, multiplier, compliance)
+    return Residual.of(
+        out_of_balance=f - K @ displacement - force,
+        inclusion=inclusion,
+        load=load_scale(problem, compliance),
+        contact_force=force,
+        moved=problem.row_sums * np.abs(displacement) + np.abs(f),
+    )

@@ -1,0 +1,3 @@
+"""Engines: the same method on other machines than one."""
+
+__all__ = []

@@ -1,0 +1,651 @@
+"""The discrete problem over ranks: matrix and vectors in PETSc, contact points on the ranks that own their nodes.
+
+Elements and boundary conditions are those of :mod:`hemivar.mechanics`: each rank runs the serial kernels on its own
+cells, and on the boundary facets around its nodes, so that every normal and weight is whole where it is used.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.hold import Growth, decide, growth_along
+from hemivar.discrete.problem import DiscreteProblem, friction_warning
+from hemivar.discrete.residual import LoadScale
+from hemivar.engines.petsc.pieces import Piece
+from hemivar.engines.petsc.ranks import Ranks, shared
+from hemivar.errors import MethodError, ProblemError
+from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
+from hemivar.fem.discretize import JoinedContact, NodalConditions, discretize, nodal_conditions
+from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
+from hemivar.fem.locking import largest_poisson_ratio, locking_warning
+from hemivar.fem.parts import admitted, free_motions, rigid_basis
+from hemivar.laws import ContactLaw
+from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["BodyOnRanks", "assemble"]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyOnRanks:
+    """Energy of a discrete contact problem, spread over the ranks by nodes.
+
+    Every node has d unknowns, those along its directions; the ones that supports hold are zero, with a row of the unit
+    matrix (times the mean of the diagonal), so that PETSc sees blocks of size d.  Arrays are those of this rank.
+
+    Attributes
+    ----------
+    ranks : Ranks
+    piece : Piece
+        Cells and nodes of this rank.
+    statement : ContactProblem
+        The problem on this piece.
+    K, f : petsc4py Mat and Vec
+        Stiffness and load.
+    near : petsc4py NullSpace
+        Rigid motions, for algebraic multigrid.
+    places : int array (N,)
+        Global number, in the order of ``f``, of each node of the piece.
+    directions : array (N, d, d)
+    free : bool array (N, d)
+    prescribed : array (N, d)
+        Prescribed displacements.
+    contact : JoinedContact
+        Contact points at the nodes of this rank; ``trace`` has not been kept.
+    contact_nodes, contact_boundaries : int arrays (m,)
+        Node of each contact point, and the place of its boundary in ``statement.contact``.
+    unknown : int array (k,)
+        Place in the local part of a vector of each active component of the contact points.
+    sign : array (k,)
+        Its sign in the local displacement.
+    active : bool array (m, d)
+    fixed : array (m, d)
+        Values of the components that are not active.
+    compliance : array (m, 2)
+        Displacement for a unit pressure at each contact point when all else is held.
+    contact_diagonal : array (k,)
+        Diagonal of K at the active components.
+    typical : float
+        Mean of the diagonal of K.
+    supported : bool
+        Whether the supports alone stop every rigid motion.
+    row_sums : petsc4py Vec
+        Sums of absolute values in the rows of K, or a little more.
+    unknowns, contact_points : int
+        Of the whole problem.
+    constant : float
+        Energy that does not depend on the unknowns.
+    load_scale : float
+        ``|f|``.
+    against : LoadScale
+        What residuals are held against.
+    warnings : tuple of str
+        As :attr:`hemivar.mechanics.DiscreteProblem.warnings`.
+    seconds : float
+        Time to assemble.
+    coarser : BodyOnRanks or None
+        The problem on the next coarser mesh.
+    """
+
+    ranks: Ranks
+    piece: Piece
+    statement: ContactProblem
+    K: Any
+    f: Any
+    near: Any
+    places: IntArray
+    directions: Array
+    free: BoolArray
+    prescribed: Array
+    contact: JoinedContact
+    contact_nodes: IntArray
+    contact_boundaries: IntArray
+    unknown: IntArray
+    sign: Array
+    active: BoolArray
+    fixed: Array
+    compliance: Array
+    contact_diagonal: Array
+    typical: float
+    supported: bool
+    row_sums: Any
+    unknowns: int
+    contact_points: int
+    constant: float
+    load_scale: float
+    against: LoadScale
+    warnings: tuple[str, ...]
+    seconds: float
+    coarser: BodyOnRanks | None = None
+
+    @property
+    def dim(self) -> int:
+        """Space dimension d."""
+        return self.piece.mesh.dim
+
+    @property
+    def law(self) -> ContactLaw:
+        """Law of the contact points of this rank."""
+        return self.contact.law
+
+    @property
+    def weights(self) -> Array:
+        """Quadrature weights (m,)."""
+        return self.contact.weights
+
+    @property
+    def points(self) -> int:
+        """Contact points m of this rank."""
+        return len(self.contact.weights)
+
+    @cached_property
+    def owned(self) -> BoolArray:
+        """Nodes that this rank owns, (N,)."""
+        return self.piece.owned(self.ranks)
+
+    @cached_property
+    def held(self) -> BoolArray:
+        """Local entries of a vector that supports hold."""
+        return np.asarray(~self.free[self.owned].ravel())
+
+    @cached_property
+    def prolongation(self) -> Any:
+        """Unknowns from those of :attr:`coarser`, a petsc4py Mat."""
+        assert self.coarser is not None
+        return _prolongation(self.coarser, self)
+
+    @cached_property
+    def _scatter(self) -> tuple[Any, Any]:
+        """From a vector to the unknowns of all nodes of the piece."""
+        from petsc4py import PETSc
+
+        local = PETSc.Vec().createSeq(self.places.size * self.dim, bsize=self.dim, comm=PETSc.COMM_SELF)
+        chosen = PETSc.IS().createBlock(self.dim, self.places.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
+        return PETSc.Scatter().create(self.f, chosen, local, None), local
+
+    def local(self, x: Any) -> Array:
+        """Local displacements (m, d) of a vector."""
+        r = self.fixed.copy()
+        offset = self.contact.offset
+        r[self.active] = self.sign * x.array_r[self.unknown] - offset[self.active]
+        return r
+
+    def move(self, x: Any, r: Array) -> None:
+        """Change the contact unknowns of a vector so that its local displacements are ``r``."""
+        x.array_w[self.unknown] = self.sign * (r + self.contact.offset)[self.active]
+
+    def spread(self, values: Array) -> Array:
+        """Values (k,) of the contact unknowns as (m, d), signs observed."""
+        out = np.zeros(self.active.shape)
+        out[self.active] = self.sign * values
+        return out
+
+    def gather(self, values: Array) -> Array:
+        """The contrary of :meth:`spread`."""
+        return np.asarray(self.sign * values[self.active])
+
+    def displacement(self, x: Any) -> Array:
+        """Displacements (N, d) of all nodes of the piece."""
+        scatter, local = self._scatter
+        scatter.scatter(x, local)
+        values = np.where(self.free, local.array_r.reshape(self.free.shape), 0.0)
+        return np.asarray(np.einsum("nc,ncd->nd", values, self.directions) + self.prescribed)
+
+    def restrict(self, displacement: Array) -> Any:
+        """Vector of a displacement (N, d) of the nodes of the piece."""
+        x = self.f.duplicate()
+        along = np.einsum("ncd,nd->nc", self.directions, displacement - self.prescribed)
+        x.array_w[:] = np.where(self.free, along, 0.0)[self.owned].ravel()
+        return x
+
+    def with_law(self, law: ContactLaw) -> BodyOnRanks:
+        """The same body on another foundation."""
+        return replace(self, contact=replace(self.contact, law=law))
+
+
+def assemble(
+    ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], *, coarser: BodyOnRanks | None = None,
+    check_coercivity: bool = True,
+) -> BodyOnRanks:  # fmt: skip
+    """Assemble a problem over the ranks.
+
+    Parameters
+    ----------
+    ranks : Ranks
+    piece : Piece
+        Of this rank.
+    state : function
+        Makes the problem on a mesh that has this rank's cells and the boundary facets around its nodes.
+    coarser : BodyOnRanks, optional
+        The same problem on the mesh that ``piece`` is the refinement of.
+    check_coercivity : bool
+        Refuse a body that is free to move.
+
+    Raises
+    ------
+    ProblemError
+        On all ranks, if the data are refused on one.
+    MethodError
+        Elements, quadrature or corners that this engine does not treat.
+    """
+    began = time.perf_counter()
+    skin = _with_facets_around(ranks, piece)
+    nodes = piece.mesh.number_of_nodes
+    owned = piece.owned(ranks)
+    inside = np.zeros(skin.number_of_nodes, dtype=bool)
+    inside[:nodes] = owned
+
+    def conditions() -> tuple[ContactProblem, NodalConditions]:
+        stated = state(skin)
+        _check_suited(stated)
+        return stated, nodal_conditions(_present(stated))
+
+    stated, nodal = ranks.agree(conditions)
+    contact, contact_nodes, of_group = ranks.agree(lambda: nodal.contact(inside))
+    here = [name for name in stated.contact if len(skin.boundaries[name])]
+    of_boundary = np.array([list(stated.contact).index(name) for name in here], dtype=np.int64)[of_group]
+    own = _present(stated, piece.mesh)
+
+    def elements() -> tuple[EdgeBlocks | None, Array]:
+        if not piece.mesh.number_of_cells:
+            return None, np.zeros(0)
+        load = load_vector(piece.mesh, 1, own.body_force, own.tractions)
+        return linear_stiffness(piece.mesh, own.material), load
+
+    blocks, load = ranks.agree(elements)
+    directions, free = nodal.directions[:nodes], nodal.free[:nodes]
+    prescribed = nodal.supports.value[:nodes]
+    places = _places(ranks, piece)
+    constant = contact.energy
+    if blocks is not None and prescribed.any():
+        reaction = blocks.times(prescribed).ravel()
+        constant += float(prescribed.ravel() @ (0.5 * reaction - load))
+        load = load - reaction
+    unknowns, points, constant = ranks.total(
+        np.count_nonzero(free[owned]), len(contact.weights), constant
+    )  # fmt: skip
+    if unknowns == 0:
+        raise shared(ProblemError("the supports leave the body no freedom; refine the mesh or remove supports"))
+    with np.errstate(all="ignore"):  # what is not finite is refused below
+        K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
+    finite = float(np.isfinite(f.array_r).all() and np.isfinite(row_sums.array_r).all() and 0.0 < typical < np.inf)
+    if ranks.largest(1.0 - finite)[0]:
+        raise shared(
+            ProblemError("stiffness or load is not finite, for numbers of the problem are too large; take other units")
+        )
+    del blocks
+    unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
+    diagonal = K.getDiagonal().array_r
+    admissible, moves = _admissible_motions(ranks, nodal, skin, piece, owned)
+    compliance = _compliance(ranks, contact.weights, active, unknown, diagonal)
+    load_size = float(ranks.norms(f.array_r)[0])
+    body = BodyOnRanks(
+        ranks=ranks,
+        piece=piece,
+        statement=replace(stated, mesh=piece.mesh),
+        K=K,
+        f=f,
+        near=_near_null_space(piece.mesh, directions, owned, f),
+        places=places,
+        directions=directions,
+        free=free,
+        prescribed=prescribed,
+        contact=replace(contact, trace=sp.csr_array((0, 0))),
+        contact_nodes=contact_nodes,
+        contact_boundaries=of_boundary,
+        unknown=unknown,
+        sign=sign,
+        active=active,
+        fixed=np.where(active, 0.0, -contact.offset),
+        compliance=compliance,
+        contact_diagonal=diagonal[unknown].copy(),
+        typical=typical,
+        supported=_supported(ranks, piece, state, coarser) if piece.parts > 1 else admissible.shape[1] == 0,
+        row_sums=row_sums,
+        unknowns=int(unknowns),
+        contact_points=int(points),
+        constant=float(constant),
+        load_scale=load_size,
+        warnings=_warnings(ranks, own, contact, np.column_stack([of_boundary, piece.numbers[contact_nodes]])),
+        against=_against(ranks, load_size, contact, active, compliance),
+        seconds=time.perf_counter() - began,
+        coarser=coarser,
+    )
+    if check_coercivity and piece.parts > 1:
+        ranks.agree(lambda: None if piece.whole is None else refuse_free_motion(_unrefined(piece.whole, state)))
+    elif check_coercivity:
+        _check_held(body, admissible, moves)
+    return body
+
+
+def _unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem]) -> DiscreteProblem:
+    """The serial problem on the unrefined mesh, where parts of a body are told from one another."""
+    return discretize(state(mesh), check_coercivity=False)
+
+
+def _supported(
+    ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], coarser: BodyOnRanks | None
+) -> bool:
+    """Whether the supports hold every part of a body of several parts; they are the same on every mesh."""
+    if coarser is not None:
+        return coarser.supported
+
+    def look() -> bool | None:
+        if piece.whole is None:
+            return None
+        field = _unrefined(piece.whole, state).field
+        return field is not None and free_motions(field).count == 0
+
+    return bool(ranks.mpi.bcast(ranks.agree(look)))
+
+
+def _check_suited(problem: ContactProblem) -> None:
+    if problem.order != 1:
+        raise MethodError("the engine 'petsc' has linear elements only; write order = 1, or leave --engine out")
+    if problem.contact and problem.quadrature is not Quadrature.NODAL:
+        raise MethodError("the engine 'petsc' needs quadrature = \"nodal\", or leave --engine out")
+
+
+def _present(problem: ContactProblem, mesh: Mesh | None = None) -> ContactProblem:
+    """The problem with those conditions only whose boundary this rank has a part of."""
+    mesh = problem.mesh if mesh is None else mesh
+    here = {name for name, facets in mesh.boundaries.items() if len(facets)}
+    return replace(
+        problem,
+        mesh=mesh,
+        contact={name: value for name, value in problem.contact.items() if name in here},
+        supports={name: value for name, value in problem.supports.items() if name in here},
+        tractions={name: value for name, value in problem.tractions.items() if name in here},
+    )
+
+
+def _with_facets_around(ranks: Ranks, piece: Piece) -> Mesh:
+    """The mesh of the piece with all boundary facets at its nodes, those of other ranks' cells included.
+
+    Further nodes stand at the end.  Facets are in the same order on every rank, so that sums over them are the same.
+    """
+    mesh, dim = piece.mesh, piece.mesh.dim
+    count = mesh.number_of_nodes
+    names = list(mesh.boundaries)
+    rows, destinations = [], []
+    pair_start = np.searchsorted(np.sort(piece.sharing[:, 0]), np.arange(count + 1))
+    partners = piece.sharing[np.argsort(piece.sharing[:, 0], kind="stable"), 1]
+    for number, name in enumerate(names):
+        facets = mesh.boundaries[name]
+        if not len(facets):
+            continue
+        corner = facets.ravel()
+        times = np.diff(pair_start)[corner]
+        which = np.repeat(np.arange(len(corner)), times)
+        within = np.arange(len(which)) - np.repeat(np.cumsum(times) - times, times)
+        destination = partners[pair_start[corner[which]] + within]
+        pairs = np.unique(np.column_stack([which // dim, destination]), axis=0)
+        sent = facets[pairs[:, 0]]
+        rows.append(
+            np.column_stack(
+                [
+                    np.full(len(pairs), float(number)),
+                    piece.numbers[sent].astype(float),
+                    mesh.points[sent].reshape(len(pairs), dim * dim),
+                ]
+            )
+        )
+        destinations.append(pairs[:, 1])
+    width = 1 + dim + dim * dim
+    told, _, _ = ranks.exchange(
+        np.concatenate([*destinations, np.zeros(0, dtype=np.int64)]), np.concatenate([*rows, np.zeros((0, width))])
+    )
+    ids = told[:, 1 : 1 + dim].astype(np.int64)
+    fresh, first = np.unique(ids.ravel(), return_index=True)
+    new = ~np.isin(fresh, piece.numbers)
+    numbers = np.concatenate([piece.numbers, fresh[new]])
+    points = np.concatenate([mesh.points, told[:, 1 + dim :].reshape(-1, dim)[first[new]]])
+    order = np.argsort(numbers)
+    boundaries = {}
+    for number, name in enumerate(names):
+        others = order[np.searchsorted(numbers, ids[told[:, 0] == number], sorter=order)]
+        facets = np.concatenate([mesh.boundaries[name], others.reshape(-1, dim)]).astype(np.int64)
+        if len(facets):
+            key = np.sort(numbers[facets], axis=1)
+            _, chosen = np.unique(key, axis=0, return_index=True)
+            facets = facets[chosen]
+        boundaries[name] = facets
+    return Mesh._trusted(points, mesh.cells, boundaries, mesh.regions)
+
+
+def _places(ranks: Ranks, piece: Piece) -> IntArray:
+    """Global number of each node: those a rank owns one after the other, in the order of the piece."""
+    owned = piece.owned(ranks)
+    start, _ = ranks.offset(int(owned.sum()))
+    places = np.full(len(owned), -1, dtype=np.int64)
+    places[owned] = start + np.arange(int(owned.sum()))
+    ghost = np.flatnonzero(~owned)
+    asked, _, post = ranks.exchange(piece.owner[ghost], piece.numbers[ghost, None])
+    order = np.argsort(piece.numbers)
+    known = order[np.searchsorted(piece.numbers, asked[:, 0], sorter=order)] if len(asked) else asked[:, 0]
+    places[ghost] = post.answer(places[known][:, None])[:, 0]
+    return places
+
+
+def _global(
+    ranks: Ranks, blocks: EdgeBlocks | None, load: Array, directions: Array, free: BoolArray, places: IntArray,
+    owned: BoolArray,
+) -> tuple[Any, Any, Any, float]:  # fmt: skip
+    """Matrix, load, sums of rows and mean diagonal, in terms of the unknowns along the directions of the nodes."""
+    from petsc4py import PETSc
+
+    nodes, dim = free.shape
+    own = sp.csr_array((0, 0))
+    if blocks is not None:
+        blocks.turn(np.where(free[:, :, None], directions, 0.0))
+        own = blocks.matrix()
+    mapping = PETSc.LGMap().create(places.astype(PETSc.IntType), bsize=dim, comm=ranks.comm)
+    size = (int(owned.sum()) * dim, None)
+    parts = PETSc.Mat().create(ranks.comm)
+    parts.setType("is")
+    parts.setSizes((size, size), bsize=dim)
+    parts.setLGMap(mapping, mapping)
+    index = PETSc.IntType
+    local = PETSc.Mat().createAIJ(
+        own.shape, csr=(own.indptr.astype(index), own.indices.astype(index), own.data), comm=PETSc.COMM_SELF
+    )
+    parts.setISLocalMat(local)
+    parts.assemble()
+    K = parts.convert("aij", PETSc.Mat())
+    parts.destroy()
+    local.destroy()
+    K.setBlockSize(dim)
+    f = K.createVecLeft()
+    row_sums = f.duplicate()
+    force = np.einsum("ncd,nd->nc", directions, load.reshape(nodes, dim))
+    for vector, values in ((f, force), (row_sums, np.asarray(abs(own).sum(axis=1)))):
+        vector.setValuesBlocked(places.astype(index), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
+        vector.assemble()
+    loose = K.getDiagonal().array_r[free[owned].ravel()]
+    total, count = ranks.total(float(loose.sum()), loose.size)
+    mean = float(total / max(count, 1.0))
+    held = np.flatnonzero(~free[owned].ravel())
+    K.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+    K.zeroRowsColumns((K.getOwnershipRange()[0] + held).astype(index), diag=mean)
+    for vector in (f, row_sums):
+        vector.array_w[held] = 0.0
+    K.setOption(PETSc.Mat.Option.SPD, True)
+    return K, f, row_sums, mean
+
+
+def _contact_unknowns(
+    ranks: Ranks, contact: JoinedContact, nodal: NodalConditions, owned: BoolArray
+) -> tuple[IntArray, Array, BoolArray]:
+    """Place in the local vector, sign and activity of the contact components."""
+    m, dim = contact.offset.shape
+    trace = contact.trace
+
+    def check() -> None:
+        if m and ((np.diff(trace.indptr) > 1).any() or np.unique(trace.indices).size < trace.indices.size):
+            raise MethodError(
+                "the engine 'petsc' cannot treat this problem: some contact points share displacements; contact "
+                "boundaries must meet smoothly or at a right angle"
+            )
+
+    ranks.agree(check)
+    active = (np.diff(trace.indptr) > 0).reshape(m, dim) if m else np.zeros((0, dim), dtype=bool)
+    node, slot = np.nonzero(nodal.free)
+    position = np.full(len(nodal.free), -1, dtype=np.int64)
+    position[: len(owned)][owned] = np.arange(int(owned.sum()))
+    column = trace.indices if m else np.zeros(0, dtype=np.int64)
+    unknown = position[node[column]] * dim + slot[column]
+    return unknown.astype(np.int64), np.sign(trace.data) if m else np.zeros(0), active
+
+
+def _compliance(ranks: Ranks, weights: Array, active: BoolArray, unknown: IntArray, diagonal: Array) -> Array:
+    """As :func:`hemivar.discrete.residual.contact_compliance`."""
+    m, dim = active.shape
+    flexibility = np.zeros((m, dim))
+    flexibility[active] = 1.0 / diagonal[unknown]
+    tangential = flexibility[:, 1:].max(axis=1) if dim > 1 and m else flexibility[:, 0]
+    pair = np.stack([flexibility[:, 0], tangential], axis=1)
+    largest = float(ranks.largest(float(pair.max(initial=0.0)))[0])
+    return np.asarray(weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0))
+
+
+def _warnings(ranks: Ranks, own: ContactProblem, contact: JoinedContact, order: Array) -> tuple[str, ...]:
+    """Locking, of the rank whose part is closest to incompressible, and friction left out, in the order of (k, 2)."""
+    mine: tuple[float, str] = (-np.inf, "")
+    if own.mesh.number_of_cells:
+        mine = largest_poisson_ratio(own) or -np.inf, locking_warning(own) or ""
+    text = max(ranks.mpi.allgather(mine))[1]
+    told = np.column_stack([order, contact.points])[contact.without_friction]
+    told = np.concatenate(ranks.mpi.allgather(told))
+    left_out = friction_warning(told[np.lexsort((told[:, 1], told[:, 0])), 2:])
+    return tuple(sentence for sentence in (text, left_out) if sentence)
+
+
+def _against(
+    ranks: Ranks, load: float, contact: JoinedContact, active: BoolArray, compliance: Array
+) -> LoadScale:  # fmt: skip
+    """As :func:`hemivar.discrete.residual.load_scale`."""
+    force = np.zeros(0)
+    if len(contact.weights):
+        law, start = contact.law, -contact.offset
+        inside = start.copy()
+        inside[:, 0] = np.clip(start[:, 0], law.normal.domain.lower, law.normal.domain.upper)
+        with np.errstate(all="ignore"):
+            zero = np.zeros_like(inside)
+            lam = law.frozen(inside, zero).nearest_multiplier(inside, zero)
+            lam[:, 0] += (start - inside)[:, 0] / compliance[:, 0]
+            force = np.where(active, contact.weights[:, None] * lam, 0.0).ravel()
+    return LoadScale(load, float(ranks.norms(force)[0]))
+
+
+def _near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) -> Any:
+    """Translations and rotations in terms of the unknowns."""
+    from petsc4py import PETSc
+
+    dim = mesh.dim
+    points = mesh.points[owned]
+    motions = [np.broadcast_to(axis, points.shape) for axis in np.eye(dim)]
+    for i in range(dim):
+        for j in range(i + 1, dim):
+            turn = np.zeros(points.shape)
+            turn[:, i], turn[:, j] = -points[:, j], points[:, i]
+            motions.append(turn)
+    basis = []
+    for motion in motions:
+        vector = f.duplicate()
+        vector.array_w[:] = np.einsum("ncd,nd->nc", directions[owned], motion).ravel()
+        basis.append(vector)
+    independent: list[Any] = []
+    for vector in basis:  # Gram-Schmidt twice
+        for _ in range(2):
+            for other in independent:
+                vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+        independent.append(vector)
+    return PETSc.NullSpace().create(constant=False, vectors=independent, comm=f.getComm())
+
+
+def _admissible_motions(
+    ranks: Ranks, nodal: NodalConditions, skin: Mesh, piece: Piece, owned: BoolArray
+) -> tuple[Array, Array]:
+    """Rigid motions that the supports admit, and all of them as displacements (N, d, motions)."""
+    points = piece.mesh.points
+    far = np.concatenate([points.max(axis=0, initial=-np.inf), -points.min(axis=0, initial=np.inf)])
+    far = ranks.largest(*far)
+    dim = piece.mesh.dim
+    motions, _ = rigid_basis(points, (-far[dim:], far[:dim]))
+    count = nodal.supports.count[: len(points)]
+    node, slot = np.nonzero((np.arange(dim) < count[:, None]) & owned[:, None])
+    moves = motions.reshape(len(points), dim, motions.shape[1])
+    stopped = np.einsum("kd,kdr->kr", nodal.supports.directions[node, slot], moves[node])
+    triangle = np.linalg.qr(stopped, mode="r") if len(stopped) else stopped
+    every = np.concatenate(ranks.mpi.allgather(triangle))
+    return admitted(every), moves
+
+
+def _check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
+    """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does; the first rank decides."""
+    if not admissible.shape[1]:
+        return
+    ranks = body.ranks
+    rigid = moves @ admissible
+    vectors = []
+    for k in range(admissible.shape[1]):
+        vectors.append(body.restrict(rigid[:, :, k] + body.prescribed).array_r.copy())
+    columns = np.stack(vectors, axis=1)
+    load = body.f.array_r
+    local = np.stack([body.spread(column[body.unknown]) for column in columns.T], axis=2)
+    totals = ranks.total(*(columns.T @ load), float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0)))
+    own = growth_along(body.law, local, body.weights, totals[:-1], float(totals[-1]))
+    slack = geometric_slack(body.contact.points, body.contact.weights)
+    everywhere = ranks.mpi.gather((own.rows, own.up, own.down, own.cones, own.rates, slack), root=0)
+    hold = None
+    if ranks.rank == 0:
+        parts = list(zip(*everywhere, strict=True))
+        rows, up, down, cones, rates = (np.concatenate(part) for part in parts[:5])
+        hold = decide(Growth(own.work, own.load, rows, up, down, cones, rates, max(parts[5])))
+    hold = ranks.mpi.bcast(hold, root=0)
+    motion = "" if hold.direction is None else describe(admissible @ hold.direction)
+    try:
+        refuse(hold, motion)
+    except ProblemError as error:
+        raise shared(error) from None
+
+
+def _prolongation(coarse: BodyOnRanks, fine: BodyOnRanks) -> Any:
+    """Unknowns of the finer mesh from those of the coarser one, as a petsc4py Mat; supports observed."""
+    from petsc4py import PETSc
+
+    dim = fine.dim
+    assert fine.piece.ends is not None
+    ends = fine.piece.ends[fine.owned]
+    count = len(ends)
+    rows, columns, data = [], [], []
+    for side in range(2):
+        end = ends[:, side]
+        turned = np.einsum("ncd,ned->nce", fine.directions[fine.owned], coarse.directions[end])
+        allowed = fine.free[fine.owned][:, :, None] & coarse.free[end][:, None, :]
+        entry = np.where(allowed & (np.abs(turned) > 1e-14), 0.5 * turned, 0.0)
+        # nodes of the coarser mesh keep a place for each unknown, be it held
+        keep = (entry != 0.0) | ((ends[:, :1] == ends[:, 1:])[:, :, None] & np.eye(dim, dtype=bool))
+        node, here, there = np.nonzero(keep)
+        rows.append(node * dim + here)
+        columns.append(coarse.places[end[node]] * dim + there)
+        data.append(entry[keep])
+    shape = (count * dim, coarse.f.getSize())
+    index = (np.concatenate(rows), np.concatenate(columns))
+    local = sp.coo_array((np.concatenate(data), index), shape=shape).tocsr()
+    matrix = PETSc.Mat().createAIJ(
+        ((count * dim, None), (coarse.f.getLocalSize(), None)),
+        csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
+        comm=fine.ranks.comm,
+    )
+    matrix.assemble()
+    return matrix

@@ -1,0 +1,368 @@
+"""What is known about a solution over ranks: residuals, the margin of uniqueness, a bound of the error."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.certify import Certificate, PointKind, Smallness
+from hemivar.engines.petsc.alarm import Alarm
+from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.engines.petsc.preconditioner import Multigrid
+from hemivar.engines.petsc.solve import DistributedSolution
+from hemivar.solvers import Status
+
+__all__ = ["certify_on_ranks", "largest_ratio"]
+
+_STEPS = 60
+_SETTLED = 1e-4
+_SOLVED = 1e-4
+#: Unknowns up to which a factorisation is made to show a margin, in two dimensions and in three; and to show the
+#: smallest eigenvalue, which is of less use.
+_FACTORISED = ((200_000, 30_000), (30_000, 6_000))
+#: How much larger than what was found the constant is tried to be shown smaller than.
+_TRIALS = (5e-5, 1e-3)
+#: K counts as singular if the smallest eigenvalue of it, scaled to a unit diagonal, is below this.
+_SINGULAR = 1e-12
+_SAFETY = 0.5
+
+
+@dataclass(frozen=True)
+class _Margin:
+    """The constant c, the margin 1 - c, and whether a factorisation (or convexity) has shown that c is no larger."""
+
+    constant: float
+    shown: bool
+
+    @property
+    def value(self) -> float:
+        return 1.0 - self.constant
+
+
+def certify_on_ranks(
+    solution: DistributedSolution, tolerance: float = 1e-8, alarm: Alarm | None = None
+) -> dict[str, Any]:
+    """The record of :meth:`hemivar.certify.Certificate.record`, as far as it is known; other values are None.
+
+    For convex laws the margin is 1.  Else ``1 - c`` comes from the largest eigenvalue c of ``(B'W diag(alpha) B, K)``,
+    which LOBPCG (Knyazev 2001) finds from below, so that the margin is an estimate from the optimistic side.  A
+    factorisation by MUMPS, all pivots of ``c K - B'W diag(alpha) B`` being positive, shows that c is no larger; where
+    that is too much work (:data:`_FACTORISED`), where MUMPS is missing, or where a law knows its alpha from samples
+    only, uniqueness and a bound are not claimed.  The key ``method`` says which it was.
+
+    The bound of the distance to the exact discrete solution is ``|f - K u - B'W lam'|_{K^-1} / margin`` with ``lam'``
+    in ``dj(r)`` (docs/certificates.md), its norm found by conjugate gradients to 1e-4 of itself, rounding included.
+    """
+    with np.errstate(all="ignore"):
+        return _certified(solution, tolerance, Alarm() if alarm is None else alarm)
+
+
+def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) -> dict[str, Any]:
+    began = time.perf_counter()
+    body = solution.body
+    record: dict[str, Any] = {
+        item.name: None
+        for owner in (Certificate, Smallness)
+        for item in fields(owner)
+        if item.name not in ("residual", "smallness")
+    }
+    residual = solution.residual
+    finite = bool(np.isfinite([residual.total, residual.scale, solution.energy]).all())
+    stationary = finite and residual.below(0.0, tolerance)
+    record |= {
+        "inclusion": _finite(residual.inclusion),
+        "inclusion_relative": _finite(
+            residual.inclusion / residual.scale if residual.scale > 0.0 else residual.inclusion
+        ),
+        "energy": _finite(solution.energy),
+        "stationary": stationary,
+        "tolerance": tolerance,
+        "warnings": list(body.warnings),
+    }
+    infinite: list[str] = []
+    minus: list[str] = []
+    normal, tangential, dependent, sampled = _alphas(body)
+    record |= {"alpha_normal": _finite(normal), "alpha_sampled": sampled, "error_bound_sampled": False}
+    if not dependent:  # else it is that of one state only
+        record |= {"alpha_tangential": _finite(tangential), "m_alpha": _finite(max(normal, tangential))}
+    infinite += [
+        name for name, value in (("alpha_normal", normal), ("alpha_tangential", tangential)) if value == np.inf
+    ]
+    if max(normal, tangential) == np.inf:
+        infinite += ["m_alpha", "constant", "error_bound", "error_bound_relative"]
+        minus.append("margin")
+    elif not dependent and body.supported and finite and solution.status is Status.CONVERGED:
+        cycle = Multigrid(body)
+        cycle.build(np.zeros(body.unknown.size, dtype=bool), np.zeros((*body.active.shape, body.dim)))
+        margin = _margin(body, cycle, alarm)
+        if margin is not None:
+            record |= {"constant": margin.constant, "margin": margin.value, "coupling": 0.0}
+            record["method"] = "LOBPCG, an estimate"
+        if margin is not None and margin.shown:
+            lowest, factorised = _lowest(body, cycle, alarm)
+            record["method"] = "factorisation" if factorised else "multigrid"
+            if lowest > _SINGULAR and margin.value > 0.0 and not sampled:
+                record["unique"] = True
+                if stationary:
+                    record["kind"] = PointKind.UNIQUE_MINIMISER.value
+                bound, size = _error_bound(solution, cycle, margin.value, lowest)
+                if np.isfinite(bound):
+                    record |= {"error_bound": bound, "error_bound_relative": bound / size if size > 0.0 else bound}
+        cycle.destroy()
+    record["seconds"] = time.perf_counter() - began
+    return {**record, "infinite": infinite, "minus_infinite": minus}
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _margin(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm) -> _Margin | None:
+    """The margin, None where time was too short or it turned out to be wrong."""
+    found = largest_ratio(body, cycle, alarm)
+    if found is None or not np.isfinite(found):
+        return None
+    if found == 0.0:
+        return _Margin(0.0, True)
+    if body.unknowns > _FACTORISED[0][body.dim == 3]:
+        return _Margin(found, False)
+    for trial in (*(found * (1.0 + more) for more in _TRIALS), 0.5 * (found + 1.0)):
+        if not trial < 1.0:
+            continue
+        if _late(body, alarm):
+            return _Margin(found, False)
+        definite = _definite(body, trial, _softening(body))
+        if definite is None:
+            return _Margin(found, False)
+        if definite:
+            return _Margin(trial * (1.0 + 1e-6), True)
+    return _Margin(found, False) if found >= 1.0 else None
+
+
+def _late(body: BodyOnRanks, alarm: Alarm) -> bool:
+    return bool(body.ranks.largest(alarm.due())[0])
+
+
+def _softening(body: BodyOnRanks) -> Array:
+    """The diagonal of ``B'W diag(alpha) B`` at the contact unknowns, (k,)."""
+    weight = np.zeros(body.active.shape)
+    if body.points:
+        normal, tangential = (np.broadcast_to(alpha, (body.points,)) for alpha in body.law.weak_convexity)
+        weight[:, 0] = body.weights * normal
+        weight[:, 1:] = (body.weights * tangential)[:, None]
+    return np.asarray(np.abs(body.gather(weight) * body.sign))
+
+
+def _definite(body: BodyOnRanks, factor: float, less: Array, scaled: float = 0.0) -> bool | None:
+    """Whether ``factor K - diag(less)``, ``less`` at the contact unknowns, is positive definite; None if not known.
+
+    With ``scaled`` that multiple of the diagonal of K is taken off as well.
+    """
+    from petsc4py import PETSc
+
+    matrix = body.K.duplicate(copy=True)
+    off = body.K.getDiagonal()
+    off.scale(-scaled)
+    off.array_w[body.unknown] -= less
+    matrix.scale(factor)
+    pc = PETSc.PC().create(body.ranks.comm)
+    try:
+        matrix.setDiagonal(off, addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.setOption(PETSc.Mat.Option.SPD, False)
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        pc.setOperators(matrix)
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        pc.getFactorMatrix().setMumpsIcntl(13, 1)  # signs of all pivots
+        pc.getFactorMatrix().setMumpsIcntl(24, 1)  # and of those that are zero
+        pc.setUp()
+        _, _, positive = pc.getFactorMatrix().getInertia()
+        return bool(positive == body.f.getSize())
+    except PETSc.Error:  # no MUMPS, or no memory for it
+        return None
+    finally:
+        pc.destroy()
+        matrix.destroy()
+
+
+def _lowest(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm) -> tuple[float, bool]:
+    """Half the smallest eigenvalue of K scaled to a unit diagonal, by inverse iteration; and whether it was shown.
+
+    On small problems a factorisation shows it; it is 0 where it is not known.
+    """
+    diagonal = body.K.getDiagonal()
+    x, out, bent = body.f.duplicate(), body.f.duplicate(), body.f.duplicate()
+    x.array_w[:] = np.where(body.held, 0.0, 1.5 + np.cos(1.0 + np.arange(*x.getOwnershipRange()) ** 1.3))
+    ksp = _solver(body, cycle, 0.1, 20)
+    value = np.inf
+    for _ in range(4):
+        if _late(body, alarm):
+            value = 0.0
+            break
+        bent.array_w[:] = diagonal.array_r * x.array_r
+        ksp.solve(bent, out)
+        out.array_w[body.held] = 0.0
+        body.K.mult(out, bent)
+        stiff, size = body.ranks.total(_dot(out, bent), float(diagonal.array_r @ out.array_r**2))
+        if not (stiff > 0.0 and size > 0.0):
+            value = 0.0
+            break
+        value = min(value, float(stiff / size))
+        out.copy(x)
+        x.scale(1.0 / float(np.sqrt(size)))
+    ksp.destroy()
+    lowest = _SAFETY * value if np.isfinite(value) else 0.0
+    if lowest > _SINGULAR and body.unknowns <= _FACTORISED[1][body.dim == 3] and not _late(body, alarm):
+        shown = _definite(body, 1.0, np.zeros(body.unknown.size), lowest)
+        return (lowest, shown) if shown is not None and shown else (lowest if shown is None else 0.0, False)
+    return lowest, False
+
+
+def _solver(body: BodyOnRanks, cycle: Multigrid, rtol: float, limit: int) -> Any:
+    """Conjugate gradients for K, in the norm of the preconditioner."""
+    from petsc4py import PETSc
+
+    ksp = PETSc.KSP().create(body.ranks.comm)
+    ksp.setType("cg")
+    ksp.setOperators(body.K)
+    ksp.setPC(cycle.pc)
+    ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+    ksp.setTolerances(rtol=rtol, atol=1e-300, max_it=limit)
+    return ksp
+
+
+def _alphas(body: BodyOnRanks) -> tuple[float, float, bool, bool]:
+    """Largest weak convexity constants of normal law and friction; whether a bound depends on the solution, and whether
+    one of the constants is known from samples only."""
+    normal = tangential = 0.0
+    dependent = bool(body.points) and body.law.state_dependent
+    sampled = False
+    if body.points:
+        sampled = bool(body.law.normal.alpha_sampled or body.law.friction.profile.alpha_sampled)
+        normal = float(np.max(body.law.normal.weak_convexity))
+        if not dependent:
+            tangential = float(np.max(body.law.weak_convexity[1]))
+    found = body.ranks.largest(normal, tangential, float(dependent), float(sampled))
+    return float(found[0]), float(found[1]), bool(found[2]), bool(found[3])
+
+
+def largest_ratio(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm | None = None) -> float | None:
+    """Largest eigenvalue of ``(B'W diag(alpha) B, K)``, from below; ``cycle`` is set up with nothing held.
+
+    None where time was too short for it.
+    """
+    alarm = Alarm() if alarm is None else alarm
+    alpha = _softening(body)
+    if not body.ranks.largest(float(alpha.max(initial=0.0)))[0] > 0.0:
+        return 0.0
+
+    def soften(v: Any) -> Any:
+        out = body.f.duplicate()
+        out.array_w[body.unknown] = alpha * v.array_r[body.unknown]
+        return out
+
+    def stiffen(v: Any) -> Any:
+        out = body.f.duplicate()
+        body.K.mult(v, out)
+        return out
+
+    def pressed(v: Any) -> Any:
+        out = body.f.duplicate()
+        cycle.apply(v, out)
+        out.array_w[body.held] = 0.0
+        return out
+
+    start = body.f.duplicate()
+    place = body.K.getOwnershipRange()[0] + body.unknown
+    start.array_w[body.unknown] = alpha * (1.5 + np.cos(1.0 + place**1.3))
+    x, p = pressed(start), None
+    ratio = 0.0
+    for _ in range(_STEPS):
+        if _late(body, alarm):
+            return None
+        rest, bent = soften(x), stiffen(x)
+        soft_part, stiff_part = body.ranks.total(_dot(x, rest), _dot(x, bent))
+        ratio_now = float(soft_part / stiff_part)
+        rest.axpy(-ratio_now, bent)
+        done = ratio_now - ratio <= 0.1 * _SETTLED * ratio_now
+        ratio = ratio_now
+        if done and p is not None:
+            break
+        basis = [x, pressed(rest)] + ([] if p is None else [p])
+        soft, stiff = [soften(v) for v in basis], [stiffen(v) for v in basis]
+        count = len(basis)
+        entries = [_dot(basis[i], images_[j]) for images_ in (soft, stiff) for i in range(count) for j in range(count)]
+        A, K = body.ranks.total(*entries).reshape(2, count, count)
+        factors = _top_vector(A, K)
+        new = body.f.duplicate()
+        p = body.f.duplicate()
+        for factor, vector in zip(factors[1:], basis[1:], strict=True):
+            p.axpy(factor, vector)
+        p.copy(new)
+        new.axpy(factors[0], x)
+        x = new
+    return ratio
+
+
+def _dot(a: Any, b: Any) -> float:
+    return float(a.array_r @ b.array_r)
+
+
+def _top_vector(A: Array, K: Array) -> Array:
+    """Eigenvector of the largest eigenvalue of the small problem (A, K), directions that K hardly sees left out."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(K), 1e-300))
+    values, vectors = np.linalg.eigh(scale[:, None] * (0.5 * (K + K.T)) * scale)
+    keep = values > 1e-10 * values[-1]
+    whiten = scale[:, None] * vectors[:, keep] / np.sqrt(values[keep])
+    _, tops = np.linalg.eigh(whiten.T @ (0.5 * (A + A.T)) @ whiten)
+    return np.asarray(whiten @ tops[:, -1])
+
+
+def _error_bound(solution: DistributedSolution, cycle: Multigrid, margin: float, lowest: float) -> tuple[float, float]:
+    """Bound of the distance to the exact discrete solution, and the energy norm of this one.
+
+    Sums are rounded by no more than ``n eps`` of the sizes of their n terms, and such a force has a dual norm of at
+    most ``|D^-1/2 e| / sqrt(lowest)``, D the diagonal of K; local displacements are rounded as well, which moves the
+    point that the multiplier belongs to.
+    """
+    body, ranks = solution.body, solution.body.ranks
+    lam = solution.multiplier
+    if body.points:
+        lam = np.where(body.active, body.law.nearest_multiplier(solution.local, lam), lam)
+    pressed = body.gather(body.weights[:, None] * lam)
+    rest = solution.force.copy()
+    rest.array_w[body.unknown] -= pressed
+    ksp = _solver(body, cycle, 1e-3 * _SOLVED, 200)
+    error = body.f.duplicate()
+    ksp.solve(rest, error)
+    solved = ksp.getConvergedReason() > 0 or not ranks.norms(rest.array_r)[0] > 0.0
+    ksp.destroy()
+    bent = body.f.duplicate()
+    body.K.mult(solution.x, bent)
+    diagonal = body.K.getDiagonal().array_r
+    eps = float(np.finfo(float).eps)
+    terms = body.row_sums.array_r * np.abs(solution.x.array_r) + np.abs(body.f.array_r)
+    terms[body.unknown] += np.abs(pressed)
+    moved = (
+        eps
+        * np.sqrt(diagonal[body.unknown])
+        * (np.abs(solution.x.array_r[body.unknown]) + np.abs(body.contact.offset[body.active]))
+    )
+    edges = body.piece.mesh.edges if body.piece.mesh.number_of_cells else np.zeros((0, 2), dtype=np.int64)
+    joined = np.bincount(edges.ravel(), minlength=body.piece.mesh.number_of_nodes).astype(float)
+    joined = body.piece.summed(ranks, joined[:, None])
+    spread, most = ranks.largest(
+        float((body.row_sums.array_r / diagonal).max(initial=1.0)), float(joined.max(initial=0.0))
+    )
+    rounded, shift = ranks.norms(terms / np.sqrt(diagonal), moved)
+    rounded *= eps * (body.dim * (1.0 + most) + 4.0) / np.sqrt(lowest)
+    shift *= np.sqrt(spread)
+    work, square = ranks.total(_dot(rest, error), _dot(solution.x, bent))
+    found = float(np.sqrt(max(work, 0.0))) * (1.0 + _SOLVED)
+    bound = shift + (found + rounded + shift) / margin if solved else np.inf
+    return float(bound), float(np.sqrt(max(square, 0.0)))

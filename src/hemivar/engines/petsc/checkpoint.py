@@ -1,0 +1,308 @@
+"""Checkpoints: an iterate in a file, to go on from on the same or another number of ranks.
+
+A checkpoint is one file: a line of JSON with numbers, then the vectors in the order of the nodes of the whole mesh, 64
+bits a number, little end first.  Rank 0 writes and reads it; it is replaced as a whole.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from hemivar.basics.disk import regular_file, shown
+from hemivar.basics.types import Array, IntArray
+from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.engines.petsc.files import one_writer, read_rows, write_rows
+from hemivar.engines.petsc.newton import Iterate
+from hemivar.engines.petsc.ranks import Ranks, shared
+from hemivar.engines.petsc.solve import Saved
+from hemivar.errors import ProblemError
+from hemivar.solvers import Progress
+
+__all__ = ["read_checkpoint", "write_checkpoint"]
+
+_FORMAT = 2
+_LONGEST_LINE = 1 << 26
+_LENGTHS = 10.0 ** np.arange(-6, 1)  # of displacements at which laws are compared, in terms of the size of the body
+
+_KNOWN: WeakKeyDictionary[BodyOnRanks, list[float]] = WeakKeyDictionary()
+
+
+def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
+    """Write an iterate; what stood there before stays until all of it is written. All ranks call this.
+
+    Returns
+    -------
+    bool
+        False if the iterate is not finite; then nothing is written.
+
+    Raises
+    ------
+    ProblemError
+        On all ranks: the file cannot be written.
+    """
+    path, ranks = Path(path), body.ranks
+    vectors = [saved.iterate.x]
+    if saved.iterate.built_at is not None:
+        vectors.append(saved.iterate.built_at)
+    if saved.state is not None:
+        vectors += [saved.state[0], *_as_vectors(body, saved.state[1])]
+    naturals = []
+    for vector in vectors:
+        naturals.append(_natural(body))
+        _scatter(body, vector, naturals[-1]).scatter(vector, naturals[-1])
+    wrong = [float(not np.isfinite(natural.array_r).all()) for natural in naturals]
+    wrong.append(float(not np.isfinite([saved.iterate.energy, saved.iterate.stiffening, *saved.changes]).all()))
+    if ranks.largest(*wrong).any():
+        return False
+    record = {
+        "format": _FORMAT,
+        "nodes": body.piece.total,
+        "dim": body.dim,
+        "unknowns": body.unknowns,
+        "load": body.load_scale,
+        "marks": _marks(body),
+        "step": saved.iterate.step,
+        "energy": saved.iterate.energy,
+        "stiffening": saved.iterate.stiffening,
+        "built": saved.iterate.built_at is not None,
+        "state": saved.state is not None,
+        "outer": saved.outer,
+        "changes": list(saved.changes),
+        "history": [_plain(line) for line in saved.history],
+        "sums": _sums(ranks, naturals),
+    }
+    with one_writer(ranks, path) as sink:
+        sink.write(json.dumps(record, allow_nan=False) + "\n")
+        for natural in naturals:
+            write_rows(ranks, sink, natural.array_r)
+            natural.destroy()
+    return True
+
+
+def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
+    """Read an iterate of the same problem, written on any number of ranks. All ranks call this.
+
+    Raises
+    ------
+    ProblemError
+        On all ranks: the file is missing or damaged, or belongs to another problem.
+    """
+    from petsc4py import PETSc
+
+    path, ranks = Path(path), body.ranks
+    marks = _marks(body)
+    dependent = bool(ranks.largest(float(bool(body.points) and body.law.state_dependent))[0])
+    with ExitStack() as stack:
+
+        def head() -> tuple[IO[bytes], dict[str, Any]] | None:
+            if ranks.rank:
+                return None
+            stream = stack.enter_context(_opened(path))
+            return stream, _head(path, stream, body, marks, dependent)
+
+        found = ranks.agree(head)
+        stream = None if found is None else found[0]
+        record = ranks.mpi.bcast(None if found is None else found[1])
+        naturals, vectors = [], []
+        for _ in record["sums"]:
+            natural, vector = _natural(body), body.f.duplicate()
+            natural.array_w[:] = read_rows(ranks, stream, natural.getLocalSize())
+            _scatter(body, vector, natural).scatter(natural, vector, mode=PETSc.ScatterMode.REVERSE)
+            naturals.append(natural)
+            vectors.append(vector)
+    sums = _sums(ranks, naturals)
+    finite = float(all(np.isfinite(natural.array_r).all() for natural in naturals))
+    for natural in naturals:
+        natural.destroy()
+    if sums != record["sums"] or ranks.largest(1.0 - finite)[0]:
+        raise shared(ProblemError(f"checkpoint '{shown(path)}' is damaged: numbers in it have changed; start anew"))
+    x = vectors.pop(0)
+    built_at = vectors.pop(0) if record["built"] else None
+    state = (vectors[0], _from_vectors(body, vectors[1:])) if record["state"] else None
+    force = body.f.duplicate()
+    body.K.mult(x, force)
+    force.aypx(-1.0, body.f)
+    iterate = Iterate(x, force, record["energy"], record["stiffening"], built_at, record["step"])
+    history = tuple(_progress(line) for line in record["history"])
+    return Saved(iterate, history, state, record["outer"], tuple(record["changes"]))
+
+
+def _progress(line: dict[str, Any]) -> Progress:
+    """The opposite of :func:`_plain`."""
+    numbers: dict[str, Any] = {key: math.nan if value is None else value for key, value in line.items()}
+    return Progress(**numbers)
+
+
+def _plain(line: Progress) -> dict[str, Any]:
+    """A line of the history for JSON, which has neither nan nor infinity."""
+    return {key: value if math.isfinite(value) else None for key, value in asdict(line).items()}
+
+
+def _sums(ranks: Ranks, naturals: list[Any]) -> list[str]:
+    """A sum of the bits of each vector, the same on any number of ranks; every change of one number changes it."""
+    from mpi4py import MPI
+
+    own = np.zeros(len(naturals), dtype=np.uint64)
+    for number, natural in enumerate(naturals):
+        first, end = natural.getOwnershipRange()
+        bits = np.ascontiguousarray(natural.array_r, dtype="<f8").view("<u8").astype(np.uint64)
+        own[number] = (bits * (2 * np.arange(first, end, dtype=np.uint64) + np.uint64(1))).sum(dtype=np.uint64)
+    total = np.zeros_like(own)
+    ranks.mpi.Allreduce(own, total, op=MPI.SUM)
+    return [f"{int(value):016x}" for value in total]
+
+
+def _marks(body: BodyOnRanks) -> list[float]:
+    """Numbers by which a problem is known again: stiffness, boundary, gaps, and the law at some displacements."""
+    if body in _KNOWN:
+        return _KNOWN[body]
+    ranks, law, w = body.ranks, body.law, body.weights
+    points = body.piece.mesh.points
+    ends = ranks.largest(*points.max(axis=0, initial=-np.inf), *-points.min(axis=0, initial=np.inf))
+    size = float((ends[: body.dim] + ends[body.dim :]).max())
+    values = [float(w.sum()), float(w @ np.abs(body.contact.offset).sum(axis=1))]
+    ones = np.ones(body.active.shape)
+    for length in (*-_LENGTHS, *_LENGTHS):
+        there = np.zeros(0)
+        if body.points:
+            with np.errstate(all="ignore"):
+                there = law.frozen(size * length * ones, ones).value(size * length * ones)
+        finite = np.isfinite(there)
+        values += [float(w[finite] @ np.abs(there[finite])), float(np.count_nonzero(~finite))]
+    totals = ranks.total(*values)
+    _KNOWN[body] = [body.typical, *map(float, np.where(np.isfinite(totals), totals, 0.0))]
+    return _KNOWN[body]
+
+
+def _opened(path: Path) -> IO[bytes]:
+    regular_file(path, "checkpoint", 1 << 62)
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise ProblemError(f"cannot read checkpoint '{shown(path)}': {error.strerror}") from None
+
+
+def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], dependent: bool) -> dict[str, Any]:
+    """The first line of a checkpoint, if that is whole and of this problem."""
+    name = shown(path)
+    try:
+        record: dict[str, Any] = json.loads(stream.readline(_LONGEST_LINE))
+        if record["format"] != _FORMAT:
+            raise ProblemError(f"checkpoint '{name}' is of another version; solve from the beginning")
+        _check_types(record)
+    except OSError as error:
+        raise ProblemError(f"cannot read checkpoint '{name}': {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
+        if isinstance(error, ProblemError):
+            raise
+        reason = f"its first line lacks {error}" if isinstance(error, KeyError) else str(error)
+        raise ProblemError(f"'{name}' is no checkpoint ({reason}); give the file named by --checkpoint") from None
+    other = f"checkpoint '{name}' belongs to another problem"
+    for key, mine, what in (
+        ("nodes", body.piece.total, "nodes"),
+        ("dim", body.dim, "dimensions"),
+        ("unknowns", body.unknowns, "unknowns"),
+    ):
+        if record[key] != mine:
+            raise ProblemError(f"{other}: it has {record[key]} {what}, this one {mine}")
+    if not _alike(record["load"], body.load_scale):
+        raise ProblemError(f"{other}: its load is {record['load']:.6g}, this one's {body.load_scale:.6g}")
+    if len(record["marks"]) != len(marks) or not all(map(_alike, record["marks"], marks)):
+        raise ProblemError(f"{other}: body, supports or laws differ")
+    if record["state"] is not dependent:
+        raise ProblemError(f"{other}: a bound depends on the solution in one of the two only")
+    count = 1 + record["built"] + (1 + body.dim) * record["state"]
+    size = path.stat().st_size - stream.tell()
+    if len(record["sums"]) != count or size != count * 8 * body.dim * body.piece.total:
+        raise ProblemError(
+            f"checkpoint '{name}' is damaged: it holds {size} bytes of vectors, not "
+            f"{count * 8 * body.dim * body.piece.total}; solve from the beginning"
+        )
+    return record
+
+
+def _alike(one: float, other: float) -> bool:
+    return abs(one - other) <= 1e-6 * max(abs(one), abs(other))
+
+
+_KINDS: dict[str, tuple[type, ...]] = {
+    "nodes": (int,), "dim": (int,), "unknowns": (int,), "load": (float,), "marks": (list,), "step": (int,),
+    "energy": (float,), "stiffening": (float,), "built": (bool,), "state": (bool,), "outer": (int,),
+    "changes": (list,), "history": (list,), "sums": (list,),
+}  # fmt: skip
+
+
+def _check_types(record: dict[str, Any]) -> None:
+    """Raise TypeError or KeyError if an entry is missing or of another kind."""
+    for key, kinds in _KINDS.items():
+        value = record[key]
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        if float in kinds:
+            good = (whole or isinstance(value, float)) and math.isfinite(value)
+        elif int in kinds:
+            good = whole and value >= 0
+        else:
+            good = isinstance(value, kinds)
+        if not good:
+            raise TypeError(f"'{key}' is {str(value)[:40]}")
+    numbers = [*record["marks"], *record["changes"]]
+    keys = {"step", "energy", "residual", "changed", "seconds"}
+    for line in record["history"]:
+        if not isinstance(line, dict) or set(line) != keys:
+            raise TypeError("a line of 'history' has other entries")
+        numbers += [value for value in line.values() if value is not None]
+    if not all(type(value) in (int, float) and math.isfinite(value) for value in numbers):
+        raise TypeError("an entry of 'marks', 'changes' or 'history' is no number")
+    if not record["history"] or not record["stiffening"] > 0.0:
+        raise TypeError("'history' is empty or 'stiffening' not positive")
+    if not all(isinstance(value, str) for value in record["sums"]):
+        raise TypeError("an entry of 'sums' is no text")
+
+
+def _natural(body: BodyOnRanks) -> Any:
+    """A vector in the order of the nodes of the whole mesh."""
+    from petsc4py import PETSc
+
+    return PETSc.Vec().createMPI(body.piece.total * body.dim, bsize=body.dim, comm=body.ranks.comm)
+
+
+def _scatter(body: BodyOnRanks, vector: Any, natural: Any) -> Any:
+    from petsc4py import PETSc
+
+    numbers = body.piece.numbers[body.owned].astype(PETSc.IntType)
+    chosen = PETSc.IS().createBlock(body.dim, numbers, comm=body.ranks.comm)
+    return PETSc.Scatter().create(vector, None, natural, chosen)
+
+
+def _slots(body: BodyOnRanks) -> IntArray:
+    """Place in a vector for each contact point: its node, and a component of its own where several share the node."""
+    position = np.cumsum(body.owned) - 1
+    node = position[body.contact_nodes]
+    order = np.lexsort((body.contact_boundaries, node))
+    first = np.searchsorted(node[order], node[order])
+    slot = np.empty(len(node), dtype=np.int64)
+    slot[order] = np.arange(len(node)) - first
+    return np.asarray(node * body.dim + slot)
+
+
+def _as_vectors(body: BodyOnRanks, values: Array) -> list[Any]:
+    """Values (m, d) of the contact points as d vectors."""
+    out = []
+    for column in values.T:
+        vector = body.f.duplicate()
+        vector.array_w[:] = 0.0
+        vector.array_w[_slots(body)] = column
+        out.append(vector)
+    return out
+
+
+def _from_vectors(body: BodyOnRanks, vectors: list[Any]) -> Array:
+    return np.stack([vector.array_r[_slots(body)] for vector in vectors], axis=1)

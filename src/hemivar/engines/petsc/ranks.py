@@ -1,0 +1,265 @@
+"""The ranks of a run: counted exchanges and reductions, errors that all ranks share, and an end for all at once."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any, NoReturn, TypeVar
+
+import numpy as np
+
+from hemivar.basics.disk import shown
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import HemivarError, MethodError, ProblemError
+
+__all__ = ["Ranks", "all_or_none", "shared", "world"]
+
+T = TypeVar("T")
+
+#: Sums of squares between these are neither rounded to nothing nor overflowing.
+_TINY, _HUGE = 1e-250, 1e300
+_NO_MEMORY = "not enough memory for this problem; take more ranks on more machines, or fewer cells"
+
+
+@dataclass(frozen=True, eq=False)
+class Ranks:
+    """All ranks that work on a problem, with a count of what they tell each other outside PETSc.
+
+    Attributes
+    ----------
+    comm : petsc4py communicator
+    mpi : mpi4py communicator
+        Of the same ranks.
+    counts : dict
+        ``reductions`` (of a few numbers), ``exchanges`` (each rank with its neighbours) and ``bytes`` sent in these.
+    """
+
+    comm: Any
+    mpi: Any
+    counts: dict[str, int] = field(default_factory=lambda: {"reductions": 0, "exchanges": 0, "bytes": 0})
+
+    @property
+    def rank(self) -> int:
+        """Number of this rank."""
+        return int(self.mpi.rank)
+
+    @property
+    def size(self) -> int:
+        """Number of ranks."""
+        return int(self.mpi.size)
+
+    def total(self, *values: float | np.integer[Any]) -> Array:
+        """Sums over the ranks, all in one reduction."""
+        from mpi4py import MPI
+
+        return self._reduce(values, MPI.SUM)
+
+    def largest(self, *values: float) -> Array:
+        """Maxima over the ranks, all in one reduction; nan counts as infinity, for comparisons would lose it."""
+        from mpi4py import MPI
+
+        return self._reduce([np.inf if np.isnan(value) else value for value in values], MPI.MAX)
+
+    def norms(self, *vectors: Array) -> Array:
+        """Euclidean norms of vectors of which each rank has a part, without overflow or underflow on the way.
+
+        They are not finite only where an entry is not, or the norm itself is too large for a number.
+        """
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            squares = self.total(*(float(v @ v) for v in vectors))
+            if ((squares > _TINY) & (squares < _HUGE)).all():
+                return np.asarray(np.sqrt(squares))
+            # all ranks have the same sums, and so come here together
+            sizes = self.largest(*(float(np.abs(v).max(initial=0.0)) for v in vectors))
+            scales = np.where((sizes > 0.0) & (sizes < np.inf), np.ldexp(1.0, np.frexp(sizes)[1] - 1), 1.0)
+            scaled = [v / scale for v, scale in zip(vectors, scales, strict=True)]
+            norms = scales * np.sqrt(self.total(*(float(v @ v) for v in scaled)))
+        return np.asarray(np.where(sizes < np.inf, norms, np.inf))
+
+    def _reduce(self, values: Any, operation: Any) -> Array:
+        self.counts["reductions"] += 1
+        mine: Array = np.asarray(values, dtype=float)
+        out: Array = np.empty(len(values))
+        self.mpi.Allreduce(mine, out, op=operation)
+        return out
+
+    def neighbours(self) -> int:
+        """How many ranks run on the machine of this one, itself included."""
+        from mpi4py import MPI
+
+        here = self.mpi.Split_type(MPI.COMM_TYPE_SHARED)
+        count = int(here.size)
+        here.Free()
+        return count
+
+    def offset(self, count: int) -> tuple[int, int]:
+        """How many of something the ranks before this one have, and all together."""
+        counts = np.array(self.mpi.allgather(count), dtype=np.int64)
+        return int(counts[: self.rank].sum()), int(counts.sum())
+
+    def exchange(self, destination: IntArray, rows: Array | IntArray) -> tuple[Any, IntArray, Post]:
+        """Send each row to a rank: the rows received, ordered by rank, where they came from, and the way back.
+
+        Parameters
+        ----------
+        destination : int array (k,)
+        rows : array (k, c)
+            Of one type on all ranks.
+        """
+        packed: Any = np.ascontiguousarray(rows)
+        order = np.argsort(destination, kind="stable")
+        sent = np.bincount(destination, minlength=self.size).astype(np.int64)
+        received = np.empty_like(sent)
+        self.mpi.Alltoall(sent, received)
+        post = Post(self, order, sent, received)
+        out = self._transfer(packed[order], sent, received)
+        return out, np.repeat(np.arange(self.size), received), post
+
+    def _transfer(self, rows: Any, sent: IntArray, received: IntArray) -> Any:
+        width = int(np.prod(rows.shape[1:], dtype=np.int64)) * rows.itemsize
+        out = np.empty((int(received.sum()), *rows.shape[1:]), dtype=rows.dtype)
+        elsewhere = int(sent.sum() - sent[self.rank])
+        self.counts["exchanges"] += 1
+        self.counts["bytes"] += elsewhere * width
+        kind = _row_type(width)
+        self.mpi.Alltoallv([rows, (sent, _starts(sent)), kind], [out, (received, _starts(received)), kind])
+        if width:
+            kind.Free()
+        return out
+
+    def agree(self, work: Callable[[], T]) -> T:
+        """What ``work``, which must not communicate, returns; if it is refused on one rank, the same error on all.
+
+        Raises
+        ------
+        ProblemError, MethodError
+            The error of the lowest rank that has one.
+        """
+        result: T | None = None
+        complaint: tuple[bool, str] | None = None
+        try:
+            result = work()
+        except HemivarError as error:
+            complaint = isinstance(error, MethodError), str(error)
+        except OSError as error:
+            named = f"{shown(error.filename)}: " if error.filename else ""
+            complaint = False, f"{named}{error.strerror or error}; check path and disk"
+        except MemoryError:
+            complaint = False, _NO_MEMORY
+        first = next((entry for entry in self.mpi.allgather(complaint) if entry is not None), None)
+        if first is not None:
+            raise shared((MethodError if first[0] else ProblemError)(first[1]))
+        return result  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False)
+class Post:
+    """The way back of an exchange."""
+
+    ranks: Ranks
+    order: IntArray
+    sent: IntArray
+    received: IntArray
+
+    def answer(self, rows: Any) -> Any:
+        """Send one row back for each row received; returns the answers in the order of the rows that were sent."""
+        back = self.ranks._transfer(np.ascontiguousarray(rows), self.received, self.sent)
+        out = np.empty_like(back)
+        out[self.order] = back
+        return out
+
+
+def _starts(counts: IntArray) -> IntArray:
+    return np.concatenate([[0], np.cumsum(counts)[:-1]])
+
+
+def _row_type(width: int) -> Any:
+    from mpi4py import MPI
+
+    return MPI.BYTE.Create_contiguous(width).Commit() if width else MPI.BYTE
+
+
+def shared(error: HemivarError) -> HemivarError:
+    """The error, marked as one that all ranks have."""
+    error.shared = True  # type: ignore[attr-defined]
+    return error
+
+
+def world() -> Ranks:
+    """All ranks of this run.
+
+    Raises
+    ------
+    ProblemError
+        petsc4py or mpi4py is not installed.
+    """
+    try:
+        from mpi4py import MPI
+        from petsc4py import PETSc
+    except ImportError as error:
+        raise ProblemError(
+            f"the engine 'petsc' needs petsc4py and mpi4py ({error}); see docs/distributed.md for how to install them"
+        ) from None
+    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+        raise ProblemError("this PETSc computes with complex numbers; take a build with real ones (PETSC_DIR)")
+    return Ranks(PETSc.COMM_WORLD, MPI.COMM_WORLD)
+
+
+def _one_line(text: object) -> str:
+    return shown(" ".join(str(text).split()))
+
+
+@contextmanager
+def all_or_none(ranks: Ranks) -> Iterator[None]:
+    """Whatever ends the work on one rank ends it on all, with one message and exit code 2 for bad input, or 70.
+
+    With HEMIVAR_TRACEBACK=1 in the environment an error that should not occur is shown with its traceback.
+    """
+    try:
+        yield
+    except HemivarError as error:
+        if getattr(error, "shared", False):
+            if ranks.rank == 0:
+                _say(f"hemivar: error: {_one_line(error)}")
+            ranks.mpi.Barrier()
+            raise SystemExit(2) from None
+        _end_all(ranks, 2, f"hemivar: error: {_one_line(error)} (rank {ranks.rank} of {ranks.size})")
+    except KeyboardInterrupt:
+        _end_all(ranks, 130, "hemivar: interrupted")
+    except MemoryError:
+        _end_all(ranks, 2, f"hemivar: error: {_NO_MEMORY} (rank {ranks.rank} of {ranks.size})")
+    except Exception as error:
+        reason = f"{type(error).__name__}: {_one_line(error)[:300]}{_place(error)}"
+        line = f"hemivar: error: rank {ranks.rank} of {ranks.size} failed ({reason}); all ranks end"
+        _end_all(ranks, 70, line, error)
+
+
+def _place(error: Exception) -> str:
+    """Where in the code it was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return f", {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
+
+
+def _say(line: str) -> None:
+    """One line on standard error, whatever has become of the streams."""
+    for stream, text in ((sys.stdout, ""), (sys.stderr, f"{line}\n")):
+        with suppress(OSError, ValueError):
+            stream.write(text)
+            stream.flush()
+
+
+def _end_all(ranks: Ranks, code: int, line: str, error: Exception | None = None) -> NoReturn:
+    """End every rank; ranks that fail together leave the word to the lowest of them, whose end is that of all."""
+    time.sleep(0.5 * math.log2(1 + ranks.rank))
+    if error is not None and os.environ.get("HEMIVAR_TRACEBACK"):
+        traceback.print_exception(error)
+    _say(line)
+    if ranks.size > 1:
+        ranks.mpi.Abort(code)
+    raise SystemExit(code)

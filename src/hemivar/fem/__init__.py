@@ -1,0 +1,18 @@
+"""Finite elements: from a statement to a discrete problem, and from its unknowns to fields."""
+
+from hemivar.fem.discretize import discretize
+from hemivar.fem.fields import nodal_average, strain, stress, v_norm, von_mises
+from hemivar.fem.load_line import LoadLine
+from hemivar.fem.transfer import interpolate, interpolation_matrix
+
+__all__ = [
+    "LoadLine",
+    "discretize",
+    "interpolate",
+    "interpolation_matrix",
+    "nodal_average",
+    "strain",
+    "stress",
+    "v_norm",
+    "von_mises",
+]

@@ -1,0 +1,181 @@
+"""Strains, stresses and norms of displacement fields."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import quadrature_rule, region_masks
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
+from hemivar.mechanics.material import Material
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["FieldSource", "nodal_average", "strain", "stress", "v_norm", "von_mises"]
+
+
+class FieldSource(Protocol):
+    """What says where a field lives: a FieldMap or a ContactProblem."""
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh."""
+
+    @property
+    def order(self) -> int:
+        """Polynomial degree."""
+
+    @property
+    def material(self) -> Material | None:
+        """The material."""
+
+
+def strain(source: FieldSource | Mesh, displacement: Array) -> Array:
+    """Linearised strain of each cell (at the centroid for order 2).
+
+    Parameters
+    ----------
+    source : FieldMap, ContactProblem or Mesh
+    displacement : array, shape (nodes, d)
+
+    Returns
+    -------
+    array, shape (M, d, d)
+    """
+    field = real_array(displacement, "the displacement", finite=False)
+    mesh, order = _mesh_and_order(source, field)
+    centroid = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
+    return _strain_at(mesh, order, field, centroid)
+
+
+def stress(source: FieldSource, displacement: Array) -> Array:
+    """Stress ``C eps(u)`` in the plane (2D) or in space of each cell (at the centroid for order 2).
+
+    Parameters
+    ----------
+    source : FieldMap or ContactProblem
+    displacement : array, shape (nodes, d)
+
+    Returns
+    -------
+    array, shape (M, d, d)
+    """
+    eps = strain(source, displacement)
+    mesh, index = source.mesh, voigt_index(source.mesh.dim)
+    tensor = _material(source).stiffness_tensor(_centroids(mesh), region_masks(mesh))
+    return np.asarray(np.einsum("mijkl,mkl->mij", tensor[:, index[:, :, None, None], index], eps))
+
+
+def von_mises(source: FieldSource, displacement: Array) -> Array:
+    """Von Mises stress of each cell, the out-of-plane stress of plane models included.
+
+    ``sigma_zz`` is ``lam (eps_xx + eps_yy)`` in plane strain, 0 in plane stress; for a general tensor see
+    :meth:`Material.tensor`.
+
+    Parameters
+    ----------
+    source : FieldMap or ContactProblem
+    displacement : array, shape (nodes, d)
+
+    Returns
+    -------
+    array, shape (M,)
+    """
+    sigma = stress(source, displacement)
+    mesh = source.mesh
+    full = np.zeros((len(sigma), 3, 3))
+    full[:, : mesh.dim, : mesh.dim] = sigma
+    if mesh.dim == 2:
+        eps = strain(source, displacement)
+        masks = region_masks(mesh)
+        full[:, 2, 2] = _material(source).out_of_plane_stress(_centroids(mesh), eps, masks)
+    mean = np.einsum("mii->m", full) / 3.0
+    deviator = full - mean[:, None, None] * np.eye(3)
+    return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
+
+
+def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:
+    """Averages at the nodes of values on the cells, weighted by the cell volumes.
+
+    Parameters
+    ----------
+    source : FieldMap, ContactProblem or Mesh
+        A mesh means its vertices.
+    values : array, shape (M, ...)
+
+    Returns
+    -------
+    array, shape (nodes, ...)
+    """
+    mesh = source if isinstance(source, Mesh) else source.mesh
+    order = 1 if isinstance(source, Mesh) else source.order
+    values = real_array(values, "values", finite=False)
+    if values.shape[:1] != (mesh.number_of_cells,):
+        raise ProblemError(f"values has shape {values.shape}; it needs one entry per cell, {mesh.number_of_cells}")
+    cells = mesh.cell_nodes(order)
+    count = len(mesh.nodes(order))
+    repeated = cells.ravel()
+    volume = np.repeat(mesh.volumes, cells.shape[1])
+    total = np.bincount(repeated, weights=volume, minlength=count)
+    flat = values.reshape(len(values), -1)
+    result = np.empty((count, flat.shape[1]))
+    for k, column in enumerate(flat.T):
+        weights = volume * np.repeat(column, cells.shape[1])
+        result[:, k] = np.bincount(repeated, weights=weights, minlength=count) / total
+    return result.reshape(count, *values.shape[1:])
+
+
+def v_norm(source: FieldSource | Mesh, displacement: Array) -> float:
+    """The survey's norm of V: ``|u|_V = sqrt(int eps(u) : eps(u))``, exact for the element.
+
+    Parameters
+    ----------
+    source : FieldMap, ContactProblem or Mesh
+        For a mesh the order follows from the number of rows of ``displacement``.
+    displacement : array, shape (nodes, d)
+    """
+    field = real_array(displacement, "the displacement", finite=False)
+    mesh, order = _mesh_and_order(source, field)
+    barycentric, weights = quadrature_rule(mesh.dim, 2 * (order - 1) or 1)
+    if order == 1:
+        barycentric, weights = barycentric[:1], np.ones(1)
+    square = 0.0
+    for point, weight in zip(barycentric, weights, strict=True):
+        eps = _strain_at(mesh, order, field, point)
+        square += float(weight) * float(np.einsum("m,mij,mij->", mesh.volumes, eps, eps))
+    return float(np.sqrt(square))
+
+
+def _strain_at(mesh: Mesh, order: int, displacement: Array, barycentric: Array) -> Array:
+    """Strain at the same barycentric point of every cell, shape (M, d, d)."""
+    slopes = barycentric_gradients(mesh)
+    if order == 2:
+        slopes = np.einsum("ab,mbd->mad", shape_derivatives(order, barycentric), slopes)
+    gradient = np.einsum("mai,maj->mij", displacement[mesh.cell_nodes(order)], slopes)
+    return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+
+
+def _mesh_and_order(source: FieldSource | Mesh, displacement: Array) -> tuple[Mesh, int]:
+    mesh = source if isinstance(source, Mesh) else source.mesh
+    shape = np.shape(displacement)
+    fits = 1 if shape[:1] == (mesh.number_of_nodes,) else 2
+    order = fits if isinstance(source, Mesh) else source.order
+    expected = (mesh.number_of_nodes if order == 1 else mesh.number_of_nodes + len(mesh.edges), mesh.dim)
+    if shape != expected:
+        raise ProblemError(
+            f"the displacement has shape {shape}; a field of order {order} on this mesh has shape {expected}"
+        )
+    return mesh, order
+
+
+def _material(source: FieldSource) -> Material:
+    if source.material is None:
+        raise ProblemError("the field map carries no material, which stresses need; pass the ContactProblem instead")
+    return source.material
+
+
+def _centroids(mesh: Mesh) -> Array:
+    return np.asarray(mesh.points[mesh.cells].mean(axis=1))

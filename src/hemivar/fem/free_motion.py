@@ -1,0 +1,173 @@
+"""Bodies that are free to move, refused in words: which part, along which motion, and what would hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array
+from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_along
+from hemivar.discrete.problem import DiscreteProblem, FieldMap
+from hemivar.errors import ProblemError
+from hemivar.fem.parts import FreeMotions, MovingGroup, free_motions, rigid_basis
+
+__all__ = ["describe", "free_growth", "geometric_slack", "known_to_be_held", "refuse", "refuse_free_motion"]
+
+
+def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> None:
+    """Refuse a body whose energy does not grow along each motion without deformation.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+        With a field map; nothing is refused without one.
+    load : array (nodes * d,), optional
+        The nodal load before the supports took effect; that of the unknowns by default.
+
+    Raises
+    ------
+    ProblemError
+        Naming the part, the motion, and what would hold it.
+    """
+    if problem.field is None:
+        return
+    motions = free_motions(problem.field)
+    for group, growth in zip(motions.groups, free_growth(problem, motions, load), strict=True):
+        hold = decide(growth)
+        if hold.verdict is not Verdict.HELD:
+            assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
+            raise _refusal(problem, motions, group, hold)
+    object.__setattr__(problem, "_held_under", (problem.load, problem.law))
+
+
+def known_to_be_held(problem: DiscreteProblem) -> bool:
+    """Whether :func:`refuse_free_motion` has passed this very load and law."""
+    load, law = problem.__dict__.get("_held_under", (None, None))
+    return load is problem.load and law is problem.law
+
+
+def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | None = None) -> list[Growth]:
+    """Growth of the energy along the motions of each group of parts."""
+    assert problem.field is not None
+    if not motions.count:
+        return []
+    basis = problem.field.basis
+    forces = basis @ problem.load if load is None else load
+    m, d = problem.contact_points, problem.dim
+    local = sp.csc_array(problem.trace @ (basis.T @ motions.motions))
+    slack = geometric_slack(problem.points, problem.weights)
+    found = []
+    for group in motions.groups:
+        moved = motions.motions[:, group.columns]
+        work = np.asarray(moved.T @ forces)
+        own = np.unique(moved.indices)
+        size = float(np.abs(forces[own]) @ abs(moved).max(axis=1).toarray().ravel()[own])
+        seen = local[:, group.columns]
+        points = np.unique(seen.indices // d)
+        rows = seen.toarray().reshape(m, d, work.size)[points]
+        law = problem.law.take(points) if len(points) else problem.law
+        found.append(growth_along(law, rows, problem.weights[points], work, size, slack))
+    return found
+
+
+def geometric_slack(points: Array | None, weights: Array) -> float:
+    """What rounding of the coordinates makes of a tangential motion of size one."""
+    if points is None or not len(points):
+        return SLACK
+    length = float(weights.min()) ** (1.0 / max(points.shape[1] - 1, 1))
+    noise = 64.0 * float(np.finfo(float).eps) * float(np.abs(points).max()) / length
+    return float(min(max(SLACK, noise), 1e-6))
+
+
+_REMEDY = "add a support or a law that holds it"
+
+
+def refuse(hold: Hold, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
+    """Refuse a body that is not held.
+
+    Parameters
+    ----------
+    hold : Hold
+    motion : str
+        The motion in words.
+    who, remedy : str
+        What moves, and what would hold it.
+
+    Raises
+    ------
+    ProblemError
+    """
+    if hold.verdict is Verdict.HELD:
+        return
+    if hold.verdict is Verdict.FALLS:
+        raise ProblemError(
+            f"{who} is free to move: the loads push it along the rigid motion {motion} with more than supports and "
+            f"laws can resist (energy falls by {-hold.growth:.3g} per unit of motion); {remedy}"
+        )
+    if hold.verdict is Verdict.BALANCED:
+        raise ProblemError(
+            f"{who} is free to move: nothing holds it against the rigid motion {motion} (along it the loads are in "
+            f"balance with what supports and laws can resist); {remedy}"
+        )
+    raise ProblemError(
+        f"it could not be decided whether {who} is free to move: far away its laws pull the more the farther it goes; "
+        f"{remedy}, or pass check_coercivity = False to discretize to look for an equilibrium all the same"
+    )
+
+
+def describe(coefficients: Array) -> str:
+    """A rigid motion, 3 or 6 coefficients of :func:`rigid_basis`, in words."""
+    dim = 2 if len(coefficients) == 3 else 3
+    names = rigid_basis(np.eye(dim), (np.zeros(dim), np.ones(dim)))[1]
+    coefficients = np.where(np.abs(coefficients) < 1e-6 * np.abs(coefficients).max(), 0.0, coefficients)
+    words = []
+    if np.any(coefficients[:dim]):
+        words.append(f"translation {_vector(coefficients[:dim])}")
+    turns = [name for name, value in zip(names[dim:], coefficients[dim:], strict=True) if value]
+    if turns:
+        words.append("rotation" + " and".join(turns))
+    return "(" + " with ".join(words) + ")"
+
+
+def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup, hold: Hold) -> ProblemError:
+    field = problem.field
+    assert field is not None
+    part, motion = int(group.parts[0]), ""
+    if hold.direction is not None:
+        moved = group.coefficients @ hold.direction
+        fastest = int(np.argmax(np.linalg.norm(moved, axis=1)))
+        part, motion = int(group.parts[fastest]), describe(moved[fastest])
+    who, remedy = _words(field, motions, group, part)
+    if problem.contact_points and problem.law.state_dependent:
+        remedy += " (friction whose bound depends on the solution is not counted, for it may vanish)"
+    try:
+        refuse(hold, motion, who, remedy)
+    except ProblemError as error:
+        return error
+    raise AssertionError
+
+
+def _words(field: FieldMap, motions: FreeMotions, group: MovingGroup, part: int) -> tuple[str, str]:
+    """Who moves, and what would hold it."""
+    if motions.parts.count == 1:
+        return "the body", _REMEDY
+    mesh, place = field.mesh, _vector(motions.parts.place(field.mesh, part))
+    who = f"part {part + 1} of {motions.parts.count} of the body, around x = {place},"
+    if group.hinges.size:
+        places = _listed([_vector(x) for x in field.nodes[group.hinges]])
+        who += f" which is joined to others at x = {places} only,"
+    names = _listed([f"'{name}'" for name in motions.parts.boundaries(mesh, part)])
+    where = f" on one of its boundaries ({names})" if names else ""
+    joined = "give it common facets with the others (nodes at one place must be one node)"
+    return who, f"{_REMEDY}{where}, or {joined}"
+
+
+def _listed(words: Sequence[str], most: int = 3) -> str:
+    more = len(words) - most
+    return ", ".join(words[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def _vector(values: Array) -> str:
+    return "(" + ", ".join(f"{value + 0.0:.6g}" for value in values) + ")"

@@ -1,0 +1,91 @@
+"""The coarser discrete problem below a discrete problem, where its mesh is a refinement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.spatial
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem, FieldMap
+from hemivar.fem.discretize import discretize
+from hemivar.fem.parts import rigid_basis
+
+__all__ = ["Coarser", "coarser", "rigid_motions"]
+
+
+@dataclass(frozen=True, eq=False)
+class Coarser:
+    """A coarser problem and the way from its unknowns to those of the finer one.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+        The same contact problem on the mesh that was refined.
+    prolongation : sparse array, shape (n, n_coarse)
+        ``U = P u + u0`` interpolated, without the prescribed displacements: what a change of the coarse unknowns
+        changes in the fine ones.
+    field : FieldMap
+        Of the finer problem.
+    """
+
+    problem: DiscreteProblem
+    prolongation: sp.csr_array
+    field: FieldMap
+
+    def interpolate(self, unknowns: Array) -> Array:
+        """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
+        coarse = self.problem.field
+        assert coarse is not None
+        assert self.field.mesh.parent is not None
+        fine = self.field.mesh.parent.interpolation @ coarse.displacement(unknowns)
+        return self.field.restrict(fine)
+
+
+def coarser(problem: DiscreteProblem) -> Coarser | None:
+    """The same contact problem on the next coarser mesh; None where there is no such mesh.
+
+    Stiffness and weights are those of the coarser mesh, the load is what the prolongation makes of the finer one, and
+    gap and law are taken over at the nodes that both meshes share: so a load, a gap or a law that was changed after
+    discretisation counts as well.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+        From :func:`discretize`, with linear elements and nodal quadrature.
+    """
+    field, statement = problem.field, problem.statement
+    if field is None or statement is None or field.order != 1 or field.mesh.parent is None:
+        return None
+    parent = field.mesh.parent
+    coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False)
+    assert coarse.field is not None
+    nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.dim), format="csr"))
+    prolongation = sp.csr_array(field.basis.T @ nodal @ coarse.field.basis)
+    prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
+    prolongation.eliminate_zeros()
+    shared = _shared_points(problem, coarse)
+    coarse = coarse._with_data(
+        prolongation.T @ problem.load,
+        problem.gap[shared],
+        None if problem.slip_offset is None else problem.slip_offset[shared],
+        problem.law.take(shared),
+    )
+    return Coarser(coarse, prolongation, field)
+
+
+def _shared_points(fine: DiscreteProblem, coarse: DiscreteProblem) -> IntArray:
+    """The contact point of the finer problem at the place of each contact point of the coarser one."""
+    assert fine.points is not None
+    assert coarse.points is not None
+    if not len(coarse.points):
+        return np.zeros(0, dtype=np.int64)
+    return np.asarray(scipy.spatial.cKDTree(fine.points).query(coarse.points)[1], dtype=np.int64)
+
+
+def rigid_motions(field: FieldMap) -> Array:
+    """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6)."""
+    motions, _ = rigid_basis(field.nodes)
+    return np.asarray(field.basis.T @ motions)

@@ -1,0 +1,89 @@
+"""A load that grows: the problems between the unloaded body and the loaded one."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem.discretize import discretize
+from hemivar.mechanics import ContactProblem, Fixed, Prescribed
+from hemivar.mechanics.conditions import Support
+
+__all__ = ["LoadLine"]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadLine:
+    """Load, gap and offset ``(1 - t) unloaded + t loaded`` for the load factor t.
+
+    Parameters
+    ----------
+    loaded : DiscreteProblem
+        The problem at t = 1.
+    unloaded : DiscreteProblem, optional
+        The problem at t = 0, on the same mesh with the same law; by default the loaded one with its load f taken away.
+        Where displacements are prescribed give the problem with these at zero, then they grow with t as well.
+
+    Raises
+    ------
+    ProblemError
+        The two problems differ in size.
+    """
+
+    loaded: DiscreteProblem
+    unloaded: DiscreteProblem | None = None
+
+    def __post_init__(self) -> None:
+        zero = self.unloaded
+        if zero is not None and (
+            zero.load.shape != self.loaded.load.shape or zero.trace.shape != self.loaded.trace.shape
+        ):
+            raise ProblemError(
+                "the unloaded problem differs in size from the loaded one; use the same mesh and supports"
+            )
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> LoadLine:
+        """The line from the body at rest to the problem: forces and prescribed displacements grow together."""
+        loaded = discretize(problem)
+        supports = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
+        if all(supports[name] is support for name, support in problem.supports.items()):
+            return cls(loaded)
+        return cls(loaded, discretize(replace(problem, supports=supports, body_force=0.0, tractions={})))
+
+    def at(self, factor: float) -> DiscreteProblem:
+        """The problem at load factor ``factor``; matrices are shared."""
+        if factor == 1.0:
+            return self.loaded
+        problem = copy.copy(self.loaded)
+        zero = self.unloaded
+        put = object.__setattr__
+        if zero is None:
+            put(problem, "load", factor * self.loaded.load)
+            return problem
+        put(problem, "load", (1.0 - factor) * zero.load + factor * self.loaded.load)
+        put(problem, "gap", (1.0 - factor) * zero.gap + factor * self.loaded.gap)
+        if self.loaded.slip_offset is not None or zero.slip_offset is not None:
+            none = np.zeros((self.loaded.contact_points, self.loaded.dim - 1))
+            first = none if zero.slip_offset is None else zero.slip_offset
+            last = none if self.loaded.slip_offset is None else self.loaded.slip_offset
+            put(problem, "slip_offset", (1.0 - factor) * first + factor * last)
+        # The energy of prescribed displacements is quadratic in them.
+        put(problem, "constant", zero.constant + factor**2 * (self.loaded.constant - zero.constant))
+        return problem
+
+
+def _at_rest(support: Support, dim: int) -> Support:
+    """The support with its prescribed displacements taken away; itself if it has none."""
+    if isinstance(support, Prescribed):
+        return Prescribed(np.zeros(dim))
+    if isinstance(support, Fixed):
+        values = (support.x, support.y, support.z)
+        zero = [None if value is None else 0.0 for value in values]
+        moves = any(callable(value) or (value is not None and np.any(value)) for value in values)
+        return Fixed(*zero) if moves else support
+    return support

@@ -1,0 +1,530 @@
+"""Expressions as graphs whose nodes share their common parts.
+
+Values, derivatives, branches and enclosures (interval arithmetic) are computed node by node, so that the work grows
+with the number of different parts and not with the length of what is written out.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.formula.intervals import ENCLOSED, Pair, mended, power
+
+__all__ = ["OPERATIONS", "Graph"]
+
+#: Nodes that a graph may have, derivatives included.
+_MOST_NODES = 6_000
+#: Longest text, in nodes, that is written out.
+_LONGEST_TEXT = 150
+
+_SYMBOLS: Mapping[str, ast.operator] = {
+    "+": ast.Add(),
+    "-": ast.Sub(),
+    "*": ast.Mult(),
+    "/": ast.Div(),
+    "^": ast.Pow(),
+}
+#: What an operator or a function of a formula does to arrays.
+OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "/": np.divide,
+    "^": np.power,
+    "neg": np.negative,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "tanh": np.tanh,
+    "exp": np.exp,
+    "log": np.log,
+    "sqrt": np.sqrt,
+    "abs": np.abs,
+    "min": np.minimum,
+    "max": np.maximum,
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+    "and": np.logical_and,
+}
+_COMPARISONS = frozenset({"<", "<=", ">", ">="})
+_SWITCHES = frozenset({"abs", "min", "max", "piecewise"})
+
+
+class Graph:
+    """The nodes of some expressions; every one is a number that is larger than those of its arguments.
+
+    Parameters
+    ----------
+    prefix : str
+        What stands before the message of every error.
+    """
+
+    def __init__(self, prefix: str = "") -> None:
+        self.prefix = prefix
+        #: Nodes times intervals enclosed for the present question; whoever encloses adds to it, and stops in time.
+        self.work = 0.0
+        self._nodes: list[tuple[str, tuple[int, ...], float | str]] = []
+        self._varies: list[bool] = []
+        self._index: dict[tuple[str, tuple[int, ...], float | str], int] = {}
+        self._derivatives: dict[int, int] = {}
+        self._programs: dict[int, list[tuple[int, str, tuple[int, ...], float | str, tuple[int, ...]]]] = {}
+
+    # ---- making nodes ----------------------------------------------------------------------------------------
+
+    def node(self, op: str, *arguments: int, leaf: float | str = 0.0) -> int:
+        """The node of an operation, as it is written: an old one if there is one.
+
+        Raises
+        ------
+        ProblemError
+            If the graph grows too large.
+        """
+        key = (op, arguments, leaf if leaf == leaf else "nan")
+        found = self._index.get(key)
+        if found is not None:
+            return found
+        if len(self._nodes) >= _MOST_NODES:
+            raise ProblemError(
+                f"{self.prefix}the formula and its derivatives have more than {_MOST_NODES} parts; simplify it, or "
+                f"give a table"
+            )
+        self._nodes.append((op, arguments, leaf))
+        self._varies.append(op == "name" or any(self._varies[a] for a in arguments))
+        self._index[key] = len(self._nodes) - 1
+        return len(self._nodes) - 1
+
+    def number(self, value: float) -> int:
+        """The node of a number."""
+        return self.node("number", leaf=float(value) + 0.0)
+
+    def name(self, name: str) -> int:
+        """The node of a variable."""
+        return self.node("name", leaf=name)
+
+    def constant(self, node: int) -> bool:
+        """Whether no variable occurs."""
+        return not self._varies[node]
+
+    def names(self, node: int) -> frozenset[str]:
+        """The variables that occur."""
+        return frozenset(str(leaf) for _, op, _, leaf, _ in self._program(node) if op == "name")
+
+    def _plain(self, node: int) -> float | None:
+        op, _, leaf = self._nodes[node]
+        return float(leaf) if op == "number" else None
+
+    def _negated(self, node: int) -> int | None:
+        """What a node is the negative of."""
+        op, arguments, _ = self._nodes[node]
+        return arguments[0] if op == "neg" else None
+
+    def negative(self, a: int) -> int:
+        """-a, simplified."""
+        plain, inner = self._plain(a), self._negated(a)
+        if plain is not None:
+            return self.number(-plain)
+        return inner if inner is not None else self.node("neg", a)
+
+    def plus(self, a: int, b: int) -> int:
+        """a + b, simplified."""
+        x, y, inner = self._plain(a), self._plain(b), self._negated(b)
+        if x == 0.0:
+            return b
+        if y == 0.0:
+            return a
+        if inner is not None:
+            return self.minus(a, inner)
+        return self.number(x + y) if x is not None and y is not None else self.node("+", a, b)
+
+    def minus(self, a: int, b: int) -> int:
+        """a - b, simplified."""
+        x, y, inner = self._plain(a), self._plain(b), self._negated(b)
+        if y == 0.0:
+            return a
+        if a == b:
+            return self.number(0.0)
+        if x == 0.0:
+            return self.negative(b)
+        if inner is not None:
+            return self.plus(a, inner)
+        return self.number(x - y) if x is not None and y is not None else self.node("-", a, b)
+
+    def times(self, a: int, b: int) -> int:
+        """a b, simplified; a number comes first."""
+        x, y = self._plain(a), self._plain(b)
+        if x == 0.0 or y == 0.0:
+            return self.number(0.0)
+        if x == 1.0:
+            return b
+        if y == 1.0:
+            return a
+        if y is not None and x is None:
+            a, b, x, y = b, a, y, x
+        if x == -1.0:
+            return self.negative(b)
+        for one, other in ((a, b), (b, a)):
+            if (inner := self._negated(one)) is not None:
+                return self.negative(self.times(inner, other))
+        op, arguments, _ = self._nodes[b]
+        if x is not None and op == "*" and (first := self._plain(arguments[0])) is not None:
+            return self.times(self.number(x * first), arguments[1])
+        return self.number(x * y) if x is not None and y is not None else self.node("*", a, b)
+
+    def over(self, a: int, b: int) -> int:
+        """a / b, simplified."""
+        if self._plain(a) == 0.0:
+            return self.number(0.0)
+        return a if self._plain(b) == 1.0 else self.node("/", a, b)
+
+    def power(self, a: int, b: int) -> int:
+        """a^b, simplified."""
+        exponent = self._plain(b)
+        if exponent == 0.0:
+            return self.number(1.0)
+        return a if exponent == 1.0 else self.node("^", a, b)
+
+    def size(self, node: int) -> int:
+        """Number of different parts."""
+        return len(self._program(node))
+
+    # ---- values ----------------------------------------------------------------------------------------------
+
+    def _program(self, node: int) -> list[tuple[int, str, tuple[int, ...], float | str, tuple[int, ...]]]:
+        """The nodes below a node in order, each with the nodes that nobody needs after it."""
+        found = self._programs.get(node)
+        if found is not None:
+            return found
+        needed, stack = {node}, [node]
+        while stack:
+            for argument in self._nodes[stack.pop()][1]:
+                if argument not in needed:
+                    needed.add(argument)
+                    stack.append(argument)
+        order = sorted(needed)
+        last = {argument: i for i in order for argument in self._nodes[i][1]}
+        program = [
+            (i, *self._nodes[i], tuple(a for a in dict.fromkeys(self._nodes[i][1]) if last[a] == i)) for i in order
+        ]
+        self._programs[node] = program
+        return program
+
+    def value(self, node: int, at: Mapping[str, Any]) -> Any:
+        """The value for values of the variables: numbers or arrays of one shape; nan where there is none."""
+        kept: dict[int, Any] = {}
+        for i, op, arguments, leaf, done in self._program(node):
+            kept[i] = _applied(op, leaf, [kept[a] for a in arguments], at)
+            for a in done:
+                del kept[a]
+        return kept[node]
+
+    def text(self, node: int) -> str:
+        """The expression as it is written; ``...`` where that is long."""
+        sizes: dict[int, int] = {}
+        for i, _, arguments, _, _ in self._program(node):
+            sizes[i] = 1 + sum(sizes[a] for a in arguments)
+        if sizes[node] > _LONGEST_TEXT:
+            return "..."
+        return ast.unparse(ast.fix_missing_locations(self._tree(node))).replace("**", "^")
+
+    def _tree(self, node: int) -> ast.expr:
+        op, arguments, leaf = self._nodes[node]
+        if op == "number":
+            return ast.Constant(value=float(leaf))
+        if op == "name":
+            return ast.Name(id=str(leaf), ctx=ast.Load())
+        inner = [self._tree(a) for a in arguments]
+        if op == "neg":
+            return ast.UnaryOp(op=ast.USub(), operand=inner[0])
+        if op in _SYMBOLS:
+            return ast.BinOp(left=inner[0], op=_SYMBOLS[op], right=inner[1])
+        return ast.Call(func=ast.Name(id=op, ctx=ast.Load()), args=inner, keywords=[])
+
+    # ---- derivatives -----------------------------------------------------------------------------------------
+
+    def derivative(self, node: int) -> int:
+        """The derivative of an expression without switches in its only variable, in symbols."""
+        known = self._derivatives
+        if node in known:
+            return known[node]
+        for i, op, arguments, _, _ in self._program(node):
+            if i in known:
+                continue
+            if not self._varies[i]:
+                known[i] = self.number(0.0)
+            elif op == "name":
+                known[i] = self.number(1.0)
+            else:
+                known[i] = self._derived(i, op, arguments, [known[a] for a in arguments])
+        return known[node]
+
+    def _derived(self, node: int, op: str, arguments: Sequence[int], rates: Sequence[int]) -> int:
+        one, two = self.number(1.0), self.number(2.0)
+        if op in ("+", "-", "*", "/", "^"):
+            (a, b), (da, db) = arguments, rates
+            if op == "+":
+                return self.plus(da, db)
+            if op == "-":
+                return self.minus(da, db)
+            if op == "*":
+                return self.plus(self.times(da, b), self.times(a, db))
+            if op == "/":
+                first = self.over(da, b)
+                if not self._varies[b]:
+                    return first
+                return self.minus(first, self.over(self.times(a, db), self.power(b, two)))
+            if not self._varies[b]:
+                return self.times(self.times(b, self.power(a, self.minus(b, one))), da)
+            by_exponent = self.times(db, self.node("log", a))
+            return self.times(node, self.plus(by_exponent, self.over(self.times(b, da), a)))
+        (u,), (du,) = arguments, rates
+        match op:
+            case "neg":
+                return self.negative(du)
+            case "sin":
+                outer = self.node("cos", u)
+            case "cos":
+                outer = self.negative(self.node("sin", u))
+            case "tan":
+                outer = self.plus(one, self.power(node, two))
+            case "tanh":
+                outer = self.minus(one, self.power(node, two))
+            case "exp":
+                outer = node
+            case "log":
+                return self.over(du, u)
+            case "sqrt":
+                return self.over(du, self.times(two, node))
+            case _:  # pragma: no cover
+                raise AssertionError(f"no derivative of {op}")
+        return self.times(outer, du)
+
+    # ---- switches --------------------------------------------------------------------------------------------
+
+    def switching(self, node: int) -> list[int]:
+        """Nodes whose zeros are the places where a switch below a node may change."""
+        found: dict[int, None] = {}
+        for _, op, arguments, _, _ in self._program(node):
+            if op == "abs":
+                found[arguments[0]] = None
+            elif op in ("min", "max") or op in _COMPARISONS:
+                found[self.minus(*arguments)] = None
+        return list(found)
+
+    def branches(self, node: int, variable: str, places: Array) -> IntArray:
+        """The nodes without switches that hold at some places, one for each of them."""
+        program = self._program(node)
+        if not any(op in _SWITCHES for _, op, _, _, _ in program):
+            return np.full(places.size, node, dtype=np.int64)
+        kept: dict[int, Any] = {}
+        taken: list[tuple[int, str, tuple[int, ...], Any]] = []
+        with np.errstate(all="ignore"):
+            for i, op, arguments, leaf, _ in program:
+                inner = [kept[a] for a in arguments]
+                kept[i] = np.broadcast_to(_applied(op, leaf, inner, {variable: places}), places.shape)
+                if op == "abs":
+                    taken.append((i, op, arguments, np.where(inner[0] >= 0.0, 0, 1)))
+                elif op in ("min", "max"):
+                    second = inner[1] < inner[0] if op == "min" else inner[1] > inner[0]
+                    taken.append((i, op, arguments, np.where(second, 1, 0)))
+                elif op == "piecewise":
+                    taken.append((i, op, arguments, _first_true(inner, places.size)))
+        choices = np.stack([choice for *_, choice in taken], axis=1)
+        rows, which = np.unique(choices, axis=0, return_inverse=True)
+        resolved = [
+            self._resolved(program, {i: int(c) for (i, *_), c in zip(taken, row, strict=True)}, node) for row in rows
+        ]
+        return np.array(resolved, dtype=np.int64)[which.ravel()]
+
+    def _resolved(self, program: Sequence[Any], choice: Mapping[int, int], node: int) -> int:
+        new: dict[int, int] = {}
+        for i, op, arguments, leaf, _ in program:
+            if i in choice:
+                take = choice[i]
+                if op == "abs":
+                    new[i] = self.negative(new[arguments[0]]) if take else new[arguments[0]]
+                elif op == "piecewise":
+                    new[i] = new[arguments[take]] if take >= 0 else self.node("number", leaf=float("nan"))
+                else:
+                    new[i] = new[arguments[take]]
+            elif op == "neg":
+                new[i] = self.negative(new[arguments[0]])
+            elif op in _COMPARISONS or op in ("and", "true"):
+                new[i] = i
+            else:
+                new[i] = self.node(op, *(new[a] for a in arguments), leaf=leaf)
+        return new[node]
+
+    # ---- enclosures ------------------------------------------------------------------------------------------
+
+    def enclosed(self, node: int, low: Array, high: Array) -> tuple[Array, Array]:
+        """Bounds of an expression in one variable over intervals, rounding included.
+
+        Parameters
+        ----------
+        node : int
+        low, high : arrays (k,)
+            Ends, of which each may be infinite; ``low <= high``.
+
+        Returns
+        -------
+        lower, upper : arrays (k,)
+            The values in the interval lie between them; both are infinite where nothing can be said, also where the
+            expression has no value everywhere.
+        """
+        kept: dict[int, Pair] = {}
+        with np.errstate(all="ignore"):
+            for i, op, arguments, leaf, done in self._program(node):
+                kept[i] = self._one_enclosed(op, leaf, arguments, kept, low, high)
+                for a in done:
+                    del kept[a]
+        return kept[node]
+
+    def _one_enclosed(
+        self,
+        op: str,
+        leaf: float | str,
+        arguments: Sequence[int],
+        kept: Mapping[int, Pair],
+        low: Array,
+        high: Array,
+    ) -> Pair:
+        """Bounds of one operation from those of its arguments."""
+        if op == "number":
+            value = np.full(low.shape, float(leaf))
+            return mended(value, value)
+        if op == "name":
+            return low, high
+        if op == "^":
+            exponent = arguments[1]
+            known = float(self.value(exponent, {})) if not self._varies[exponent] else None
+            return mended(*power(kept[arguments[0]], kept[exponent], known))
+        below, above = mended(*ENCLOSED[op](*(kept[a] for a in arguments)))
+        if op in ("sin", "cos", "tanh"):
+            return np.clip(below, -1.0, 1.0), np.clip(above, -1.0, 1.0)
+        return below, above
+
+    def tail(self, node: int, variable: str, low: float, high: float) -> float:
+        """Upper bound on ``[low, inf)`` or ``(-inf, high]``, from how fast the parts grow and decay.
+
+        Infinite where that says nothing.
+        """
+        start, sign = (low, 1.0) if np.isinf(high) else (high, -1.0)
+        if not (np.isfinite(start) and sign * start > 0.0):
+            return np.inf
+        ends, at_start = (np.array([low]), np.array([high])), np.array([start])
+        near = abs(start)
+        kept: dict[int, _Growth | None] = {}
+        least: dict[int, _Growth | None] = {}
+        bounds: dict[int, Pair] = {}
+        with np.errstate(all="ignore"):
+            for i, op, arguments, leaf, _ in self._program(node):
+                bounds[i] = self._one_enclosed(op, leaf, arguments, bounds, *ends)
+                below, above = (float(x[0]) for x in bounds[i])
+                inner, under = [kept[a] for a in arguments], [least[a] for a in arguments]
+                most = [_flat(max(abs(below), abs(above), np.finfo(float).tiny))]
+                fewest = [_flat(max(below, -above, 0.0))]
+                if op == "name":
+                    most.append((0.0, 1.0, 0.0))
+                    fewest.append((0.0, 1.0, 0.0))
+                elif op == "exp":
+                    rate = self.enclosed(self.derivative(arguments[0]), *ends)
+                    fall = -float(rate[1][0]) if sign > 0.0 else float(rate[0][0])
+                    first = float(self.enclosed(arguments[0], at_start, at_start)[1][0])
+                    if 0.0 < fall < np.inf and np.isfinite(first):
+                        most.append((first + fall * near, 0.0, fall))
+                elif op in ("neg", "abs"):
+                    most.append(inner[0])
+                    fewest.append(under[0])
+                elif op in ("+", "-"):
+                    most.append(_sum(inner[0], inner[1], near))
+                    x, y = (bounds[a] for a in arguments)
+                    y = y if op == "+" else (-y[1], -y[0])
+                    if (x[0][0] >= 0.0 and y[0][0] >= 0.0) or (x[1][0] <= 0.0 and y[1][0] <= 0.0):  # none is lost
+                        fewest += under
+                elif op == "*":
+                    most.append(_product_of(inner[0], inner[1], 1.0))
+                    fewest.append(_product_of(under[0], under[1], 1.0))
+                elif op == "/":
+                    most.append(_product_of(inner[0], under[1], -1.0))
+                    fewest.append(_product_of(under[0], inner[1], -1.0))
+                elif op in ("^", "sqrt"):
+                    n = 0.5 if op == "sqrt" else 0.0
+                    if op == "^" and self.constant(arguments[1]):
+                        n = float(self.value(arguments[1], {}))
+                    if n == round(n) or bounds[arguments[0]][0][0] >= 0.0:
+                        for out, base in ((most, inner[0]), (fewest, under[0])):
+                            if n > 0.0 and base is not None:
+                                out.append((n * base[0], n * base[1], n * base[2]))
+                kept[i] = max((g for g in most if g), key=lambda g: (g[2], -g[1], -g[0]), default=None)
+                least[i] = max((g for g in fewest if g), key=lambda g: (-g[2], g[1], g[0]), default=None)
+                most_here = _greatest(kept[i], near)
+                bounds[i] = (np.maximum(bounds[i][0], -most_here), np.minimum(bounds[i][1], most_here))
+        return float(bounds[node][1][0])
+
+
+def _greatest(growth: _Growth | None, start: float) -> float:
+    """Largest value of ``exp(c) r^p exp(-q r)`` for ``r >= start``."""
+    if growth is None or (growth[2] <= 0.0 and growth[1] > 0.0) or growth[2] < 0.0:
+        return np.inf
+    c, p, q = growth
+    r = max(start, p / q if q > 0.0 else 0.0)
+    power = p * float(np.log(r))
+    exponent = c + power - q * r
+    exponent += 1e-12 * (1.0 + abs(c) + abs(power) + q * r)
+    return float(np.exp(max(exponent, -700.0))) if exponent < 700.0 else np.inf
+
+
+#: (c, p, q) for the bound ``exp(c) |r|^p exp(-q |r|)``.
+_Growth = tuple[float, float, float]
+
+
+def _flat(size: float) -> _Growth | None:
+    return (float(np.log(size)), 0.0, 0.0) if 0.0 < size < np.inf else None
+
+
+def _product_of(x: _Growth | None, y: _Growth | None, power: float) -> _Growth | None:
+    """The bound of a product, or of a quotient (power -1)."""
+    return None if x is None or y is None else (x[0] + power * y[0], x[1] + power * y[1], x[2] + power * y[2])
+
+
+def _sum(x: _Growth | None, y: _Growth | None, start: float) -> _Growth | None:
+    """The bound of a sum for ``|r| >= start``."""
+    if x is None or y is None:
+        return None
+    power, fall, log = max(x[1], y[1]), min(x[2], y[2]), float(np.log(start))
+    first, second = (c + (p - power) * log - (q - fall) * start for c, p, q in (x, y))
+    return float(np.logaddexp(first, second)), power, fall
+
+
+def _applied(op: str, leaf: float | str, inner: list[Any], at: Mapping[str, Any]) -> Any:
+    if op == "number":
+        return np.float64(leaf)
+    if op == "name":
+        return at[str(leaf)]
+    if op == "true":
+        return np.bool_(True)
+    if op == "piecewise":
+        chosen: Any = np.float64("nan")
+        pairs = len(inner) // 2
+        if len(inner) % 2:
+            chosen = inner[-1]
+        for k in reversed(range(pairs)):
+            chosen = np.where(inner[2 * k], inner[2 * k + 1], chosen)
+        return chosen
+    return OPERATIONS[op](*inner)
+
+
+def _first_true(inner: Sequence[Any], size: int) -> IntArray:
+    """Which argument of piecewise (condition, value, condition, value, ..., last) holds; -1 for none."""
+    out = np.full(size, len(inner) - 1 if len(inner) % 2 else -1, dtype=np.int64)
+    for k in reversed(range(len(inner) // 2)):
+        out = np.where(np.broadcast_to(inner[2 * k], (size,)), 2 * k + 1, out)
+    return out

@@ -1,0 +1,144 @@
+"""The levels of a discrete problem, and linear elastic solves on them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.hierarchy import Coarser, coarser
+from hemivar.linear.algebraic import algebraic_levels
+from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.levels import COARSEST, Levels, Transfer
+from hemivar.linear.threads import one_thread
+
+__all__ = ["ElasticMultigrid", "contact_unknowns", "selects", "sole_use"]
+
+_NESTED = 1e-3
+_ITERATIONS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticMultigrid:
+    """A hierarchy of discrete problems with the matrices of all its levels.
+
+    Attributes
+    ----------
+    steps : tuple of Coarser
+        From coarse to fine: ``steps[k]`` holds the problem on mesh k and leads to mesh k + 1.
+    data : tuple
+        Load, gap, slip offset and law of the finest problem, which the coarser ones took over.
+    levels : Levels
+        The matrices, with algebraic ones below that of the coarsest mesh where that is large.
+    first : int
+        Level of the coarsest mesh.
+    seconds : float
+        Spent on setting up.
+    """
+
+    steps: tuple[Coarser, ...]
+    data: tuple[object, ...]
+    levels: Levels
+    first: int
+    seconds: float
+
+    @staticmethod
+    def of(problem: DiscreteProblem) -> ElasticMultigrid:
+        """The hierarchy of a problem, which remembers it, as do copies of it with another load, gap or law."""
+        sole_use(problem)  # copies share the hierarchy, so that they must share the lock
+        known = vars(problem).get("_multigrid")
+        return known if isinstance(known, ElasticMultigrid) else vars(problem).setdefault("_multigrid", _build(problem))
+
+    def poses(self, problem: DiscreteProblem) -> bool:
+        """Whether the coarser problems have load, gap and law of this one."""
+        return all(mine is its for mine, its in zip(self.data, _data(problem), strict=True))
+
+    def solve(self, load: Array, tolerance: float = 1e-10, nested: bool = True) -> tuple[Array, int]:
+        """``K^-1 load`` by conjugate gradients with a multigrid cycle, none of the contact laws acting.
+
+        Parameters
+        ----------
+        load : array (n,)
+        tolerance : float
+            Of the residual, relative to the 2-norm of the load.
+        nested : bool
+            Start from the solution on the next coarser mesh.
+
+        Returns
+        -------
+        solution : array (n,)
+        cycles : int
+            On the finest mesh.
+        """
+        with one_thread():
+            return self._solve(len(self.steps), load, tolerance, nested)
+
+    def _solve(self, k: int, load: Array, tolerance: float, nested: bool) -> tuple[Array, int]:
+        top = self.first + k
+        x = np.zeros_like(load)
+        if nested and k:
+            prolongation = self.levels.transfers[top - 1].prolongation
+            x = prolongation @ self._solve(k - 1, prolongation.T @ load, _NESTED, nested)[0]
+        self.levels.release(top)
+        A = self.levels.matrix(top)
+        rest = load - A @ x if k and nested else load
+        size = tolerance * float(np.linalg.norm(load))
+        if float(np.linalg.norm(rest)) <= size:
+            return x, 0
+        diagonal = self.levels.diagonal(top)
+        found = conjugate_gradients(A, diagonal, rest, lambda v: self.levels.cycle(top, v), size, _ITERATIONS)
+        return x + found.solution, found.iterations
+
+
+def sole_use(problem: DiscreteProblem, wanted: bool = True) -> AbstractContextManager[Any]:
+    """A context in which no other thread works on the levels of a problem, if ``wanted``: these know what is held."""
+    return vars(problem).setdefault("_levels_in_use", threading.RLock()) if wanted else nullcontext()
+
+
+def _build(problem: DiscreteProblem) -> ElasticMultigrid:
+    began = time.perf_counter()
+    chain: list[Coarser] = []
+    coarsest = problem
+    while coarsest.unknowns > COARSEST:
+        step = coarser(coarsest)
+        if step is None:
+            break
+        chain.insert(0, step)
+        coarsest = step.problem
+    problems = [step.problem for step in chain] + [problem]
+    below = algebraic_levels(coarsest) if coarsest.unknowns > COARSEST else []
+    nothing = np.zeros(0, dtype=np.int64)
+    parts = [contact_unknowns(p) if selects(p.trace) else (nothing,) * 4 for p in problems]
+    levels = Levels(
+        [matrix for matrix, _ in below] + [p.stiffness for p in problems],
+        [transfer for _, transfer in below] + [Transfer.of(step.prolongation) for step in chain],
+        [nothing] * len(below) + [part[0] for part in parts],
+        [nothing] * len(below) + [part[3] for part in parts],
+        len(below),
+    )
+    return ElasticMultigrid(tuple(chain), _data(problem), levels, len(below), time.perf_counter() - began)
+
+
+def _data(problem: DiscreteProblem) -> tuple[object, ...]:
+    return problem.load, problem.gap, problem.slip_offset, problem.law
+
+
+def selects(trace: sp.csr_array) -> bool:
+    """Whether every row of a trace is one unknown or its opposite, no unknown in two rows."""
+    if (np.diff(trace.indptr) > 1).any() or np.unique(trace.indices).size < trace.indices.size:
+        return False
+    return bool(np.allclose(np.abs(trace.data), 1.0, rtol=1e-12, atol=0.0))
+
+
+def contact_unknowns(problem: DiscreteProblem) -> tuple[IntArray, Array, BoolArray, IntArray]:
+    """The unknown and the sign of each active component (k,), which are active (m, d), and the points of those (k,)."""
+    active = (np.diff(problem.trace.indptr) > 0).reshape(problem.contact_points, problem.dim)
+    point = np.repeat(np.arange(problem.contact_points), active.sum(axis=1))
+    return problem.trace.indices.astype(np.int64), np.sign(problem.trace.data), active, point

@@ -1,0 +1,304 @@
+"""Sparse factorisations with a Schur complement: SuperLU of SciPy, MUMPS where it is installed."""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import importlib.metadata
+import threading
+from collections.abc import Callable
+from functools import lru_cache
+from types import ModuleType
+from typing import Protocol, TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.linear.definite import positive_pivots
+
+__all__ = [
+    "Factorisation",
+    "MumpsFactorisation",
+    "SuperLUFactorisation",
+    "abandoned_work",
+    "factorise",
+    "mumps_available",
+]
+
+_Result = TypeVar("_Result")
+#: Matrices up to this size are factorised in less time than a thread of its own is worth.
+_QUICK = 5_000
+#: Codes by which MUMPS says that it got no memory, on this process or another.
+_NO_MEMORY = (-5, -7, -13, -19)
+#: Factorisations that were interrupted.
+_abandoned: list[threading.Thread] = []
+
+
+class Factorisation(Protocol):
+    """A symmetric matrix K, factorised apart from some *kept* unknowns C; I are the others."""
+
+    #: Schur complement ``K_CC - K_CI K_II^-1 K_IC``, shape (k, k), symmetric.
+    schur: Array
+
+    def solve_interior(self, rhs: Array) -> Array:
+        """``K_II^-1 rhs_I`` at the unknowns I, 0 at the kept ones; ``rhs (n,)``, its kept entries are ignored."""
+        ...
+
+    @property
+    def interior_positive(self) -> bool:
+        """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
+        ...
+
+
+def factorise(matrix: sp.csr_array, kept: IntArray) -> Factorisation:
+    """Factorise ``matrix`` apart from the ``kept`` unknowns, and form the Schur complement on these.
+
+    Raises
+    ------
+    ProblemError
+        A part of the body that is not kept can move freely.
+    """
+    if mumps_available():
+        return MumpsFactorisation(matrix, kept)
+    return SuperLUFactorisation(matrix, kept)
+
+
+class SuperLUFactorisation:
+    """SuperLU with the kept unknowns ordered last, so that the trailing factors hold the Schur complement.
+
+    A multiple of the diagonal is added to the kept unknowns before the factorisation, and taken off the Schur
+    complement after it: the factors exist then even if only the contact holds the body.
+
+    The ordering is a minimum degree ordering of the graph whose vertices are the groups of unknowns with the same
+    sparsity pattern (the components at a node), which is several times smaller than the matrix.
+    """
+
+    def __init__(self, matrix: sp.csr_array, kept: IntArray) -> None:
+        n = matrix.shape[0]
+        self._kept = kept
+        self._shift = matrix.diagonal()[kept]
+        shift = np.zeros(n)
+        shift[kept] = self._shift
+        others = np.setdiff1d(np.arange(n), kept)
+        rank = np.empty(n, dtype=np.int64)
+        rank[_fill_reducing_order(matrix)] = np.arange(n)
+        self._order = np.concatenate([others[np.argsort(rank[others])], kept[np.argsort(rank[kept])]])
+        permuted = sp.csc_array((matrix + sp.diags_array(shift))[self._order][:, self._order])
+        self._factor = _superlu(permuted, "NATURAL")
+        in_order = self._trailing_product(n, kept.size)
+        if in_order is None:
+            in_order = self._schur_by_solves(n, kept.size)
+        index = np.argsort(np.argsort(rank[kept]))
+        self._shifted: Array = in_order[np.ix_(index, index)]
+        self.schur: Array = self._shifted - np.diag(self._shift)
+
+    def _trailing_product(self, n: int, count: int) -> Array | None:
+        """The product of the trailing factors, if elimination kept the chosen unknowns last."""
+        factor = self._factor
+        first = n - count
+        columns = factor.perm_c
+        if not (np.array_equal(factor.perm_r, columns) and np.all(columns[first:] >= first)):
+            return None
+        lower = sp.csc_array(factor.L)[:, first:][first:].toarray()
+        upper = sp.csc_array(factor.U)[:, first:][first:].toarray()
+        index = columns[first:] - first
+        product = (lower @ upper)[np.ix_(index, index)]
+        return np.asarray(0.5 * (product + product.T))
+
+    def _schur_by_solves(self, n: int, count: int, block: int = 64) -> Array:
+        last = np.arange(n - count, n)
+        inverse = np.empty((count, count))
+        for start in range(0, count, block):
+            columns = last[start : start + block]
+            rhs = np.zeros((n, columns.size))
+            rhs[columns, np.arange(columns.size)] = 1.0
+            inverse[:, start : start + block] = self._factor.solve(rhs)[last]
+        schur = np.linalg.inv(0.5 * (inverse + inverse.T))
+        return np.asarray(0.5 * (schur + schur.T))
+
+    @property
+    def interior_positive(self) -> bool:
+        """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
+        return positive_pivots(self._factor)  # with the shift on the kept unknowns, which only adds to it
+
+    def _solve(self, rhs: Array) -> Array:
+        out = np.empty(rhs.shape)
+        out[self._order] = self._factor.solve(rhs[self._order])
+        return out
+
+    def solve_interior(self, rhs: Array) -> Array:
+        load = np.array(rhs, dtype=float)
+        load[self._kept] = 0.0
+        first = self._solve(load)
+        if self._kept.size:  # choose the forces on the kept unknowns that hold them at zero
+            load[self._kept] = -(self._shifted @ first[self._kept])
+            first = self._solve(load)
+            first[self._kept] = 0.0
+        return first
+
+
+class MumpsFactorisation:
+    """MUMPS, whose Schur complement costs about as much as the factorisation alone."""
+
+    def __init__(self, matrix: sp.csr_array, kept: IntArray) -> None:
+        mumps = _mumps()
+        assert mumps is not None
+        self._kept = kept
+        self._interior = matrix.shape[0] - kept.size
+        if self._interior == 0:
+            self.schur: Array = matrix.toarray()[np.ix_(kept, kept)]
+            return
+        self._matrix = sp.coo_matrix(matrix)
+        self._context = mumps.Context()
+        self._context.set_matrix(self._matrix, symmetric=True)
+        instance = self._context.mumps_instance
+        self._schur = np.zeros((kept.size, kept.size))
+        if kept.size:
+            instance.icntl[19] = 1
+            self._indices = np.asfortranarray(kept + 1, dtype=np.intc)
+            instance.set_schur(self._schur, self._indices)
+        try:
+            self._context.analyze(ordering="metis")
+            self._context.factor(reuse_analysis=True)
+        except mumps.MUMPSError as error:
+            if int(instance.infog[1]) in _NO_MEMORY:
+                raise MemoryError(str(error)) from error
+            raise _singular() from error
+        # MUMPS leaves one triangle of a symmetric complement.
+        lower = np.tril(self._schur)
+        self.schur = lower + np.tril(lower, -1).T
+        self._check(matrix)
+
+    @property
+    def interior_positive(self) -> bool:
+        """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
+        return self._interior == 0 or int(self._context.mumps_instance.infog[11]) == 0
+
+    def _check(self, matrix: sp.csr_array) -> None:
+        """MUMPS goes on where a pivot is zero up to rounding; a solve shows it."""
+        probe = matrix.diagonal() * np.cos(np.arange(matrix.shape[0]))
+        probe[self._kept] = 0.0
+        rest = matrix @ self.solve_interior(probe) - probe
+        rest[self._kept] = 0.0
+        if not np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(probe):
+            raise _singular()
+
+    def solve_interior(self, rhs: Array) -> Array:
+        load = np.array(rhs, dtype=float)
+        load[self._kept] = 0.0
+        if self._interior == 0:
+            return load
+        out = np.asarray(self._context.solve(load))
+        out[self._kept] = 0.0
+        return out
+
+
+def _singular() -> ProblemError:
+    return ProblemError(
+        "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "
+        "fix it with a support, or remove cells that hang on nothing"
+    )
+
+
+def _superlu(matrix: sp.csc_array, ordering: str) -> spla.SuperLU:
+    def factorise() -> spla.SuperLU:
+        return spla.splu(
+            matrix,
+            permc_spec=ordering,
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True, "Equil": False},
+        )
+
+    try:
+        return _interruptible(factorise) if matrix.shape[0] > _QUICK else factorise()
+    except RuntimeError as error:
+        if "singular" in str(error):
+            raise _singular() from error
+        if "memory" in str(error).lower() or "malloc" in str(error).lower():
+            raise MemoryError(str(error)) from error
+        raise
+
+
+def abandoned_work() -> bool:
+    """Whether a factorisation that was interrupted is still running; a process that cannot wait ends by os._exit."""
+    return any(worker.is_alive() for worker in _abandoned)
+
+
+def _interruptible(work: Callable[[], _Result]) -> _Result:
+    """Run compiled code that lets go of the interpreter in a thread, so that Ctrl-C is answered before it ends.
+
+    After an interruption the thread is left to itself: the library cannot be stopped in the middle, and what it
+    finds is dropped.  Python must not shut down beside it, so that the end of the process waits for it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    done = threading.Event()
+    found: list[_Result] = []
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            found.append(work())
+        except BaseException as error:
+            failed.append(error)
+        done.set()
+
+    worker = threading.Thread(target=run, daemon=True)
+    try:
+        worker.start()
+        done.wait()
+    except KeyboardInterrupt:
+        if worker.ident is not None:
+            _abandoned.append(worker)
+            atexit.register(worker.join)
+        raise
+    if failed:
+        raise failed[0]
+    return found[0]
+
+
+def _fill_reducing_order(matrix: sp.csr_array) -> IntArray:
+    """Minimum degree order of the unknowns, by groups of unknowns with the same pattern."""
+    n = matrix.shape[0]
+    marks = np.random.default_rng(7).integers(1, 2**62, size=n, dtype=np.int64)
+    pattern = sp.csr_array((np.ones_like(matrix.indices, dtype=np.int64), matrix.indices, matrix.indptr), matrix.shape)
+    signature = pattern @ marks
+    _, first, group = np.unique(signature, return_index=True, return_inverse=True)
+    count = first.size
+    by_appearance = np.argsort(first)  # ties are broken by position, and neighbours should stay neighbours
+    first = first[by_appearance]
+    renumber = np.empty(count, dtype=np.int64)
+    renumber[by_appearance] = np.arange(count)
+    group = renumber[group]
+    members = sp.csr_array((np.ones(n), (group, np.arange(n))), shape=(count, n))
+    rows = sp.csr_array(pattern[first].astype(float))
+    graph = sp.csr_array(rows @ members.T)
+    graph.data[:] = -1.0
+    graph = graph + graph.T
+    degree = -np.asarray(graph.sum(axis=1)).ravel()
+    graph = sp.csc_array(graph + sp.diags_array(2.0 * degree + 1.0))
+    order = np.argsort(_superlu(graph, "MMD_AT_PLUS_A").perm_c)
+    rank = np.empty(count, dtype=np.int64)
+    rank[order] = np.arange(count)
+    return np.argsort(rank[group], kind="stable")
+
+
+@lru_cache(maxsize=1)
+def _mumps() -> ModuleType | None:
+    """python-mumps, if it can be loaded beside this numpy (version 0.0.2 was built for numpy 1)."""
+    try:
+        version = importlib.metadata.version("python-mumps")
+        numpy_major = int(np.__version__.split(".")[0])
+        if version.startswith("0.0.2") and numpy_major >= 2:
+            return None
+        return importlib.import_module("mumps")
+    except (ImportError, importlib.metadata.PackageNotFoundError):
+        return None
+
+
+def mumps_available() -> bool:
+    """Whether condensation will use MUMPS."""
+    return _mumps() is not None

@@ -1,0 +1,264 @@
+"""The statement of a contact problem: what a user writes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any, get_args
+
+import numpy as np
+
+from hemivar.basics.arguments import described
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
+from hemivar.mechanics.conditions import (
+    LARGEST,
+    Clamped,
+    Fixed,
+    Prescribed,
+    Pressure,
+    Support,
+    Traction,
+    VectorData,
+    plain_data,
+)
+from hemivar.mechanics.conditions import _check_finite as check_finite
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.obstacles import Normals, Obstacle
+from hemivar.mesh.keys import _facet_keys
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["Contact", "ContactProblem", "Quadrature"]
+
+
+class Quadrature(StrEnum):
+    """Where the contact law is evaluated."""
+
+    NODAL = "nodal"
+    """At the nodes of the contact boundary (lumped): the nonsmooth part is separable."""
+    MIDPOINT = "midpoint"
+    """On the contact facets of plane bodies, at the mean displacement of each (the midpoint for order 1): constant
+    multipliers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(Portable):
+    """What the foundation does along one contact boundary.
+
+    Attributes
+    ----------
+    normal : Superpotential
+        Law of the penetration ``r_nu = u_nu - gap``.
+    friction : Friction
+        Law of the slip ``u_tau``; none by default.
+    gap : float or callable
+        Distance between body and foundation along the outward normal; a callable gets points, shape (k, d),
+        and returns shape (k,). Negative values mean initial interpenetration.
+    obstacle : Obstacle or None
+        A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
+        :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
+        (an interference fit, or an indentation stated by the place of the obstacle). One that lies inside the body is
+        refused by :func:`discretize`.
+    normals : Normals or None
+        Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
+        default, and all there is, without one).
+
+    Raises
+    ------
+    ProblemError
+        If gap and obstacle are both given, or normals of an obstacle that is not.
+    """
+
+    normal: Superpotential
+    friction: Friction = field(default_factory=NoFriction)
+    gap: float | Callable[[Array], Any] = 0.0
+    obstacle: Obstacle | None = None
+    normals: Normals | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.law
+        object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
+        self._check_obstacle()
+
+    def _check_obstacle(self) -> None:
+        if self.obstacle is None:
+            if self.normals not in (None, Normals.BODY):
+                raise ProblemError(f"normals = {self.normals!r} needs an obstacle; give one or leave normals out")
+            object.__setattr__(self, "normals", Normals.BODY)
+            return
+        if not isinstance(self.obstacle, Obstacle):
+            raise ProblemError(
+                f"obstacle is {described(self.obstacle)}; pass Plane(...), Sphere(...), Cylinder(...) or "
+                f"SignedDistance(...)"
+            )
+        if callable(self.gap) or self.gap != 0.0:
+            raise ProblemError("gap and obstacle are both given; the gap follows from the obstacle: leave one out")
+        try:
+            object.__setattr__(self, "normals", Normals(self.normals or Normals.OBSTACLE))
+        except ValueError:
+            raise ProblemError(f"normals = {self.normals!r}; choose Normals.OBSTACLE or Normals.BODY") from None
+
+    @property
+    def law(self) -> ContactLaw:
+        """Normal and friction law together."""
+        return ContactLaw(self.normal, self.friction)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem(Portable):
+    """An elastic body, its supports and loads, and the foundations it may touch.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    material : Material
+    contact : mapping of boundary name to Contact
+    supports : mapping of boundary name to Support
+        :class:`Clamped`, :class:`Roller`, :class:`Fixed` or :class:`Prescribed`.
+    body_force : vector, shape (d,), or callable
+        Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
+    tractions : mapping of boundary name to vector, callable or Pressure
+        Force per area.
+    title : str
+    order : int
+        Polynomial degree of the elements, 1 or 2.
+    quadrature : Quadrature
+        Where the contact laws are evaluated.
+
+    Raises
+    ------
+    ProblemError
+        If a boundary name is unknown, numbers are not finite, or boundaries overlap in a way that makes no
+        sense.
+    """
+
+    mesh: Mesh
+    material: Material
+    contact: Mapping[str, Contact] = field(default_factory=dict)
+    supports: Mapping[str, Support] = field(default_factory=dict)
+    body_force: VectorData | float = 0.0
+    tractions: Mapping[str, Traction] = field(default_factory=dict)
+    title: str = ""
+    order: int = 1
+    quadrature: Quadrature = Quadrature.NODAL
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, Mesh):
+            raise ProblemError(f"mesh is {described(self.mesh)}; pass a hemivar Mesh, from read_mesh or rectangle")
+        if not isinstance(self.material, Material) or type(self.material) is Material:
+            raise ProblemError(
+                f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
+            )
+        if self.order not in (1, 2):
+            raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
+        try:
+            object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
+        except ValueError as error:
+            raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
+        if self.contact and self.order == 2 and self.mesh.dim == 3:
+            raise ProblemError(
+                "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
+            )
+        if self.contact and self.quadrature is Quadrature.MIDPOINT and self.mesh.dim == 3:
+            raise ProblemError(
+                "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
+                "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
+            )
+        for name in ("contact", "supports", "tractions"):
+            value = getattr(self, name)
+            if not isinstance(value, Mapping):
+                raise ProblemError(
+                    f"{name} must map boundary names to conditions, {{'left': ...}}; it is {described(value)}"
+                )
+            object.__setattr__(self, name, MappingProxyType(dict(value)))
+            for boundary in value:
+                self._check_name(name, boundary)
+        self._check_values()
+        object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
+        forces = {
+            name: value if isinstance(value, Pressure) else plain_data(value, f"tractions['{name}']")
+            for name, value in self.tractions.items()
+        }
+        object.__setattr__(self, "tractions", MappingProxyType(forces))
+        self._check_overlaps()
+
+    def on(self, mesh: Mesh) -> ContactProblem:
+        """The same problem on another mesh, which must have the same boundary names."""
+        return replace(self, mesh=mesh)
+
+    def _check_name(self, what: str, name: str) -> None:
+        known = list(self.mesh.boundaries)
+        if name in known:
+            return
+        close = difflib.get_close_matches(str(name), known, n=1)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        raise ProblemError(
+            f"{what} names boundary '{name}', which the mesh does not have{hint} "
+            f"(boundaries: {', '.join(known) or 'none'})"
+        )
+
+    def _check_values(self) -> None:
+        dim = self.mesh.dim
+        _check_vector(self.body_force, dim, "body_force", allow_zero=True)
+        for name, contact in self.contact.items():
+            if not isinstance(contact, Contact):
+                raise ProblemError(f"contact['{name}'] is {described(contact)}; wrap the law: Contact(law, friction)")
+            if contact.obstacle is not None and contact.obstacle.dim not in (None, dim):
+                raise ProblemError(
+                    f"the obstacle of contact['{name}'] has {contact.obstacle.dim} coordinates, the mesh has {dim}; "
+                    f"give its vectors {dim} components"
+                )
+        for name, support in self.supports.items():
+            if not isinstance(support, get_args(Support)):
+                raise ProblemError(
+                    f"supports['{name}'] is {described(support)}; "
+                    "pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
+                )
+            if isinstance(support, Prescribed):
+                _check_vector(support.value, dim, f"supports['{name}']")
+            if isinstance(support, Fixed) and dim == 2 and support.z is not None:
+                raise ProblemError(f"supports['{name}'] fixes z, but the mesh is plane; remove z")
+        for name, traction in self.tractions.items():
+            if not isinstance(traction, Pressure):
+                _check_vector(traction, dim, f"tractions['{name}']", allow_zero=True)
+
+    def _check_overlaps(self) -> None:
+        used = [*{*self.contact, *self.supports}]
+        facets = [self.mesh.boundaries[name] for name in used]
+        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
+        keys = {
+            name: _facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
+        }
+        names = list(self.contact)
+        for i, first in enumerate(names):
+            for second in names[i + 1 :]:
+                shared = int(np.isin(keys[first], keys[second]).sum())
+                if shared:
+                    raise ProblemError(
+                        f"contact boundaries '{first}' and '{second}' share {shared} facets; a facet can "
+                        f"touch one foundation only: separate them"
+                    )
+            for other, support in self.supports.items():
+                if isinstance(support, Clamped | Prescribed):
+                    shared = int(np.isin(keys[first], keys[other]).sum())
+                    if shared:
+                        how = "clamped" if isinstance(support, Clamped) else "held by a prescribed displacement"
+                        raise ProblemError(
+                            f"contact boundary '{first}' is {how} (support '{other}', {shared} common "
+                            f"facets), so no contact can happen there; remove one of the two"
+                        )
+
+
+def _check_vector(value: Any, dim: int, name: str, allow_zero: bool = False) -> None:
+    if callable(value):
+        return
+    array = check_finite(value, name)
+    if allow_zero and array.ndim == 0 and array == 0.0:
+        return
+    if array.shape != (dim,):
+        raise ProblemError(f"{name} has shape {array.shape}; on this mesh it needs {dim} components")

@@ -1,0 +1,22 @@
+"""The survey's own methods: direct optimisation, augmented Lagrangian, primal-dual active set."""
+
+from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
+from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
+from hemivar.solvers.survey.bundle import ProximalBundle
+from hemivar.solvers.survey.direct import DirectOptimization, Optimizer, Powell
+from hemivar.solvers.survey.lbfgs import LBFGS
+
+__all__ = [
+    "LBFGS",
+    "AugmentedLagrangian",
+    "AugmentedLagrangianNewton",
+    "DirectOptimization",
+    "ExactInner",
+    "InnerSolver",
+    "NewtonKrylov",
+    "Optimizer",
+    "Powell",
+    "PrimalDualActiveSet",
+    "ProximalBundle",
+    "RootFinder",
+]
