@@ -12,7 +12,7 @@ import pytest
 from scipy.special import lambertw
 
 import hemivar
-from hemivar.certify import EnergyNorm, PointKind, _bound, certify
+from hemivar.certify import EnergyNorm, PointKind, bound, certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
@@ -229,7 +229,7 @@ def test_bad_input():
 
 def test_the_margin_is_needed(monkeypatch):
     """On the falling piece the residual is (1 - c) times the error: without a search the bound is the error."""
-    monkeypatch.setattr(_bound, "_SEARCHABLE", 0)
+    monkeypatch.setattr(bound, "_SEARCHABLE", 0)
     problem = bar_problem(0.4, 2.0, 0.1, 0.5)
     exact = bar_unknowns(0.4, 0.3)
     u = exact + 0.01 * np.linspace(0.0, 1.0, 9)[1:]

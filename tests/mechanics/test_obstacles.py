@@ -29,7 +29,7 @@ from hemivar.mechanics import (
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import solve
 
-from .meshes import cube
+from ..mesh.meshes import cube
 
 SHAPES: dict[str, Obstacle] = {
     "line": Plane((0.2, -0.1), (1.0, 2.0)),

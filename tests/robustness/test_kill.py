@@ -95,7 +95,7 @@ class Driver:
     """The process that forks the victims."""
 
     def __init__(self) -> None:
-        source = str(Path(cli.__file__).parents[1])
+        source = str(Path(cli.__file__).parents[2])
         self.process = subprocess.Popen(
             [sys.executable, "-c", _DRIVER], env={**os.environ, "PYTHONPATH": source},
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -310,7 +310,7 @@ def test_two_writers_of_one_file(rounds: int, driver: Driver, tmp_path: Path) ->
 
 
 def _started(folder: Path, arguments: list[str], **options: Any) -> subprocess.Popen[str]:
-    source = str(Path(cli.__file__).parents[1])
+    source = str(Path(cli.__file__).parents[2])
 
     def default() -> None:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

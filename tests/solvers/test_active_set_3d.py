@@ -32,7 +32,7 @@ from hemivar.solvers.controls import Budget
 from hemivar.solvers.survey.active_set import ExactInner, RadialSets
 from hemivar.systems import condense
 
-from ..mechanics.meshes import cube
+from ..mesh.meshes import cube
 from ..problems import OTHER_DATA, SURVEY_DATA, discrete_square, relative_difference
 
 #: Body force, normal law, friction.

@@ -20,7 +20,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import shape_values, voigt_index
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.material import Material
-from hemivar.mesh.keys import _EDGES
+from hemivar.mesh._keys import _EDGES
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["EdgeBlocks", "linear_stiffness", "load_vector", "quadrature_rule", "region_masks", "stiffness_matrix"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.mesh.keys import _EDGES
+from hemivar.mesh._keys import _EDGES
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["barycentric_gradients", "shape_derivatives", "shape_values", "voigt_index"]

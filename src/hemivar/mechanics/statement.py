@@ -30,7 +30,7 @@ from hemivar.mechanics.conditions import (
 from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle
-from hemivar.mesh.keys import _facet_keys
+from hemivar.mesh._keys import _facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]

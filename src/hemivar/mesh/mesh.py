@@ -19,7 +19,7 @@ from hemivar.basics.memory import mesh_bytes, refined_cells, require
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.checks import (
+from hemivar.mesh._checks import (
     _check_cells,
     _check_coordinates,
     _check_cuts,
@@ -33,7 +33,7 @@ from hemivar.mesh.checks import (
     _lengths,
     _place,
 )
-from hemivar.mesh.keys import (
+from hemivar.mesh._keys import (
     _EDGES,
     _FACETS,
     _distinct_pairs,

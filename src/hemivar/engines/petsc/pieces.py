@@ -18,7 +18,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.engines.petsc.ranks import Ranks
 from hemivar.errors import ProblemError
 from hemivar.fem.parts import parts
-from hemivar.mesh.keys import _facet_keys
+from hemivar.mesh._keys import _facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Piece", "distribute", "family", "grid_numbers", "refine", "renumber"]

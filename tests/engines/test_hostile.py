@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from hemivar.basics.types import Array
-from tests.distributed.running import mpirun
+from tests.engines.running import mpirun
 
 pytest.importorskip("petsc4py")
 pytest.importorskip("mpi4py")

@@ -13,7 +13,7 @@ from hemivar.fem.discretize import _basis
 from hemivar.mechanics import Material, Pressure
 from hemivar.mesh import Mesh, box, rectangle
 
-from .meshes import cube, distorted
+from ..mesh.meshes import cube, distorted
 
 
 def library_stiffness(mesh: Mesh, lam: float, mu: float):

@@ -80,7 +80,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
 
 
 def in_process(*arguments: str | bytes, cwd: Path, **options: Any) -> subprocess.CompletedProcess[str]:
-    source = str(Path(cli.__file__).parents[1])
+    source = str(Path(cli.__file__).parents[2])
     env = {**os.environ, "PYTHONPATH": source, **options.pop("env", {})}
     return subprocess.run(
         [sys.executable, "-m", "hemivar", *arguments],

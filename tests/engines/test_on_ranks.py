@@ -16,7 +16,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.files.problem import read_problem
 from hemivar.solvers import Controls, Solution, Status, solve
-from tests.distributed.running import mpirun
+from tests.engines.running import mpirun
 
 pytest.importorskip("petsc4py")
 pytest.importorskip("mpi4py")

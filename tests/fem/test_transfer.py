@@ -11,7 +11,7 @@ from hemivar.fem.transfer import interpolation_matrix, locate
 from hemivar.mechanics import Clamped, ContactProblem, Material
 from hemivar.mesh import Mesh, rectangle
 
-from .meshes import cube, distorted
+from ..mesh.meshes import cube, distorted
 
 
 @pytest.mark.parametrize("make", [lambda: rectangle((1, 1), 4), lambda: rectangle((1, 1), 4, "cross"), cube])

@@ -1,6 +1,6 @@
 """Bodies that Gmsh meshes and writes in every variant of its format.
 
-python -m tests.mechanics.gmsh_models      # writes the files of tests/mechanics/gmsh anew
+python -m tests.mesh.gmsh_models      # writes the files of tests/mesh/gmsh anew
 """
 
 from __future__ import annotations

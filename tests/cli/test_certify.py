@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_cli import BASE, changed, run
+from tests.cli.test_app import BASE, changed, run
 
 
 @pytest.fixture

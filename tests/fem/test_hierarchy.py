@@ -14,7 +14,7 @@ from hemivar.laws import SurveyLaw, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material
 from hemivar.mesh import Mesh, box, rectangle
 
-from .meshes import cube
+from ..mesh.meshes import cube
 
 MESHES = {
     "rectangle": lambda: rectangle((2, 1), (8, 4)),

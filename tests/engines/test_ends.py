@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.distributed.running import environment, mpirun
+from tests.engines.running import environment, mpirun
 
 pytest.importorskip("petsc4py")
 pytest.importorskip("mpi4py")

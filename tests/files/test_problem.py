@@ -505,7 +505,7 @@ def test_gap_function_of_the_wrong_shape_is_reported() -> None:
 
 
 def test_every_key_and_every_law_is_documented() -> None:
-    page = Path(__file__).parents[1] / "docs" / "problem-file.md"
+    page = Path(__file__).parents[2] / "docs" / "problem-file.md"
     text = page.read_text(encoding="utf-8")
     for table, keys in KEYS.items():
         if table:
@@ -519,7 +519,7 @@ def test_every_key_and_every_law_is_documented() -> None:
 
 
 def test_the_examples_of_the_documentation_are_valid() -> None:
-    page = Path(__file__).parents[1] / "docs" / "problem-file.md"
+    page = Path(__file__).parents[2] / "docs" / "problem-file.md"
     blocks = page.read_text(encoding="utf-8").split("```toml\n")[1:]
     whole = [block.split("```")[0] for block in blocks if "[mesh]" in block.split("```")[0]]
     whole = [block for block in whole if "file =" not in block]

@@ -13,7 +13,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.keys import _EDGES, _frozen, _signed_volumes
+from hemivar.mesh._keys import _EDGES, _frozen, _signed_volumes
 
 _FLAT = 1e-13
 #: Coordinates are below this and cells larger than its inverse, so that volumes and energies are numbers.

@@ -12,7 +12,7 @@ from hemivar.fem import discretize, interpolate
 from hemivar.laws import Signorini
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import Mesh, box, read_mesh, rectangle
-from hemivar.mesh.keys import _distinct_pairs
+from hemivar.mesh._keys import _distinct_pairs
 
 NORMALS = {
     "left": (-1, 0, 0),

@@ -275,7 +275,7 @@ if __name__ == "__main__":
 def test_a_pool_of_spawned_processes_solves(tmp_path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SPAWN, encoding="utf-8")
-    path = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
+    path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, sys.path)])
     env = {**os.environ, "PYTHONPATH": path}
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, timeout=120, env=env)
     assert done.stdout.split() == ["same"], done.stderr

@@ -27,7 +27,7 @@ from hemivar.mechanics import (
 )
 from hemivar.mesh import Mesh, rectangle
 
-from .meshes import cube, distorted
+from ..mesh.meshes import cube, distorted
 
 SURVEY = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))
 

@@ -12,7 +12,7 @@ from hemivar.fem import discretize, nodal_average, strain, stress, v_norm, von_m
 from hemivar.mechanics import Clamped, ContactProblem, Material
 from hemivar.mesh import rectangle
 
-from .meshes import cube
+from ..mesh.meshes import cube
 
 GRADIENT = np.array([[0.1, 0.3], [-0.2, 0.4]])
 STRAIN = 0.5 * (GRADIENT + GRADIENT.T)

@@ -76,7 +76,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
 
 def in_process(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the command as users do."""
-    source = str(Path(cli.__file__).parents[1])
+    source = str(Path(cli.__file__).parents[2])
     path = os.pathsep.join([source, os.environ.get("PYTHONPATH", "")])
     return subprocess.run(
         [sys.executable, "-m", "hemivar", *map(str, arguments)],
@@ -716,7 +716,7 @@ def test_help_imports_neither_numpy_nor_the_library(tmp_path: Path) -> None:
         "import sys; from hemivar.cli import main; main(['--help']); "
         "print([m for m in sys.modules if m in ('numpy', 'scipy', 'matplotlib', 'meshio', 'hemivar.laws')])"
     )
-    source = str(Path(cli.__file__).parents[1])
+    source = str(Path(cli.__file__).parents[2])
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": source}, capture_output=True, text=True, check=True,
@@ -784,7 +784,7 @@ def test_interrupts_and_the_like_before_the_iteration(
 
 def test_interrupt_exits_with_130(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text(changed(("[4, 4]", "[64, 64]")))
-    source = str(Path(cli.__file__).parents[1])
+    source = str(Path(cli.__file__).parents[2])
     process = subprocess.Popen(
         [sys.executable, "-m", "hemivar", "solve", "part.toml", "--method", "direct-powell", "--json", "a.json"],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": source}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
