@@ -73,7 +73,7 @@ _EXPORTS = {
         "Sphere",
     ),
     "hemivar.fem": ("discretize",),
-    "hemivar.systems": ("condense",),
+    "hemivar.systems": ("Workspace", "condense"),
     "hemivar.files": ("read_problem",),
     "hemivar.solvers": (
         "LBFGS",
@@ -203,4 +203,4 @@ if TYPE_CHECKING:
         solve,
         solve_nested,
     )
-    from hemivar.systems import condense
+    from hemivar.systems import Workspace, condense

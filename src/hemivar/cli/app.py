@@ -701,9 +701,11 @@ def _run(
     from hemivar.errors import MethodError
     from hemivar.report.tables import energy_norm_difference
     from hemivar.solvers import solve, suited
+    from hemivar.systems import Workspace
 
     try:
-        solution = solve(discrete, suited(solver, discrete), controls, condensed=condensed)
+        workspace = None if condensed is None else Workspace.holding(condensed)
+        solution = solve(discrete, suited(solver, discrete), controls, workspace=workspace)
     except MethodError as error:
         return _Run(name, "refused", str(error))
     except Exception as error:

@@ -40,6 +40,7 @@ from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import best_component, diagonal_step, majorant, newton_components, snapped
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 
@@ -404,7 +405,7 @@ class NonsmoothMultigrid(Solver):
     def _target(self) -> float:
         return _TIGHTEST if self.tolerance is None else self.tolerance
 
-    def prepare(self, problem: DiscreteProblem) -> BodyProblem:
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
         return set_up(problem)
 
     def first_guess(self, system: BodyProblem, budget: Budget) -> tuple[Array, Status | None]:
