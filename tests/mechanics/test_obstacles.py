@@ -10,7 +10,7 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.files.problem import parse_problem
+from hemivar.files.problem_file import parse_problem
 from hemivar.laws import Bilateral, Compliance, Signorini, Tresca
 from hemivar.mechanics import (
     Clamped,
