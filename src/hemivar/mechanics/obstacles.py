@@ -397,8 +397,10 @@ def _check_reach(obstacle: Obstacle, points: Array, what: str) -> None:
 
 
 def _extent(points: Array) -> float:
-    """Largest extent of points along an axis; their distance from the origin if it is a single place."""
-    extent = float(np.ptp(points, axis=0).max(initial=0.0))
+    """Largest extent of points along an axis; their distance from the origin if it is a single place; 1 for none."""
+    if not len(points):
+        return 1.0
+    extent = float(np.ptp(points, axis=0).max())
     return extent if extent > 0.0 else max(float(np.abs(points).max(initial=0.0)), 1e-300)
 
 
