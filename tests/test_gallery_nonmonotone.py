@@ -13,7 +13,7 @@ from hemivar.certify import certify, smallness
 from hemivar.discrete import residual
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
-from hemivar.files.problem import read_problem
+from hemivar.files.problem_file import read_problem
 from hemivar.gallery import (
     broken_foundation,
     delamination,

@@ -135,7 +135,7 @@ def test_importing_every_room_changes_nothing_global() -> None:
         "def state(): return (pickle.dumps(np.random.get_state()), np.geterr(), list(warnings.filters),"
         " dict(os.environ), [signal.getsignal(s) for s in signal.valid_signals()], locale.setlocale(locale.LC_ALL))\n"
         "before = state()\n"
-        "import hemivar, hemivar.report, hemivar.branches, hemivar.files.problem, hemivar.gallery, hemivar.cli\n"
+        "import hemivar, hemivar.report, hemivar.branches, hemivar.files.problem_file, hemivar.gallery, hemivar.cli\n"
         "[getattr(hemivar, name) for name in hemivar.__all__]\n"
         "print(before == state())"
     )

@@ -74,7 +74,7 @@ _EXPORTS = {
     ),
     "hemivar.fem": ("discretize",),
     "hemivar.systems": ("Workspace", "condense"),
-    "hemivar.files": ("read_problem",),
+    "hemivar.files": ("read_problem", "write_problem"),
     "hemivar.solvers": (
         "LBFGS",
         "METHODS",
@@ -134,7 +134,7 @@ if TYPE_CHECKING:
     from hemivar.discrete import DiscreteProblem, residual
     from hemivar.errors import HemivarError, MethodError, ProblemError
     from hemivar.fem import discretize
-    from hemivar.files import read_problem
+    from hemivar.files import read_problem, write_problem
     from hemivar.laws import (
         Adhesive,
         Bilateral,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from hemivar.certify import Certificate
     from hemivar.discrete.problem import DiscreteProblem
-    from hemivar.files.problem import ProblemFile
+    from hemivar.files.problem_file import ProblemFile
     from hemivar.mesh.mesh import Mesh
     from hemivar.report.tables import Table
     from hemivar.solvers import Controls, Progress, Solution, Solver
@@ -478,7 +478,7 @@ def _new(
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
 ) -> int:
     """Write a commented problem file that solves as it is."""
-    from hemivar.files.problem import SAMPLE
+    from hemivar.files.sample import SAMPLE
 
     if file.exists() and not file.is_dir() and not force:
         raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")
@@ -594,7 +594,7 @@ def _suggest(name: str, known: Sequence[str]) -> str:
 
 def _read(path: Path, outputs: Mapping[str, Path | None], *others: Path) -> tuple[ProblemFile, Writer]:
     """The problem, and a writer that keeps off its files and ``others``; outputs that fall on one are refused."""
-    from hemivar.files.problem import read_problem_file
+    from hemivar.files.problem_file import read_problem_file
 
     with noting_files_read() as files:
         stated = read_problem_file(path)
