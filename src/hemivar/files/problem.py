@@ -25,8 +25,8 @@ from hemivar.basics import disk
 from hemivar.basics.memory import problem_bytes, refined_cells, require
 from hemivar.errors import FileError, ProblemError
 from hemivar.formula import VARIABLES, Formula, FormulaArray, ScalarFormula
-from hemivar.laws.bounds import CoulombBound, PenetrationBound
-from hemivar.laws.columns import BOUND_COLUMNS, read_columns
+from hemivar.laws import CoulombBound, PenetrationBound
+from hemivar.laws.own import BOUND_COLUMNS, read_columns
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
 from hemivar.mechanics.material import Material, PlaneState

@@ -1,26 +1,41 @@
-"""Superpotentials: the answer of the foundation, normal and tangential."""
+"""Superpotentials: the answer of the foundation, normal and tangential.
 
-from hemivar.laws.analytic import FormulaLaw, FunctionLaw
-from hemivar.laws.base import Interval, Superpotential
-from hemivar.laws.bounds import CoulombBound, PenetrationBound, StateBound
-from hemivar.laws.contact import ContactLaw, Linearisation
+What a scalar law must answer is in :mod:`~hemivar.laws.superpotential`, what the law of a contact point does in
+:mod:`~hemivar.laws.contact_law`.  Laws by name lie in ``normal`` and ``friction``, tables, formulas and functions in
+``own``, and what they are built of (``piecewise``, ``scaled``, ``stacked``) here.  ``registry`` knows the laws by name
+for problem files, and ``testing`` checks a law of one's own.
+"""
+
+from hemivar.laws.contact_law import ContactLaw, Linearisation
 from hemivar.laws.description import LawDescription, LawKink
-from hemivar.laws.friction import Friction, NoFriction, Tresca
-from hemivar.laws.named import Bilateral, Compliance, NoContact, Signorini, SurveyLaw
-from hemivar.laws.nonmonotone import (
-    Adhesive,
-    Capped,
-    FinitePenetration,
-    Layered,
+from hemivar.laws.friction import (
+    CoulombBound,
+    Friction,
     Logarithmic,
-    SawTooth,
+    NoFriction,
+    PenetrationBound,
     SlipTable,
     SlipWeakening,
-    Softening,
+    StateBound,
     StaticKinetic,
+    Tresca,
 )
+from hemivar.laws.normal import (
+    Adhesive,
+    Bilateral,
+    Capped,
+    Compliance,
+    FinitePenetration,
+    Layered,
+    NoContact,
+    SawTooth,
+    Signorini,
+    Softening,
+    SurveyLaw,
+)
+from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.tables import read_law_table, table_law
+from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = [
     "Adhesive",

@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import Superpotential
-from hemivar.laws.contact import spread
+from hemivar.laws.contact_law import spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status

@@ -12,11 +12,11 @@ from hemivar.basics.arguments import described
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.base import Superpotential
-from hemivar.laws.bounds import StateBound, stack_bounds
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction
+from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.stacked import stack
+from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["ContactLaw", "Linearisation", "spread"]
 
