@@ -17,7 +17,6 @@ from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.condensed import depends_on_state
 
 __all__ = ["FixedPoint"]
 
@@ -79,7 +78,7 @@ class FixedPoint(Solver):
         return True
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
-        if not depends_on_state(problem.law):
+        if not problem.law.state_dependent:
             return self.inner.refuse(problem)
         start = problem.local(np.zeros(problem.unknowns))
         return self.inner.refuse(problem.with_law(problem.law.frozen(start, np.zeros(start.shape))))
@@ -99,7 +98,7 @@ class FixedPoint(Solver):
 
     def step(self, system: System, state: State, budget: Budget) -> State:
         memory: _Memory = state.memory
-        law = system.law.frozen(system.local(memory.r), memory.lam) if depends_on_state(system.law) else system.law
+        law = system.law.frozen(system.local(memory.r), memory.lam) if system.law.state_dependent else system.law
         ordinary = system.for_problem(system.problem.with_law(law))
         r = ordinary.start(state.r)
         rounding = 64.0 * np.finfo(float).eps

@@ -39,7 +39,6 @@ from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import best_component, diagonal_step, majorant, newton_components, snapped
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.condensed import depends_on_state
 
 __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 
@@ -408,7 +407,7 @@ class NonsmoothMultigrid(Solver):
         return set_up(problem)
 
     def first_guess(self, system: BodyProblem, budget: Budget) -> tuple[Array, Status | None]:
-        if system.below is None or not self.nested or depends_on_state(system.law):
+        if system.below is None or not self.nested or system.law.state_dependent:
             return system.start(), None
         rough = replace(self, tolerance=0.1 * _NESTED, sweeps=min(self.sweeps, 2))
         x, stopped = rough.first_guess(system.below, budget)
