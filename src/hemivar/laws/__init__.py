@@ -1,12 +1,13 @@
 """Superpotentials: the answer of the foundation, normal and tangential.
 
-What a scalar law must answer is in :mod:`~hemivar.laws.superpotential`, what the law of a contact point does in
-:mod:`~hemivar.laws.contact_law`.  Laws by name lie in ``normal`` and ``friction``, tables, formulas and functions in
-``own``, and what they are built of (``piecewise``, ``scaled``, ``stacked``) here.  ``registry`` knows the laws by name
-for problem files, and ``testing`` checks a law of one's own.
+What a scalar law must answer is in :mod:`~hemivar.laws.superpotential`, what the law of a contact point must in
+:mod:`~hemivar.laws.vector_law`; :mod:`~hemivar.laws.contact_law` is the one that splits into scalar laws.  Laws by name
+lie in ``normal`` and ``friction``, tables, formulas and functions in ``own``, and what they are made of (``piecewise``,
+``scaled``, ``stacked``) here.  ``registry`` knows the laws by name for problem files, and ``testing`` checks a law of
+one's own.
 """
 
-from hemivar.laws.contact_law import ContactLaw, Linearisation
+from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.description import LawDescription, LawKink
 from hemivar.laws.friction import (
     CoulombBound,
@@ -36,6 +37,7 @@ from hemivar.laws.normal import (
 from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.vector_law import Linearisation, VectorLaw
 
 __all__ = [
     "Adhesive",
@@ -68,6 +70,7 @@ __all__ = [
     "Superpotential",
     "SurveyLaw",
     "Tresca",
+    "VectorLaw",
     "read_law_table",
     "table_law",
 ]

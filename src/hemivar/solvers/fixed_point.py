@@ -11,7 +11,7 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws.contact_law import spread
+from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate

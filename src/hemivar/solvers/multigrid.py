@@ -21,7 +21,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
 from hemivar.fem.parts import free_motions
 from hemivar.laws import ContactLaw
-from hemivar.laws.contact_law import Linearisation
+from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns, selects
 from hemivar.linear.definite import (
     below_zero,
