@@ -11,7 +11,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_along
 from hemivar.discrete.problem import DiscreteProblem, FieldMap
 from hemivar.errors import ProblemError
-from hemivar.fem.parts import FreeMotions, MovingGroup, free_motions, rigid_basis
+from hemivar.fem.rigid import FreeMotions, MovingGroup, free_motions, rigid_basis
 
 __all__ = ["describe", "free_growth", "geometric_slack", "known_to_be_held", "refuse", "refuse_free_motion"]
 

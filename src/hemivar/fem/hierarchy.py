@@ -11,7 +11,7 @@ import scipy.spatial
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem, FieldMap
 from hemivar.fem.discretize import discretize
-from hemivar.fem.parts import rigid_basis
+from hemivar.fem.rigid import rigid_basis
 
 __all__ = ["Coarser", "coarser", "rigid_motions"]
 

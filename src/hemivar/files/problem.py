@@ -32,7 +32,7 @@ from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, R
 from hemivar.mechanics.material import Material, PlaneState
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
-from hemivar.mesh.mesh import Mesh, box, read_mesh, rectangle
+from hemivar.mesh import Mesh, box, read_mesh, rectangle
 
 __all__ = [
     "KEYS",
