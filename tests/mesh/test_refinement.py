@@ -117,7 +117,7 @@ def test_a_mesh_refined_in_part_knows_its_parent() -> None:
     assert fine.parts.cell.tolist() == [0, 0, 0]
 
 
-def test_boundaries_that_would_meet_in_the_coarser_mesh_end_the_line() -> None:
+def test_boundaries_that_end_within_facets_of_the_coarser_mesh_have_none() -> None:
     """Contact up to the middle of a facet of the coarser mesh, a clamp from there on: no coarser problem to state."""
     halves = {
         "left half": lambda x: (x[:, 1] < 1e-9) & (x[:, 0] < 0.5),
@@ -125,7 +125,9 @@ def test_boundaries_that_would_meet_in_the_coarser_mesh_end_the_line() -> None:
     }
     mesh = rectangle(cells=30).with_boundaries(halves)
     assert mesh.parent is None
-    assert rectangle(cells=32).with_boundaries(halves).parent is not None
+    assert parent_of(rectangle(cells=32).with_boundaries(halves)).mesh.boundaries["left half"].shape == (8, 2)
+    surface = box(cells=4).with_boundaries({"part": lambda x: (x[:, 2] < 1e-9) & (x[:, 0] + x[:, 1] < 0.9)})
+    assert surface.parent is None
     statement = hv.ContactProblem(
         mesh,
         hv.Material.lame(1.0, 1.0),

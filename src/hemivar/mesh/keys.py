@@ -16,6 +16,7 @@ __all__ = [
     "cell_facets",
     "distinct_pairs",
     "facet_keys",
+    "facet_measures",
     "frozen",
     "pair_keys",
     "signed_volumes",
@@ -85,6 +86,14 @@ def facet_keys(facets: IntArray, count: int) -> IntArray:
         raise ProblemError(f"the mesh has {count} nodes; its boundaries can be found on up to two million")
     low, middle, high = np.sort(facets, axis=1).T
     return np.asarray((low * count + middle) * count + high)
+
+
+def facet_measures(corner: Array) -> Array:
+    """Lengths or areas (k,) of facets with these corners, (k, d, d)."""
+    first = corner[:, 1] - corner[:, 0]
+    if corner.shape[2] == 2:
+        return np.linalg.norm(first, axis=1)
+    return 0.5 * np.linalg.norm(np.cross(first, corner[:, 2] - corner[:, 0]), axis=1)
 
 
 def cell_facets(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:

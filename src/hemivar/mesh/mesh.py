@@ -340,8 +340,7 @@ class Mesh(Portable):
     def named(self, boundaries: Mapping[str, object], regions: Mapping[str, object]) -> Mesh:
         """The mesh with these named boundaries and regions in place of its own.
 
-        It stays the refinement of its parent where that can bear the names: where regions are made of whole cells of
-        it, and boundaries that have no facet in common have none there.
+        It stays the refinement of its parent where boundaries and regions are made of whole facets and cells of that.
         """
         found = checked_boundaries(self.points, self.cells, boundaries)
         areas = checked_regions(regions, self.number_of_cells)

@@ -14,14 +14,15 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.checks import index_array
-from hemivar.mesh.keys import facet_keys, frozen, signed_volumes
+from hemivar.mesh.keys import facet_measures, frozen, signed_volumes
 
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Refinement", "check_refines", "halved"]
 
-_ROUNDING = 1e-12
+#: Part of the size of a mesh by which a node may be off, and of a facet or cell that may be left uncovered.
+_ROUNDING, _COVERED = 1e-12, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +70,18 @@ class Refinement(Portable):
     def named(self, boundaries: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> Refinement | None:
         """The refinement, with the facets and cells that those of the finer mesh are parts of under their names.
 
-        None if the coarser mesh cannot bear the names: a region holds a part of a cell, or boundaries that are apart
-        meet in a facet.
+        None if the coarser mesh cannot bear the names, as a boundary or a region holds a part of a facet or cell of it.
         """
+        points, dim = self.mesh.points, self.mesh.dim
         corners, areas = {}, {}
         for name, facets in boundaries.items():
             nodes = np.sort(self.ends[facets].reshape(len(facets), -1), axis=1)
             first = np.diff(nodes, axis=1, prepend=-1) > 0
-            whole = first.sum(axis=1) == self.mesh.dim
-            corners[name] = np.unique(nodes[whole][first[whole]].reshape(-1, self.mesh.dim), axis=0)
-        if _meet(corners, self.mesh.number_of_nodes) > _meet(boundaries, len(self.ends)):
-            return None
+            whole = first.sum(axis=1) == dim
+            corners[name] = np.unique(nodes[whole][first[whole]].reshape(-1, dim), axis=0)
+            covered = facet_measures(points[self.ends[facets]].mean(axis=2)).sum()
+            if covered < (1.0 - _COVERED) * facet_measures(points[corners[name]]).sum():
+                return None
         children = np.bincount(self.cells, minlength=self.mesh.number_of_cells)
         for name, ids in regions.items():
             inside = np.bincount(self.cells[ids], minlength=len(children))
@@ -87,12 +89,6 @@ class Refinement(Portable):
             if (inside[areas[name]] < children[areas[name]]).any():
                 return None
         return replace(self, mesh=self.mesh.named(corners, areas))
-
-
-def _meet(boundaries: Mapping[str, IntArray], count: int) -> int:
-    """How many pairs of boundaries have facets in common."""
-    keys = [np.unique(facet_keys(facets, count)) for facets in boundaries.values()]
-    return sum(bool(np.isin(a, b).any()) for i, a in enumerate(keys) for b in keys[i + 1 :])
 
 
 def check_refines(points: Array, cells: IntArray, parent: Refinement) -> None:
@@ -112,7 +108,7 @@ def check_refines(points: Array, cells: IntArray, parent: Refinement) -> None:
         )
     within = (parent.ends[cells][..., None] == coarse.cells[parent.cells][:, None, None]).any(axis=3).all(axis=(1, 2))
     filled = np.bincount(parent.cells, signed_volumes(points, cells), len(coarse.cells))
-    empty = np.abs(filled - coarse.volumes) > 1e-6 * coarse.volumes
+    empty = np.abs(filled - coarse.volumes) > _COVERED * coarse.volumes
     if not within.all() or empty.any():
         what = f"cell {np.argmin(within)} is not part of" if not within.all() else "its cells do not fill"
         bad = int(parent.cells[np.argmin(within)] if not within.all() else np.argmax(empty))
