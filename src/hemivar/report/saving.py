@@ -1,0 +1,45 @@
+"""Figures as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hemivar.basics.disk import make_folder, whole_file
+from hemivar.errors import ProblemError
+from hemivar.report.style import drawing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["save"]
+
+
+def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
+    """Write a figure as PNG, SVG or PDF, by the suffix of ``path``; returns the path.
+
+    Parameters
+    ----------
+    fig : matplotlib Figure
+    path : str or Path
+    dpi : int
+        Dots per inch, 10 to 2400.
+
+    Raises
+    ------
+    ProblemError
+        Another suffix, or a resolution out of range.
+    FileError
+        The file or its folder cannot be made.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".png", ".svg", ".pdf"):
+        raise ProblemError(f"'{path}': figures are written as .png, .svg or .pdf, not '{path.suffix}'")
+    if not 10 <= dpi <= 2400:
+        raise ProblemError(f"dpi = {dpi}; give a resolution from 10 to 2400 dots per inch")
+    make_folder(path.parent)
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(suffix[1:])
+    with drawing(), whole_file(path) as name:
+        fig.savefig(name, dpi=dpi, metadata=metadata, bbox_inches="tight", pad_inches=0.05)
+    return path
