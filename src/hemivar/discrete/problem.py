@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
@@ -128,7 +129,7 @@ class FieldMap(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteProblem(Portable):
+class DiscreteProblem(Portable, Displayed):
     """Energy of a discrete contact problem.
 
     ``E(u) = 1/2 u'K u - f'u + sum_j w_j j_j(r_j) + constant``, ``r = (B u - offset)`` reshaped to (m, d):

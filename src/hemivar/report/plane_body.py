@@ -14,7 +14,7 @@ from hemivar.fem import von_mises
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors, polylines
 from hemivar.report.deformed import DeformedBody, round_number
 from hemivar.report.law_figures import law_captions
-from hemivar.report.style import DASHES, GREEN, GREY, MARKERS, RED, figure_of, with_unit
+from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrows", "PlaneBody"]
 
-_MANY_CELLS = 5000
 _MANY_POINTS = 70
 
 
@@ -75,7 +74,7 @@ class PlaneBody:
 
         moved = self.body.vertices
         self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
-        if self.mesh.number_of_cells <= _MANY_CELLS:
+        if self.mesh.number_of_cells <= MANY_CELLS:
             for line in self.outline:
                 ax.fill(*moved[line].T, color="#d9e6f2", alpha=0.45, lw=0.0, zorder=1.5)
             width = float(np.clip(12.0 / math.sqrt(self.mesh.number_of_cells), 0.25, 0.6))

@@ -1,7 +1,8 @@
-"""Figures as files."""
+"""Figures as files, and as bytes for pages."""
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from hemivar.report.style import drawing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["save"]
+__all__ = ["png", "save"]
 
 
 def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
@@ -43,3 +44,13 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
     with drawing(), whole_file(path) as name:
         fig.savefig(name, dpi=dpi, metadata=metadata, bbox_inches="tight", pad_inches=0.05)
     return path
+
+
+def png(fig: Figure, dpi: int = 200) -> bytes:
+    """The bytes of a figure as PNG, cropped to what is drawn."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stream = io.BytesIO()
+    with drawing():
+        FigureCanvasAgg(fig).print_figure(stream, format="png", dpi=dpi, bbox_inches="tight", pad_inches=0.05)
+    return stream.getvalue()

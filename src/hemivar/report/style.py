@@ -18,6 +18,7 @@ __all__ = [
     "DASHES",
     "GREEN",
     "GREY",
+    "MANY_CELLS",
     "MANY_FACETS",
     "MARKERS",
     "ORANGE",
@@ -38,6 +39,8 @@ GREY = "#5f5f5f"
 
 #: What is at rest.
 DASHES = (0, (4, 3))
+#: Up to so many cells they are drawn each.
+MANY_CELLS = 5000
 #: From so many facets on a surface is drawn without lines between them, and rasterised.
 MANY_FACETS = 4000
 
