@@ -75,7 +75,7 @@ def moved(solution: Solution, scale: float) -> np.ndarray:
 
     points = solution.problem.points
     assert points is not None
-    problem = solution.problem.statement
+    problem = solution.problem.origin
     assert problem is not None
     if problem.quadrature == "midpoint":  # the displacement of a facet is the mean of its ends
         bottom = problem.mesh.boundaries["bottom"]
@@ -110,7 +110,7 @@ def test_contact_is_drawn_in_order_along_the_boundary(curved: Solution) -> None:
 
 
 def test_each_boundary_has_its_panels(plane: Solution) -> None:
-    stated = plane.problem.statement
+    stated = plane.problem.origin
     assert stated is not None
     both = dict.fromkeys(("right", "bottom"), stated.contact["bottom"])
     solution = solve(discretize(replace(stated, contact=both)))
@@ -209,7 +209,7 @@ def test_history_needs_a_solution() -> None:
 def test_statement_shows_its_conditions(plane: Solution) -> None:
     from matplotlib.collections import LineCollection
 
-    stated = plane.problem.statement
+    stated = plane.problem.origin
     assert stated is not None
     figure = plot_problem(stated, unit="mm")
     for words in ("support: left", "contact: bottom", "x (mm)"):

@@ -74,7 +74,7 @@ def test_solution(plane: Solution) -> None:
     assert page.row("contact points") == "3 stick, 13 slip"
     assert float(page.row("normal force")) == pytest.approx(plane.normal_force, rel=1e-3)
     assert "remedy" not in page.texts
-    assert page.texts[0] == f"Solution: {plane.problem.statement.title}"
+    assert page.texts[0] == f"Solution: {plane.problem.origin.title}"
     (picture,) = page.pictures
     assert all(100 < pixels < 800 for pixels in picture_size(picture))
     assert len(picture) < 100_000
@@ -91,7 +91,7 @@ def test_solid_and_arrays(solid: Solution, bar: Solution) -> None:
 
 
 def test_problems(plane: Solution, bar: Solution) -> None:
-    stated = plane.problem.statement
+    stated = plane.problem.origin
     assert stated is not None
     page = shown(stated)
     assert page.row("contact: bottom") == "survey; friction tresca"
@@ -131,7 +131,7 @@ def test_path_and_solutions(softening: DiscreteProblem) -> None:
 
 
 def test_what_users_write_is_escaped(plane: Solution) -> None:
-    stated = plane.problem.statement
+    stated = plane.problem.origin
     assert stated is not None
     mesh = stated.mesh
     odd = replace(

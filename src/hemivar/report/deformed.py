@@ -13,7 +13,6 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, von_mises
-from hemivar.files.boundary import contact_boundaries
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import ContactState, Solution
 
@@ -73,14 +72,14 @@ class DeformedBody:
     @cached_property
     def contact_places(self) -> Array:
         """Where the contact points are drawn, (m, d)."""
-        assert self.problem.points is not None
-        places = self.problem.points.copy()
-        for boundary in contact_boundaries(self.problem):
-            if boundary.nodes is not None:
-                places[boundary.index] += self.factor * self.solution.displacement[boundary.nodes]
-            else:
-                assert boundary.facets is not None
-                places[boundary.index] = self.vertices[boundary.corners[boundary.facets]].mean(axis=1)
+        contact, mesh = self.problem.contact, self.mesh
+        assert contact.points is not None
+        places = contact.points.copy()
+        at = contact.node >= 0
+        places[at] += self.factor * self.solution.displacement[contact.node[at]]
+        for number, name in enumerate(contact.names):
+            here = ~at & (contact.boundary == number)
+            places[here] = self.vertices[mesh.boundaries[name][contact.facet[here]]].mean(axis=1)
         return places
 
     @property
@@ -102,10 +101,9 @@ class DeformedBody:
     @cached_property
     def surface(self) -> tuple[Array, str]:
         """Values at the vertices, (N,), that colour the body, and their name: von Mises stress, else displacement."""
-        field = self.problem.field
-        assert field is not None
-        if field.material is not None:
-            return nodal_average(self.mesh, von_mises(field, self.solution.displacement)), "von Mises stress"
+        origin = self.problem.origin
+        if origin is not None:
+            return nodal_average(self.mesh, von_mises(origin, self.solution.displacement)), "von Mises stress"
         return np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1), "displacement"
 
 

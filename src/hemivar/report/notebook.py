@@ -183,13 +183,13 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
         ("entries of the stiffness", problem.stiffness.nnz),
         *(("warning", sentence) for sentence in problem.warnings),
     ]
-    stated = problem.statement
+    stated = problem.origin
     shown = stated is not None and _small(stated.mesh)
     return _title("Discrete problem", problem), lambda: [plot_problem(stated)] if stated and shown else [], _rows(rows)
 
 
 def _title(what: str, problem: DiscreteProblem) -> str:
-    stated = problem.statement
+    stated = problem.origin
     return f"{what}: {stated.title}" if stated is not None and stated.title else what
 
 
