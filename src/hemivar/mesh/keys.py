@@ -92,8 +92,8 @@ def facet_measures(corner: Array) -> Array:
     """Lengths or areas (k,) of facets with these corners, (k, d, d)."""
     first = corner[:, 1] - corner[:, 0]
     if corner.shape[2] == 2:
-        return np.linalg.norm(first, axis=1)
-    return 0.5 * np.linalg.norm(np.cross(first, corner[:, 2] - corner[:, 0]), axis=1)
+        return np.asarray(np.linalg.norm(first, axis=1))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(first, corner[:, 2] - corner[:, 0]), axis=1))
 
 
 def cell_facets(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:
