@@ -16,9 +16,10 @@ from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.branches.state_chain import StateChain
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.solvers.controls import Budget, OutOfTime
-from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
 from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.contact_moves import newton_components
 
 __all__ = ["SolutionSearch"]
 

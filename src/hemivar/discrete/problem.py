@@ -173,7 +173,7 @@ class DiscreteProblem(Portable):
         a diagonal entry that is not positive, or a weight is not positive.
     """
 
-    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
+    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid",)
 
     stiffness: sp.csr_array
     load: Array

@@ -29,11 +29,23 @@ class Coarser:
         changes in the fine ones.
     field : FieldMap
         Of the finer problem.
+    shared : int array
+        The contact point of the finer problem at the place of each contact point of the coarser one.
     """
 
     problem: DiscreteProblem
     prolongation: sp.csr_array
     field: FieldMap
+    shared: IntArray
+
+    def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
+        """The coarser problem with load, gap and law of another problem on the finer mesh."""
+        return self.problem._with_data(
+            self.prolongation.T @ finer.load,
+            finer.gap[self.shared],
+            None if finer.slip_offset is None else finer.slip_offset[self.shared],
+            finer.law.take(self.shared),
+        )
 
     def interpolate(self, unknowns: Array) -> Array:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
@@ -66,14 +78,8 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     prolongation = sp.csr_array(field.basis.T @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
     prolongation.eliminate_zeros()
-    shared = _shared_points(problem, coarse)
-    coarse = coarse._with_data(
-        prolongation.T @ problem.load,
-        problem.gap[shared],
-        None if problem.slip_offset is None else problem.slip_offset[shared],
-        problem.law.take(shared),
-    )
-    return Coarser(coarse, prolongation, field)
+    step = Coarser(coarse, prolongation, field, _shared_points(problem, coarse))
+    return replace(step, problem=step.posed(problem))
 
 
 def _shared_points(fine: DiscreteProblem, coarse: DiscreteProblem) -> IntArray:
