@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.spatial
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.problem import DiscreteProblem, FieldMap
+from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
 from hemivar.fem.parts import rigid_basis
 
@@ -27,7 +28,7 @@ class Coarser:
     prolongation : sparse array, shape (n, n_coarse)
         ``U = P u + u0`` interpolated, without the prescribed displacements: what a change of the coarse unknowns
         changes in the fine ones.
-    field : FieldMap
+    field : Field
         Of the finer problem.
     shared : int array
         The contact point of the finer problem at the place of each contact point of the coarser one.
@@ -35,16 +36,15 @@ class Coarser:
 
     problem: DiscreteProblem
     prolongation: sp.csr_array
-    field: FieldMap
+    field: Field
     shared: IntArray
 
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
-        return self.problem._with_data(
-            self.prolongation.T @ finer.load,
-            finer.gap[self.shared],
-            None if finer.slip_offset is None else finer.slip_offset[self.shared],
-            finer.law.take(self.shared),
+        return self.problem.with_(
+            load=self.prolongation.T @ finer.load,
+            offset=finer.contact.offset[self.shared],
+            law=finer.law.take(self.shared),
         )
 
     def interpolate(self, unknowns: Array) -> Array:
@@ -52,7 +52,7 @@ class Coarser:
         coarse = self.problem.field
         assert coarse is not None
         assert self.field.mesh.parent is not None
-        fine = self.field.mesh.parent.interpolation @ coarse.displacement(unknowns)
+        fine = self.field.mesh.parent.interpolation @ coarse.full(unknowns)
         return self.field.restrict(fine)
 
 
@@ -74,24 +74,27 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     parent = field.mesh.parent
     coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False)
     assert coarse.field is not None
-    nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.dim), format="csr"))
-    prolongation = sp.csr_array(field.basis.T @ nodal @ coarse.field.basis)
+    nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.components), format="csr"))
+    prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
     prolongation.eliminate_zeros()
-    step = Coarser(coarse, prolongation, field, _shared_points(problem, coarse))
+    step = Coarser(coarse, prolongation, field, _shared_points(problem.contact, coarse.contact, parent.interpolation))
     return replace(step, problem=step.posed(problem))
 
 
-def _shared_points(fine: DiscreteProblem, coarse: DiscreteProblem) -> IntArray:
-    """The contact point of the finer problem at the place of each contact point of the coarser one."""
-    assert fine.points is not None
-    assert coarse.points is not None
-    if not len(coarse.points):
-        return np.zeros(0, dtype=np.int64)
-    return np.asarray(scipy.spatial.cKDTree(fine.points).query(coarse.points)[1], dtype=np.int64)
+def _shared_points(fine: ContactPoints, coarse: ContactPoints, interpolation: sp.csr_array) -> IntArray:
+    """The finer contact point at the node and on the boundary of each coarser one."""
+    kept = np.flatnonzero(np.diff(interpolation.indptr) == 1)  # nodes that both meshes have
+    same = np.full(interpolation.shape[1], -1)
+    same[interpolation.indices[interpolation.indptr[kept]]] = kept
+    many = len(fine.names) + 1
+    keys = fine.node * many + fine.boundary
+    order = np.argsort(keys)
+    wanted = same[coarse.node] * many + coarse.boundary
+    return np.asarray(order[np.searchsorted(keys[order], wanted)], dtype=np.int64)
 
 
-def rigid_motions(field: FieldMap) -> Array:
+def rigid_motions(field: Field) -> Array:
     """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6)."""
     motions, _ = rigid_basis(field.nodes)
-    return np.asarray(field.basis.T @ motions)
+    return np.asarray(field.lift @ motions)

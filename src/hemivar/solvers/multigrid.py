@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws.contact import Linearisation
-from hemivar.linear.cycle import selects
+from hemivar.linear.cycle import ElasticMultigrid, selects
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls, OutOfTime
@@ -114,7 +114,7 @@ class NonsmoothMultigrid(Solver):
         return _TIGHTEST if self.tolerance is None else self.tolerance
 
     def prepare(self, problem: DiscreteProblem) -> BodyProblem:
-        return set_up(problem)
+        return set_up(problem, ElasticMultigrid.of(problem))
 
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
         if system.below is None or not self.nested:

@@ -449,8 +449,8 @@ class _TruncatedBody:
         pass
 
 
-def set_up(problem: DiscreteProblem) -> BodyProblem:
-    """The body of a problem on its mesh and on every coarser one.
+def set_up(problem: DiscreteProblem, hierarchy: ElasticMultigrid) -> BodyProblem:
+    """The body of a problem on its mesh and on every coarser one of the hierarchy.
 
     Raises
     ------
@@ -461,7 +461,6 @@ def set_up(problem: DiscreteProblem) -> BodyProblem:
     refuse_unseen(problem)
     if free_unknowns(problem) is None:
         refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
-    hierarchy = ElasticMultigrid.of(problem)
     posed = [problem]
     if not depends_on_state(problem.law):  # else nothing starts from a coarser mesh
         for step in reversed(hierarchy.steps):
