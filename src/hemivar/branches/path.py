@@ -20,6 +20,7 @@ from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.systems import CondensedProblem, condense
 from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["Fold", "Jump", "Path", "follow_path", "trace"]
 
@@ -229,7 +230,7 @@ def follow_path(
         LoadStepping(steps=10 if low > 0.0 else 1) if guess is None else LoadStepping(steps=1).inner,
         Controls(rtol=1e-11, max_time=budget.left),
         initial=guess,
-        condensed=system.for_problem(at_start),
+        workspace=Workspace.holding(system),
     )
     if begun.status is Status.INTERRUPTED:
         raise KeyboardInterrupt

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -52,8 +52,6 @@ class DiscreteProblem(Portable):
     ProblemError
         Bulk, contact points, law and space do not fit one another.
     """
-
-    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid",)
 
     bulk: Bulk
     contact: ContactPoints

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -266,6 +266,10 @@ class _FormulaLaw(_OwnLaw):
             raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
         object.__setattr__(self, "_formula", ScalarFormula(self.text, "r", self.where))
         _ = self._own
+
+    @property
+    def stated(self) -> Mapping[str, object]:
+        return {"law": "formula", "potential": self.text, "kinks": self.kinks_at, "reach": self.reach}
 
     @property
     def _start(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Self
 from weakref import WeakSet
 
@@ -22,7 +23,12 @@ __all__ = ["ABSOLUTE_VALUE", "Friction", "NoFriction", "Tresca"]
 
 #: j(r) = |r|, the profile of Tresca's law.
 ABSOLUTE_VALUE = PiecewiseQuadratic(
-    np.zeros((1, 1)), np.zeros((1, 2)), np.full((1, 1), 2.0), start=-1.0, name="absolute value"
+    np.zeros((1, 1)),
+    np.zeros((1, 2)),
+    np.full((1, 1), 2.0),
+    start=-1.0,
+    name="absolute value",
+    stated=MappingProxyType({"law": "tresca"}),
 )
 
 #: Knots of a profile next to which it is tried out.

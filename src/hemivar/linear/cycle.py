@@ -45,9 +45,28 @@ class ElasticMultigrid:
 
     @staticmethod
     def of(problem: DiscreteProblem) -> ElasticMultigrid:
-        """The hierarchy of a problem, which remembers it, as do copies of it with another load, gap or law."""
-        known = vars(problem).get("_multigrid")
-        return known if isinstance(known, ElasticMultigrid) else vars(problem).setdefault("_multigrid", _build(problem))
+        """The hierarchy of a problem; it serves every other load, gap and law of the same body as well."""
+        began = time.perf_counter()
+        chain: list[Coarser] = []
+        coarsest = problem
+        while coarsest.unknowns > COARSEST:
+            step = coarser(coarsest)
+            if step is None:
+                break
+            chain.insert(0, step)
+            coarsest = step.problem
+        problems = [step.problem for step in chain] + [problem]
+        below = algebraic_levels(coarsest) if coarsest.unknowns > COARSEST else []
+        nothing = np.zeros(0, dtype=np.int64)
+        parts = [contact_unknowns(p) if selects(p.trace) else (nothing,) * 4 for p in problems]
+        levels = Levels(
+            [matrix for matrix, _ in below] + [p.stiffness for p in problems],
+            [transfer for _, transfer in below] + [Transfer.of(step.prolongation) for step in chain],
+            [nothing] * len(below) + [part[0] for part in parts],
+            [nothing] * len(below) + [part[3] for part in parts],
+            len(below),
+        )
+        return ElasticMultigrid(tuple(chain), levels, len(below), time.perf_counter() - began)
 
     def solve(self, load: Array, tolerance: float = 1e-10, nested: bool = True) -> tuple[Array, int]:
         """``K^-1 load`` by conjugate gradients with a multigrid cycle, none of the contact laws acting.
@@ -83,30 +102,6 @@ class ElasticMultigrid:
         diagonal = self.levels.diagonal(top)
         found = conjugate_gradients(A, diagonal, rest, lambda v: self.levels.cycle(top, v), size, _ITERATIONS)
         return x + found.solution, found.iterations
-
-
-def _build(problem: DiscreteProblem) -> ElasticMultigrid:
-    began = time.perf_counter()
-    chain: list[Coarser] = []
-    coarsest = problem
-    while coarsest.unknowns > COARSEST:
-        step = coarser(coarsest)
-        if step is None:
-            break
-        chain.insert(0, step)
-        coarsest = step.problem
-    problems = [step.problem for step in chain] + [problem]
-    below = algebraic_levels(coarsest) if coarsest.unknowns > COARSEST else []
-    nothing = np.zeros(0, dtype=np.int64)
-    parts = [contact_unknowns(p) if selects(p.trace) else (nothing,) * 4 for p in problems]
-    levels = Levels(
-        [matrix for matrix, _ in below] + [p.stiffness for p in problems],
-        [transfer for _, transfer in below] + [Transfer.of(step.prolongation) for step in chain],
-        [nothing] * len(below) + [part[0] for part in parts],
-        [nothing] * len(below) + [part[3] for part in parts],
-        len(below),
-    )
-    return ElasticMultigrid(tuple(chain), levels, len(below), time.perf_counter() - began)
 
 
 def selects(trace: sp.csr_array) -> bool:

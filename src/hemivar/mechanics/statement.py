@@ -25,9 +25,9 @@ from hemivar.mechanics.conditions import (
     Support,
     Traction,
     VectorData,
+    check_finite,
     plain_data,
 )
-from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle
 from hemivar.mesh._keys import _facet_keys

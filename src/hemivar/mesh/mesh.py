@@ -43,6 +43,7 @@ from hemivar.mesh._keys import (
     _refined_tetrahedra,
     _signed_volumes,
 )
+from hemivar.mesh.recipe import Grid, MeshRecipe
 
 __all__ = ["Mesh", "Refinement", "box", "read_mesh", "rectangle"]
 
@@ -112,6 +113,7 @@ class Mesh(Portable):
         boundaries: Mapping[str, IntArray],
         regions: Mapping[str, IntArray],
         origin: Callable[[], Refinement | None] | None = None,
+        recipe: MeshRecipe | None = None,
     ) -> Mesh:
         """A mesh from arrays known to be valid, without checking them; ``origin`` makes its :attr:`parent`."""
         mesh = object.__new__(cls)
@@ -120,7 +122,14 @@ class Mesh(Portable):
         object.__setattr__(mesh, "boundaries", MappingProxyType({k: _frozen(v) for k, v in boundaries.items()}))
         object.__setattr__(mesh, "regions", MappingProxyType({k: _frozen(v) for k, v in regions.items()}))
         object.__setattr__(mesh, "_origin", origin)
+        object.__setattr__(mesh, "_recipe", recipe)
         return mesh
+
+    @property
+    def recipe(self) -> MeshRecipe | None:
+        """How the mesh was made, where a problem file can say it: built-in or from a file, then scaled and refined."""
+        recipe: MeshRecipe | None = getattr(self, "_recipe", None)
+        return recipe
 
     @cached_property
     def parent(self) -> Refinement | None:
@@ -297,7 +306,8 @@ class Mesh(Portable):
         regions = {name: (offsets[:, None] + ids).ravel() for name, ids in self.regions.items()}
         own = np.repeat(np.arange(count)[:, None], 2, axis=1)
         refinement = Refinement(self, np.vstack([own, self.edges]))
-        return Mesh._trusted(points, cells, boundaries, regions, partial(_itself, refinement))
+        recipe = None if self.recipe is None else self.recipe.refined()
+        return Mesh._trusted(points, cells, boundaries, regions, partial(_itself, refinement), recipe)
 
     def rotated(self, angle: float) -> Mesh:
         """The mesh turned counterclockwise by ``angle`` (radians) about the origin; 2D only."""
@@ -310,7 +320,9 @@ class Mesh(Portable):
         """The mesh with all coordinates multiplied by ``factor > 0``."""
         if isinstance(factor, complex) or not (np.isfinite(factor) and factor > 0):
             raise ProblemError(f"factor = {factor}; a mesh is scaled by a positive number")
-        return self.moved(factor * np.eye(self.dim))
+        mesh = self.moved(factor * np.eye(self.dim))
+        object.__setattr__(mesh, "_recipe", None if self.recipe is None else self.recipe.scaled(factor))
+        return mesh
 
     def moved(self, matrix: Any, shift: Any = 0.0) -> Mesh:
         """The image of the mesh under ``x -> matrix x + shift``.
@@ -467,7 +479,8 @@ def rectangle(
     origin_of_it = None
     if nx % 2 == 0 and ny % 2 == 0:
         origin_of_it = partial(_rectangle_parent, (width, height), (nx, ny), pattern, (x0, y0))
-    return Mesh._trusted(points, connectivity, boundaries, {}, origin_of_it)
+    recipe = MeshRecipe(Grid((width, height), (nx, ny), pattern, (x0, y0)))
+    return Mesh._trusted(points, connectivity, boundaries, {}, origin_of_it, recipe)
 
 
 def box(
@@ -522,7 +535,8 @@ def box(
     origin_of_it = None
     if nx % 2 == 0 and ny % 2 == 0 and nz % 2 == 0:
         origin_of_it = partial(_box_parent, extent, (nx, ny, nz), lowest)
-    return Mesh._trusted(points.reshape(-1, 3), connectivity.reshape(-1, 4), boundaries, {}, origin_of_it)
+    recipe = MeshRecipe(Grid(extent, (nx, ny, nz), "right", lowest))
+    return Mesh._trusted(points.reshape(-1, 3), connectivity.reshape(-1, 4), boundaries, {}, origin_of_it, recipe)
 
 
 def _split_squares(nodes: IntArray) -> IntArray:
@@ -634,4 +648,6 @@ def read_mesh(path: str | Path) -> Mesh:
     """
     from hemivar.mesh.read import mesh_from_file
 
-    return mesh_from_file(path)
+    mesh = mesh_from_file(path)
+    object.__setattr__(mesh, "_recipe", MeshRecipe(Path(path).absolute()))
+    return mesh

@@ -18,6 +18,7 @@ from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["FixedPoint", "Outer"]
 
@@ -94,8 +95,8 @@ class FixedPoint(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(self.inner_rtol))
 
-    def prepare(self, problem: DiscreteProblem) -> Any:
-        return self.inner.prepare(problem)
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+        return self.inner.prepare(problem, workspace)
 
     def step(self, system: System, state: State, budget: Budget) -> State:
         memory: Outer = state.memory

@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws.contact import Linearisation
-from hemivar.linear.cycle import ElasticMultigrid, selects
+from hemivar.linear.cycle import selects
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls, OutOfTime
@@ -19,6 +19,7 @@ from hemivar.solvers.loop import iterate
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.body import Body, BodyProblem, Truncation, set_up
 from hemivar.systems.contact_moves import best_component, diagonal_step, snapped
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["Memory", "NonsmoothMultigrid"]
 
@@ -113,8 +114,8 @@ class NonsmoothMultigrid(Solver):
     def _target(self) -> float:
         return _TIGHTEST if self.tolerance is None else self.tolerance
 
-    def prepare(self, problem: DiscreteProblem) -> BodyProblem:
-        return set_up(problem, ElasticMultigrid.of(problem))
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
+        return set_up(problem, workspace)
 
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
         if system.below is None or not self.nested:

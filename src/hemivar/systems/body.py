@@ -36,8 +36,9 @@ from hemivar.linear.levels import COARSEST, Truncated
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.condensed import ROUNDED, depends_on_state
 from hemivar.systems.contact_moves import majorant, moving
+from hemivar.systems.workspace import Workspace
 
-__all__ = ["Body", "BodyProblem", "Truncation", "embedded", "set_up"]
+__all__ = ["Body", "BodyProblem", "Truncation", "embedded", "levels_of", "set_up"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
@@ -449,8 +450,13 @@ class _TruncatedBody:
         pass
 
 
-def set_up(problem: DiscreteProblem, hierarchy: ElasticMultigrid) -> BodyProblem:
-    """The body of a problem on its mesh and on every coarser one of the hierarchy.
+def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigrid:
+    """The levels of the body of a problem, made on the first call; many solves may work on them at the same time."""
+    return workspace.once("levels", problem, lambda: ElasticMultigrid.of(problem))
+
+
+def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
+    """The body of a problem on its mesh and on every coarser one; the workspace keeps the levels.
 
     Raises
     ------
@@ -461,6 +467,7 @@ def set_up(problem: DiscreteProblem, hierarchy: ElasticMultigrid) -> BodyProblem
     refuse_unseen(problem)
     if free_unknowns(problem) is None:
         refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
+    hierarchy = levels_of(problem, workspace)
     posed = [problem]
     if not depends_on_state(problem.law):  # else nothing starts from a coarser mesh
         for step in reversed(hierarchy.steps):
