@@ -24,6 +24,7 @@ from hemivar.gallery import (
 from hemivar.laws import Capped, NoContact
 from hemivar.mechanics import Contact, ContactProblem
 from hemivar.solvers import METHODS, FixedPoint, LoadStepping, NonsmoothNewton, Search, Status, solve
+from hemivar.systems import Workspace
 
 ROOT = Path(__file__).parents[1]
 STAY = FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))

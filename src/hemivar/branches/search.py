@@ -18,7 +18,6 @@ from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Sol
 from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
-from hemivar.systems.condensed import depends_on_state
 from hemivar.systems.contact_moves import newton_components
 from hemivar.systems.workspace import Workspace
 
@@ -189,7 +188,7 @@ class SolutionSearch:
         self.run(LoadStepping(), None)
         size = self.system.length_scale
         places = [np.full(m, far * size) for far in (-5.0, 5.0)]
-        if not depends_on_state(self.system.law):
+        if not self.system.law.state_dependent:
             knots = np.broadcast_to(self.system.law.normal.knots, (m, self.system.law.normal.knots.shape[-1]))
             ends = np.where(np.isfinite(knots), knots, np.nan)
             for k in range(min(ends.shape[1], 12)):

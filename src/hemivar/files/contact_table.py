@@ -14,8 +14,8 @@ from hemivar.files.toml import KEYS, Table, context, hint, kind, listed
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential
-from hemivar.laws.bounds import StateBound
-from hemivar.laws.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.statement import Contact

@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.laws.contact import Linearisation
+from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.cycle import selects
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.solvers.base import Solver, State

@@ -29,7 +29,7 @@ from hemivar.solvers.loop import finish, iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
-from hemivar.systems.condensed import CondensedProblem, depends_on_state
+from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["solve", "suited"]
@@ -103,7 +103,7 @@ def solve(
         solver = suited(chosen, problem)
         logging.getLogger("hemivar").info("%s", reason)
     controls = Controls() if controls is None else controls
-    if depends_on_state(problem.law) and not solver.handles_state:
+    if problem.law.state_dependent and not solver.handles_state:
         raise MethodError(
             f"{solver.name} cannot solve this problem: a friction bound depends on the solution; "
             "wrap the method, FixedPoint(inner=...)"
@@ -203,7 +203,7 @@ def _solution(system: PosedSystem, end: _End) -> Solution:
 
 def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     """The method, inside a :class:`FixedPoint` where the law of the problem depends on the solution."""
-    return FixedPoint(solver) if depends_on_state(problem.law) and not solver.handles_state else solver
+    return FixedPoint(solver) if problem.law.state_dependent and not solver.handles_state else solver
 
 
 def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
@@ -227,7 +227,7 @@ def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None
 def _check_held(system: PosedSystem) -> None:
     """Refuse a convex problem whose energy falls without end along a motion that deforms nothing."""
     law = system.law
-    if depends_on_state(law) or any((alpha > 0.0).any() for alpha in law.weak_convexity):
+    if law.state_dependent or any((alpha > 0.0).any() for alpha in law.weak_convexity):
         return
     if known_to_be_held(system.problem):
         return

@@ -21,7 +21,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
 from hemivar.fem.parts import free_motions
 from hemivar.laws import ContactLaw
-from hemivar.laws.contact import Linearisation
+from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
 from hemivar.linear.definite import (
     below_zero,
@@ -34,7 +34,7 @@ from hemivar.linear.definite import (
 )
 from hemivar.linear.levels import COARSEST, Truncated
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.systems.condensed import ROUNDED, depends_on_state
+from hemivar.systems.condensed import ROUNDED
 from hemivar.systems.contact_moves import majorant, moving
 from hemivar.systems.workspace import Workspace
 
@@ -469,7 +469,7 @@ def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
         refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
     hierarchy = levels_of(problem, workspace)
     posed = [problem]
-    if not depends_on_state(problem.law):  # else nothing starts from a coarser mesh
+    if not problem.law.state_dependent:  # else nothing starts from a coarser mesh
         for step in reversed(hierarchy.steps):
             posed.insert(0, step.posed(posed[0]))
     body: BodyProblem | None = None

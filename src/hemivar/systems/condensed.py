@@ -30,17 +30,12 @@ from hemivar.linear.factorisation import Factorisation, factorise
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["CondensedProblem", "condense", "depends_on_state"]
+__all__ = ["CondensedProblem", "condense"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
 ROUNDED = 1e-9
-
-
-def depends_on_state(law: ContactLaw) -> bool:
-    """Whether a bound of the law depends on the solution (the two-argument functional J(w, v))."""
-    return law.state_dependent
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +231,7 @@ class CondensedProblem(Portable):
 
     def law_at(self, r: Array, lam: Array | None = None) -> ContactLaw:
         """The law, with a bound that depends on the solution evaluated at ``r`` and the multiplier ``lam``."""
-        if not depends_on_state(self.law):
+        if not self.law.state_dependent:
             return self.law
         return self.law.frozen(r, self.out_of_balance(r) / self.weights[:, None] if lam is None else lam)
 

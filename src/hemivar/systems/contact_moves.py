@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import ContactLaw
-from hemivar.laws.contact import Linearisation
+from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.downhill import downhill_minimiser
 

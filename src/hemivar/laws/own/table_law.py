@@ -12,7 +12,7 @@ import numpy as np
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.laws.columns import read_columns
+from hemivar.laws.own.columns import read_columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 
 __all__ = ["Extension", "check_points", "even_table", "read_law_table", "table_law"]
