@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
@@ -64,7 +65,7 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class Path(Portable):
+class Path(Portable, Displayed):
     """Equilibria in the order in which they are met.
 
     Attributes

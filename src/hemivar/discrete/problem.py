@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.bulk import Bulk, Quadratic
@@ -25,7 +26,7 @@ __all__ = ["DiscreteProblem", "quadratic"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteProblem(Portable):
+class DiscreteProblem(Portable, Displayed):
     """Energy of a discrete contact problem.
 
     ``E(u) = bulk(u) + sum_j w_j j_j(r_j)``, ``r = B u - offset`` with shape (m, c): column 0 is the penetration of

@@ -19,7 +19,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, resting_multiplier
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.parts import free_motions
+from hemivar.fem.rigid import free_motions
 from hemivar.laws import ContactLaw
 from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns

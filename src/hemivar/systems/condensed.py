@@ -21,8 +21,8 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.parts import free_motions
 from hemivar.fem.posed import posed
+from hemivar.fem.rigid import free_motions
 from hemivar.laws import ContactLaw
 from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
 from hemivar.linear.factor_memory import check_memory, shortage
