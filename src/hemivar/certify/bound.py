@@ -18,7 +18,8 @@ import scipy.sparse as sp
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.certify.norms import EnergyNorm, Norm, gram_solve, lift, symmetric_inverse
+from hemivar.certify.norms import EnergyNorm, Norm
+from hemivar.certify.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import ContactLaw, StateBound, Superpotential
