@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -33,6 +34,7 @@ _SMALL = 2_000_000
 #: No search with more contact components than this, for it works with dense matrices.
 _SEARCHABLE = 1500
 _SEARCH_STEPS = 60
+_Real = TypeVar("_Real", bound=np.floating)
 _ROWS = 1 << 14
 #: Contact points times knots that are looked at in one go.
 _PAIRS = 1 << 20
@@ -282,7 +284,7 @@ def _rounding_size(point: Point, v: Array, load: Array, lam: Array) -> tuple[flo
     return spread * float(np.linalg.norm(root * v)) + float(np.linalg.norm(applied / root)), longest
 
 
-def _product(matrix: sp.csr_array, x: Any) -> Any:
+def _product(matrix: sp.csr_array, x: NDArray[_Real]) -> NDArray[_Real]:
     """``matrix @ x`` in the precision of x, some rows at a time."""
     out = np.zeros(matrix.shape[0], dtype=x.dtype)
     for start in range(0, matrix.shape[0], _ROWS):

@@ -122,6 +122,13 @@ class Mesh(Portable):
         object.__setattr__(mesh, "_origin", origin)
         return mesh
 
+    def __repr__(self) -> str:
+        cells = f"{len(self.cells)} {'triangles' if self.dim == 2 else 'tetrahedra'}"
+        named = [
+            f"{what} {', '.join(of)}" for what, of in (("boundaries", self.boundaries), ("regions", self.regions)) if of
+        ]
+        return f"Mesh({'; '.join([f'{len(self.points)} nodes, {cells}', *named])})"
+
     @cached_property
     def parent(self) -> Refinement | None:
         """The mesh that this one is the uniform refinement of, if it is known to be one.
