@@ -100,7 +100,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.LoadStepping(steps="many"), "LoadStepping.steps is 'many'; give a whole number >= 1"),
     (lambda: hv.PrimalDualActiveSet("exact"), r"PrimalDualActiveSet.inner is 'exact'; pass ExactInner\(\)"),
     (lambda: DISCRETE.with_law(hv.Signorini()), r"the law of a discrete problem is a Signorini; pass ContactLaw"),
-    (lambda: hv.DiscreteProblem(K, F, B, W, G, hv.Contact(hv.Signorini())), "is a Contact; pass ContactLaw"),
+    (lambda: hv.DiscreteProblem.of_arrays(K, F, B, W, G, hv.Contact(hv.Signorini())), "is a Contact; pass ContactLaw"),
     (lambda: DISCRETE.energy(SOLUTION.displacement), r"the unknowns have shape \(13, 2\); this problem has \(20,\)"),
     (lambda: DISCRETE.contact_force(SOLUTION.pressure), "the multiplier has shape"),
     (lambda: hv.Material.by_region([hv.Material.lame(1.0, 1.0)]), "by_region takes a mapping .*, not a list"),

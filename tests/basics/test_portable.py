@@ -184,7 +184,7 @@ def test_replaced_fields() -> None:
     problem = square(n=4)
     assert replace(around(problem), title="other").title == "other"
     discrete = hv.discretize(problem)
-    there = replace(around(discrete), load=2.0 * discrete.load)
+    there = around(discrete).with_(load=2.0 * discrete.load)
     np.testing.assert_array_equal(there.load, 2.0 * discrete.load)
 
 

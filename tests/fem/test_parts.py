@@ -139,7 +139,7 @@ def resultant(problem: DiscreteProblem, solution: hv.Solution, part: int) -> np.
     mine = np.zeros(problem.field.number_of_nodes, dtype=bool)
     mine[problem.field.mesh.cells[found.cell == part]] = True
     force = problem.field.basis @ problem.contact_force(solution.multiplier)
-    return np.asarray(force.reshape(-1, problem.field.dim)[mine].sum(axis=0))
+    return np.asarray(force.reshape(-1, problem.field.components)[mine].sum(axis=0))
 
 
 @pytest.mark.parametrize("method", [None, NonsmoothMultigrid()])
@@ -182,7 +182,7 @@ def test_gap_that_is_never_closed_gives_the_linear_problem() -> None:
     mesh = rectangle((1.0, 1.0), 8)
     linear = discretize(ContactProblem(mesh, MATERIAL, {}, {"left": Clamped()}, body_force=DOWN))
     assert linear.field is not None
-    expected = linear.field.displacement(solve(linear).unknowns)
+    expected = linear.field.full(solve(linear).unknowns)
     for gap in (1e3, 1e6, 1e9, 1e12):
         for law in (Signorini(), Compliance(10.0), SurveyLaw(0.3, 2.0)):
             contact = {"bottom": Contact(law, gap=gap)}
@@ -191,7 +191,7 @@ def test_gap_that_is_never_closed_gives_the_linear_problem() -> None:
                 found = solve(problem, method)
                 assert found.status is Status.CONVERGED, (gap, law, method)
                 assert problem.field is not None
-                np.testing.assert_allclose(problem.field.displacement(found.unknowns), expected, atol=1e-10)
+                np.testing.assert_allclose(problem.field.full(found.unknowns), expected, atol=1e-10)
 
 
 def test_no_load_and_an_adhesive_law() -> None:

@@ -279,8 +279,9 @@ _BLOCK = """
     d = 3 if rest else 2
     B = sp.eye_array(d * m, n, format="csr")
     law = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.1))
-    problem = DiscreteProblem(K, np.cos(np.arange(n)), B, np.ones(m), np.zeros(m), law)
-    solve(DiscreteProblem(np.eye(2), np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law))  # everything is loaded
+    problem = DiscreteProblem.of_arrays(K, np.cos(np.arange(n)), B, np.ones(m), np.zeros(m), law)
+    # everything is loaded
+    solve(DiscreteProblem.of_arrays(np.eye(2), np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law))
 """
 
 

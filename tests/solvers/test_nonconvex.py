@@ -196,11 +196,11 @@ def two_springs(slope: float) -> DiscreteProblem:
     law = ContactLaw(
         PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Friction(PenetrationBound(lambda s: slope * np.maximum(s, 0.0)))
     )
-    return DiscreteProblem(K, np.array([1.0, 2.5]), np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(K, np.array([1.0, 2.5]), np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
 
 
 def test_a_fixed_point_that_does_not_contract_says_so() -> None:
-    strong = DiscreteProblem(
+    strong = DiscreteProblem.of_arrays(
         np.array([[1.0, -0.9], [-0.9, 1.0]]),  # type: ignore[arg-type]
         np.array([0.1, 20.0]),
         np.eye(2),  # type: ignore[arg-type]

@@ -203,7 +203,7 @@ def test_bad_initial_guesses_are_named() -> None:
 
 def test_no_residual_is_hidden_by_a_kink_missed_by_rounding() -> None:
     """r = 1e-17 instead of 0 at a sticking point is a solution; a multiplier outside the law is not."""
-    problem = DiscreteProblem(
+    problem = DiscreteProblem.of_arrays(
         np.eye(2),
         np.array([0.0, 0.2]),
         np.eye(2),

@@ -279,7 +279,7 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
     """The unknowns (n,), given themselves or as the displacement of all nodes, (nodes, d)."""
     u = real_array(given, "the displacement", finite=False)
     field = problem.field
-    nodal = None if field is None else (field.number_of_nodes, field.dim)
+    nodal = None if field is None else (field.number_of_nodes, field.components)
     if u.shape not in (problem.load.shape, nodal):
         nodes = "" if nodal is None else f", the displacement of the nodes has shape {nodal}"
         raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}{nodes}")
@@ -288,7 +288,7 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
     if field is None or u.shape == problem.load.shape:
         return u
     unknowns = field.restrict(u)
-    off = np.abs(field.displacement(unknowns) - u).max(axis=1)
+    off = np.abs(field.full(unknowns) - u).max(axis=1)
     misses = off > _OFF_SUPPORT * np.abs(u).max()
     if misses.any():
         node = int(off.argmax())

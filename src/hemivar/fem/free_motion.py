@@ -9,7 +9,8 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array
 from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_along
-from hemivar.discrete.problem import DiscreteProblem, FieldMap
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.fem.parts import FreeMotions, MovingGroup, free_motions, rigid_basis
 
@@ -149,7 +150,7 @@ def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup,
     raise AssertionError
 
 
-def _words(field: FieldMap, motions: FreeMotions, group: MovingGroup, part: int) -> tuple[str, str]:
+def _words(field: Field, motions: FreeMotions, group: MovingGroup, part: int) -> tuple[str, str]:
     """Who moves, and what would hold it."""
     if motions.parts.count == 1:
         return "the body", _REMEDY

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.problem import FieldMap
+from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
@@ -154,7 +154,7 @@ def admitted(moved: Array) -> Array:
     return np.asarray(scipy.linalg.null_space(triangle, rcond=_RANK))
 
 
-def free_motions(field: FieldMap) -> FreeMotions:
+def free_motions(field: Field) -> FreeMotions:
     """The motions without deformation that a body has left, by its mesh and its supports; the field remembers them.
 
     Raises
@@ -170,9 +170,9 @@ def free_motions(field: FieldMap) -> FreeMotions:
     return found
 
 
-def _stopped(field: FieldMap) -> tuple[IntArray, Array]:
+def _stopped(field: Field) -> tuple[IntArray, Array]:
     """Nodes that supports act on, and the projections (k, d, d) on what they fix there."""
-    dim, basis = field.dim, field.basis
+    dim, basis = field.mesh.dim, field.basis
     filled = np.flatnonzero(np.diff(basis.indptr))
     column_node = np.zeros(basis.shape[1], dtype=np.int64)
     column_node[basis.indices] = np.repeat(filled // dim, np.diff(basis.indptr)[filled])
@@ -186,9 +186,9 @@ def _stopped(field: FieldMap) -> tuple[IntArray, Array]:
     return nodes, projection
 
 
-def _of_one(field: FieldMap) -> FreeMotions:
+def _of_one(field: Field) -> FreeMotions:
     """The motions of a body of one part."""
-    nodes, dim = field.nodes, field.dim
+    nodes, dim = field.nodes, field.mesh.dim
     corners = (nodes.min(axis=0), nodes.max(axis=0))
     where, stop = _stopped(field)
     count = 3 if dim == 2 else 6
@@ -208,8 +208,8 @@ def _of_one(field: FieldMap) -> FreeMotions:
 class _Body:
     """The nodes of every part, and the rigid motions of it there."""
 
-    def __init__(self, field: FieldMap) -> None:
-        self.dim, self.nodes = field.dim, field.nodes
+    def __init__(self, field: Field) -> None:
+        self.dim, self.nodes = field.mesh.dim, field.nodes
         self.all = parts(field.mesh)
         cells = field.mesh.cell_nodes(field.order)
         pairs = np.unique(np.repeat(self.all.cell, cells.shape[1]) * np.int64(len(self.nodes)) + cells.ravel())
@@ -229,7 +229,7 @@ class _Body:
         return made.reshape(len(nodes), self.dim, self.kinds)
 
 
-def _of_many(field: FieldMap) -> FreeMotions:
+def _of_many(field: Field) -> FreeMotions:
     """The motions of a body of several parts: first the parts that supports hold, then what hangs on them."""
     body = _Body(field)
     dim, count, kinds = body.dim, body.all.count, body.kinds

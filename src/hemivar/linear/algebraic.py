@@ -106,7 +106,7 @@ def _slots(problem: DiscreteProblem) -> tuple[IntArray, int, int]:
     """Where each unknown goes in a vector with the same number of entries for every node; that number; its length."""
     if problem.field is None:
         return np.arange(problem.unknowns), 1, problem.unknowns
-    basis, size = problem.field.basis.tocsc(), problem.field.dim
+    basis, size = problem.field.basis.tocsc(), problem.field.components
     node = basis.indices[basis.indptr[:-1]] // size
     first = np.concatenate([[True], np.diff(node) != 0])
     start = np.maximum.accumulate(np.where(first, np.arange(node.size), 0))

@@ -29,8 +29,8 @@ def shown_on_surface(solution: Solution) -> tuple[Array, str]:
     """Values at the vertices (N,) that colour the surface, and their name: von Mises stress or else displacement."""
     field = solution.problem.field
     assert field is not None
-    if field.material is not None:
-        return nodal_average(field.mesh, von_mises(field, solution.displacement)), "von Mises stress"
+    if solution.problem.origin is not None:
+        return nodal_average(field.mesh, von_mises(solution.problem.origin, solution.displacement)), "von Mises stress"
     return np.linalg.norm(solution.displacement[: field.mesh.number_of_nodes], axis=1), "displacement"
 
 

@@ -168,8 +168,8 @@ class _Plane:
             ax.add_collection(
                 LineCollection(list(self.moved[self.mesh.edges]), colors="#8f8f8f", linewidths=width, zorder=2)
             )
-        elif self.problem.field is not None and self.problem.field.material is not None:
-            stress = von_mises(self.problem.field, self.solution.displacement)
+        elif self.problem.origin is not None:
+            stress = von_mises(self.problem.origin, self.solution.displacement)
             colours = ax.tripcolor(
                 Triangulation(self.moved[:, 0], self.moved[:, 1], self.mesh.cells), facecolors=stress, cmap="cividis",
                 vmax=float(np.quantile(stress, 0.999)), zorder=2, rasterized=True,

@@ -95,10 +95,12 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
     """Contact points of all ranks in the order of the serial run, on rank 0; None elsewhere."""
     body, ranks = solution.body, solution.body.ranks
     d, contact = body.dim, body.contact
+    assert contact.points is not None
+    assert contact.frames is not None
     table = np.column_stack(
         [
-            body.contact_boundaries,
-            body.piece.numbers[body.contact_nodes],
+            contact.boundary,
+            body.piece.numbers[contact.node],
             contact.points,
             contact.frames[:, 0],
             contact.weights,
@@ -249,7 +251,7 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     piece, mesh, statement = body.piece, body.piece.mesh, body.statement
     nodes = mesh.number_of_nodes
     point_data = {"displacement": _three(solution.displacement)}
-    cell_data: dict[str, Array] = {"region": _region_numbers(statement)}
+    cell_data: dict[str, Array] = {"region": _region_numbers(statement.mesh)}
     tensor, mises = np.zeros((0, 6)), np.zeros(0)
     size: Array = np.zeros(nodes)
     average = np.zeros((nodes, 6))
@@ -265,18 +267,18 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     cell_data |= {"stress": tensor, "von_mises": mises}
     if not statement.contact:
         return point_data, cell_data
-    frames, lam, r = body.contact.frames, solution.multiplier, solution.local
-    friction = np.einsum("mc,mcd->md", lam[:, 1:], frames[:, 1:])
+    contact, lam, r = body.contact, solution.multiplier, solution.local
+    tangential = np.arange(body.dim) > 0
     values = [
-        lam[:, :1], body.contact.offset[:, :1], r[:, :1], _three(friction),
-        _three(np.einsum("mc,mcd->md", r[:, 1:], frames[:, 1:])),
-        _three(-np.einsum("mc,mcd->md", lam, frames)), solution.state[:, None],
+        lam[:, :1], contact.offset[:, :1], r[:, :1], _three(contact.global_vectors(lam * tangential)),
+        _three(contact.global_vectors(r * tangential)),
+        _three(-contact.global_vectors(lam)), solution.state[:, None],
     ]  # fmt: skip
     table = np.zeros((nodes, 13))
     table[:, 12] = -1.0
     # a node of two contact boundaries carries the values of the first
-    order = np.argsort(-body.contact_boundaries, kind="stable")
-    table[body.contact_nodes[order]] = np.column_stack(values)[order]
+    order = np.argsort(-contact.boundary, kind="stable")
+    table[contact.node[order]] = np.column_stack(values)[order]
     table = piece.of_owners(ranks, table)
     names = ("pressure", "gap", "penetration", "friction", "slip", "contact_force", "state")
     for name, part in zip(names, np.split(table, [1, 2, 3, 6, 9, 12], axis=1), strict=True):

@@ -89,7 +89,7 @@ class Solution(Portable):
     @cached_property
     def displacement(self) -> Array:
         """Nodal displacement (nodes, d) of the mesh, or the unknowns (n,) of a problem made of arrays."""
-        return self.unknowns if self.problem.field is None else self.problem.field.displacement(self.unknowns)
+        return self.unknowns if self.problem.field is None else self.problem.field.full(self.unknowns)
 
     @property
     def warnings(self) -> tuple[str, ...]:

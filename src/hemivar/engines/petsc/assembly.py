@@ -16,17 +16,19 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.hold import Growth, decide, growth_along
-from hemivar.discrete.problem import DiscreteProblem, friction_warning
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
-from hemivar.fem.discretize import JoinedContact, NodalConditions, discretize, nodal_conditions
+from hemivar.fem.discretize import discretize, friction_warning
 from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.parts import admitted, free_motions, rigid_basis
+from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
@@ -58,10 +60,10 @@ class BodyOnRanks:
     free : bool array (N, d)
     prescribed : array (N, d)
         Prescribed displacements.
-    contact : JoinedContact
-        Contact points at the nodes of this rank; ``trace`` has not been kept.
-    contact_nodes, contact_boundaries : int arrays (m,)
-        Node of each contact point, and the place of its boundary in ``statement.contact``.
+    contact : ContactPoints
+        Contact points at the nodes of this rank; ``names`` are all contact boundaries of the whole problem.
+    law : ContactLaw
+        Their law.
     unknown : int array (k,)
         Place in the local part of a vector of each active component of the contact points.
     sign : array (k,)
@@ -105,9 +107,8 @@ class BodyOnRanks:
     directions: Array
     free: BoolArray
     prescribed: Array
-    contact: JoinedContact
-    contact_nodes: IntArray
-    contact_boundaries: IntArray
+    contact: ContactPoints
+    law: ContactLaw
     unknown: IntArray
     sign: Array
     active: BoolArray
@@ -130,11 +131,6 @@ class BodyOnRanks:
     def dim(self) -> int:
         """Space dimension d."""
         return self.piece.mesh.dim
-
-    @property
-    def law(self) -> ContactLaw:
-        """Law of the contact points of this rank."""
-        return self.contact.law
 
     @property
     def weights(self) -> Array:
@@ -208,7 +204,7 @@ class BodyOnRanks:
 
     def with_law(self, law: ContactLaw) -> BodyOnRanks:
         """The same body on another foundation."""
-        return replace(self, contact=replace(self.contact, law=law))
+        return replace(self, law=law)
 
 
 def assemble(
@@ -249,9 +245,8 @@ def assemble(
         return stated, nodal_conditions(_present(stated))
 
     stated, nodal = ranks.agree(conditions)
-    contact, contact_nodes, of_group = ranks.agree(lambda: nodal.contact(inside))
-    here = [name for name in stated.contact if len(skin.boundaries[name])]
-    of_boundary = np.array([list(stated.contact).index(name) for name in here], dtype=np.int64)[of_group]
+    contact, law, constant = ranks.agree(lambda: nodal.contact(inside))
+    contact = _named(contact, tuple(stated.contact))
     own = _present(stated, piece.mesh)
 
     def elements() -> tuple[EdgeBlocks | None, Array]:
@@ -264,7 +259,6 @@ def assemble(
     directions, free = nodal.directions[:nodes], nodal.free[:nodes]
     prescribed = nodal.supports.value[:nodes]
     places = _places(ranks, piece)
-    constant = contact.energy
     if blocks is not None and prescribed.any():
         reaction = blocks.times(prescribed).ravel()
         constant += float(prescribed.ravel() @ (0.5 * reaction - load))
@@ -298,9 +292,8 @@ def assemble(
         directions=directions,
         free=free,
         prescribed=prescribed,
-        contact=replace(contact, trace=sp.csr_array((0, 0))),
-        contact_nodes=contact_nodes,
-        contact_boundaries=of_boundary,
+        contact=contact,
+        law=law,
         unknown=unknown,
         sign=sign,
         active=active,
@@ -314,8 +307,8 @@ def assemble(
         contact_points=int(points),
         constant=float(constant),
         load_scale=load_size,
-        warnings=_warnings(ranks, own, contact, np.column_stack([of_boundary, piece.numbers[contact_nodes]])),
-        against=_against(ranks, load_size, contact, active, compliance),
+        warnings=_warnings(ranks, own, contact, piece),
+        against=_against(ranks, load_size, contact, law, active, compliance),
         seconds=time.perf_counter() - began,
         coarser=coarser,
     )
@@ -324,6 +317,12 @@ def assemble(
     elif check_coercivity:
         _check_held(body, admissible, moves)
     return body
+
+
+def _named(contact: ContactPoints, names: tuple[str, ...]) -> ContactPoints:
+    """The contact points with the names of all boundaries in place of those that this rank sees."""
+    place = np.array([names.index(name) for name in contact.names], dtype=np.int64)
+    return replace(contact, names=names, boundary=place[contact.boundary])
 
 
 def _unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem]) -> DiscreteProblem:
@@ -482,7 +481,7 @@ def _global(
 
 
 def _contact_unknowns(
-    ranks: Ranks, contact: JoinedContact, nodal: NodalConditions, owned: BoolArray
+    ranks: Ranks, contact: ContactPoints, nodal: NodalConditions, owned: BoolArray
 ) -> tuple[IntArray, Array, BoolArray]:
     """Place in the local vector, sign and activity of the contact components."""
     m, dim = contact.offset.shape
@@ -516,25 +515,26 @@ def _compliance(ranks: Ranks, weights: Array, active: BoolArray, unknown: IntArr
     return np.asarray(weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0))
 
 
-def _warnings(ranks: Ranks, own: ContactProblem, contact: JoinedContact, order: Array) -> tuple[str, ...]:
-    """Locking, of the rank whose part is closest to incompressible, and friction left out, in the order of (k, 2)."""
+def _warnings(ranks: Ranks, own: ContactProblem, contact: ContactPoints, piece: Piece) -> tuple[str, ...]:
+    """Locking, of the rank whose part is closest to incompressible, and friction left out."""
     mine: tuple[float, str] = (-np.inf, "")
     if own.mesh.number_of_cells:
-        mine = largest_poisson_ratio(own) or -np.inf, locking_warning(own) or ""
+        mine = largest_poisson_ratio(own), locking_warning(own) or ""
     text = max(ranks.mpi.allgather(mine))[1]
-    told = np.column_stack([order, contact.points])[contact.without_friction]
+    assert contact.points is not None
+    told = np.column_stack([contact.boundary, piece.numbers[contact.node], contact.points])[contact.without_friction]
     told = np.concatenate(ranks.mpi.allgather(told))
     left_out = friction_warning(told[np.lexsort((told[:, 1], told[:, 0])), 2:])
     return tuple(sentence for sentence in (text, left_out) if sentence)
 
 
 def _against(
-    ranks: Ranks, load: float, contact: JoinedContact, active: BoolArray, compliance: Array
+    ranks: Ranks, load: float, contact: ContactPoints, law: ContactLaw, active: BoolArray, compliance: Array
 ) -> LoadScale:  # fmt: skip
     """As :func:`hemivar.discrete.residual.load_scale`."""
     force = np.zeros(0)
     if len(contact.weights):
-        law, start = contact.law, -contact.offset
+        start = -contact.offset
         inside = start.copy()
         inside[:, 0] = np.clip(start[:, 0], law.normal.domain.lower, law.normal.domain.upper)
         with np.errstate(all="ignore"):

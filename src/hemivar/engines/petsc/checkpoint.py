@@ -285,8 +285,8 @@ def _scatter(body: BodyOnRanks, vector: Any, natural: Any) -> Any:
 def _slots(body: BodyOnRanks) -> IntArray:
     """Place in a vector for each contact point: its node, and a component of its own where several share the node."""
     position = np.cumsum(body.owned) - 1
-    node = position[body.contact_nodes]
-    order = np.lexsort((body.contact_boundaries, node))
+    node = position[body.contact.node]
+    order = np.lexsort((body.contact.boundary, node))
     first = np.searchsorted(node[order], node[order])
     slot = np.empty(len(node), dtype=np.int64)
     slot[order] = np.arange(len(node)) - first

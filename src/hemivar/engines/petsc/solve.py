@@ -116,7 +116,7 @@ class DistributedSolution:
         body, w, lam = self.body, self.body.weights, self.multiplier
         d = body.dim
         closed = self.state != ContactState.OPEN
-        force = -np.einsum("m,mc,mcd->d", w, lam, body.contact.frames)
+        force = -w @ body.contact.global_vectors(lam)
         total = body.ranks.total(
             *(w @ lam),
             *force,
