@@ -134,12 +134,12 @@ class Path(Portable):
     @cached_property
     def normal_force(self) -> Array:
         """Resultant of the pressure, (k,)."""
-        return np.asarray(self.multiplier[:, :, 0] @ self.problem.weights)
+        return np.asarray(self.multiplier[:, :, 0] @ self.problem.contact.weights)
 
     @cached_property
     def friction_force(self) -> Array:
         """Resultant of the friction, (k, d - 1)."""
-        return np.asarray(np.einsum("m,kmc->kc", self.problem.weights, self.multiplier[:, :, 1:]))
+        return np.asarray(np.einsum("m,kmc->kc", self.problem.contact.weights, self.multiplier[:, :, 1:]))
 
     def at(self, load_factor: float) -> list[tuple[Array, bool]]:
         """Local displacements (m, d) where the path crosses a load, in order, and whether they are stable.

@@ -313,7 +313,7 @@ def _deflated_newton(chain: Chain, theta: Array, known: list[Array]) -> tuple[Ar
 
 def _kind(system: CondensedProblem, r: Array, lam: Array) -> PointKind:
     """The kind of a stationary point by the curvature of the components that are off the kinks, in any dimension."""
-    frozen = system.for_problem(system.problem.with_law(system.law_at(r, lam)))
+    frozen = system.for_problem(system.problem.with_(law=system.law_at(r, lam)))
     index = np.flatnonzero(newton_components(frozen.law, r, frozen.active).ravel())
     if index.size == 0:
         return PointKind.LOCAL_MINIMISER

@@ -145,7 +145,7 @@ def find_solutions(
     system = condense(problem) if condensed is None else condensed
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
-    plane = problem.dim <= 2 and problem.contact_points > 0
+    plane = problem.contact.components <= 2 and problem.contact_points > 0
     if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
         chain = state_chain_of(system) if dependent else chain_of(system)
     search = SolutionSearch(system, chain, controls, max_solutions, np.random.default_rng(seed), budget)

@@ -17,7 +17,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.subspace import Mode, Subspace, counting_rows, start_vector
-from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns, selects, sole_use
 from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
@@ -86,7 +86,8 @@ class MultigridNorm:
 
     def __init__(self, problem: DiscreteProblem) -> None:
         self.problem = problem
-        self.stiffness = problem.stiffness
+        self.bulk = quadratic(problem.bulk, "multigrid")
+        self.stiffness = self.bulk.stiffness
         self._levels = ElasticMultigrid.of(problem).levels
         self._top = len(self._levels.sizes) - 1
         self._negative: float | None = None
@@ -102,7 +103,7 @@ class MultigridNorm:
         """Whether K is positive definite: by mesh and supports, and as far as :attr:`lowest` is an estimate."""
         if self._known is False:
             return False
-        guard = rounding(self.stiffness, self.problem.diagonal)
+        guard = rounding(self.stiffness, self.bulk.diagonal)
         return bool(self.lowest > (guard if self._known else max(guard, _ESTIMATED)))
 
     @cached_property
@@ -113,7 +114,7 @@ class MultigridNorm:
         """
         if self._known is not None:
             return None
-        guard = rounding(self.stiffness, self.problem.diagonal)
+        guard = rounding(self.stiffness, self.bulk.diagonal)
         found = lowest_quotient(self.stiffness)
         if not self.definite and self._negative is not None:
             found = min(found, self._negative)
@@ -181,7 +182,7 @@ class MultigridNorm:
                 subspace.improve(self.quality, 2, 0.1)
             if subspace.negative is not None:
                 if k == self._top:
-                    self._negative = quotient(self.stiffness, subspace.negative, self.problem.diagonal)
+                    self._negative = quotient(self.stiffness, subspace.negative, self.bulk.diagonal)
                 return 0.0
             X, lowest = subspace.X, 1.0 / (float(subspace.values[0]) + added)
         return _SAFETY * lowest
@@ -312,7 +313,7 @@ class MultigridNorm:
         Mode or None
             None where the trace does not select unknowns, or where the method did not tell the eigenvalue from one.
         """
-        if not selects(self.problem.trace):
+        if not selects(self.problem.contact.trace):
             return None
         unknown, _, active, _ = contact_unknowns(self.problem)
         levels, first = self._levels, self._levels.algebraic

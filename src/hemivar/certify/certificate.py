@@ -217,13 +217,13 @@ def certify(
     if factor is not None:
         expect(factor, EnergyNorm | MultigridNorm, "the factor", "pass hemivar.certify.energy_norm(problem)")
     tolerance = number(tolerance, "the tolerance of a certificate")
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     u = _unknowns(problem, given)
     if not 0.0 <= tolerance <= 0.1:
         raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
     budget = Budget(max_time)
     energy = energy_norm(problem) if factor is None else factor
-    if energy.stiffness is not problem.stiffness and energy.stiffness.shape != problem.stiffness.shape:
+    if energy.stiffness.shape[0] != problem.unknowns:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
     if not energy.definite:
         refuse_indefinite(energy.indefinite)
@@ -280,12 +280,13 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
     u = real_array(given, "the displacement", finite=False)
     field = problem.field
     nodal = None if field is None else (field.number_of_nodes, field.components)
-    if u.shape not in (problem.load.shape, nodal):
+    shape = (problem.unknowns,)
+    if u.shape not in (shape, nodal):
         nodes = "" if nodal is None else f", the displacement of the nodes has shape {nodal}"
-        raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}{nodes}")
+        raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {shape}{nodes}")
     if not np.isfinite(u).all():
         raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
-    if field is None or u.shape == problem.load.shape:
+    if field is None or u.shape == shape:
         return u
     unknowns = field.restrict(u)
     off = np.abs(field.full(unknowns) - u).max(axis=1)
@@ -325,7 +326,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Bud
     )
     equilibrium, load_norm = in_time(
         "equilibrium",
-        lambda: (point.imbalance[1], energy.least_dual_norm(problem.load)) if energy.definite else (np.inf, np.inf),
+        lambda: (point.imbalance[1], energy.least_dual_norm(point.bulk.load)) if energy.definite else (np.inf, np.inf),
         (np.inf, np.inf),
     )
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
@@ -372,8 +373,8 @@ def _ratio(part: float, whole: float) -> float:
 def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
     """Equilibrium where the body can move; the multiplier of the law nearest to zero where it cannot."""
     lam = equilibrium_multiplier(problem, u)
-    m, d = problem.contact_points, problem.dim
-    fixed = np.diff(problem.trace.indptr).reshape(m, d) == 0
+    m, d = problem.contact_points, problem.contact.components
+    fixed = np.diff(problem.contact.trace.indptr).reshape(m, d) == 0
     if fixed.any():
         r = problem.local(u)
         law = problem.law.frozen(r, lam)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hemivar.certify.by_factorisation import EnergyNorm
 from hemivar.certify.by_multigrid import MultigridNorm
-from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.linear.definite import free_unknowns
 
 __all__ = ["FACTORISED", "EnergyNorm", "MultigridNorm", "Norm", "energy_norm", "factorises"]
@@ -20,9 +20,12 @@ def energy_norm(problem: DiscreteProblem) -> Norm:
     if not factorises(problem):
         return MultigridNorm(problem)
     free = free_unknowns(problem)
-    return EnergyNorm(problem.stiffness, singular=free is not None and free.shape[1] > 0)
+    return EnergyNorm(
+        quadratic(problem.bulk, "the energy norm").stiffness, singular=free is not None and free.shape[1] > 0
+    )
 
 
 def factorises(problem: DiscreteProblem) -> bool:
     """Whether :func:`energy_norm` factorises the stiffness of a problem."""
-    return problem.unknowns <= FACTORISED[problem.dim == 3]
+    dimension = problem.contact.components if problem.field is None else problem.field.mesh.dim
+    return problem.unknowns <= FACTORISED[dimension == 3]

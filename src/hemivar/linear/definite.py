@@ -44,7 +44,7 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
     if field is None:
         return None
     motions = free_motions(field)
-    unknowns = np.asarray((field.basis.T @ motions.motions).toarray())
+    unknowns = np.asarray((field.lift @ motions.motions).toarray())
     if not motions.count:
         return unknowns
     force = np.abs(problem.stiffness @ unknowns)

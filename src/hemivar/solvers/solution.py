@@ -134,17 +134,17 @@ class Solution(Portable):
     @cached_property
     def normal_force(self) -> float:
         """Resultant of the pressure over the contact boundary."""
-        return float(self.problem.weights @ self.pressure)
+        return float(self.problem.contact.weights @ self.pressure)
 
     @cached_property
     def friction_force(self) -> Array:
         """Resultant of the friction in local components, (d - 1,)."""
-        return np.asarray(self.problem.weights @ self.friction)
+        return np.asarray(self.problem.contact.weights @ self.friction)
 
     @cached_property
     def contact_length(self) -> float:
         """Measure of the part of the contact boundary that is not open (length in 2D, area in 3D)."""
-        return float(self.problem.weights @ (self.state != ContactState.OPEN))
+        return float(self.problem.contact.weights @ (self.state != ContactState.OPEN))
 
     def certify(
         self, *, tolerance: float = 1e-8, trace_constant: bool = True, max_time: float = math.inf

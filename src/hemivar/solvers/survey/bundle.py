@@ -283,7 +283,7 @@ def _minimise_model(
     stiffness[~system.active.ravel()] = 0.0
     model = replace(
         system,
-        problem=system.problem.with_law(law),
+        problem=system.problem.with_(law=law),
         matrix=system.matrix + np.diag(stiffness),
         force=system.force + stiffness * centre.ravel(),
     )
