@@ -21,7 +21,7 @@ import pytest
 from threadpoolctl import ThreadpoolController
 
 import hemivar as hv
-from hemivar import report
+from hemivar import files, report
 from hemivar.linear.algebraic import algebraic_levels
 from hemivar.mesh.mesh import Mesh
 from tests.problems import bar, square
@@ -107,7 +107,7 @@ PUBLIC: dict[str, Callable[[hv.Solution, Path], object]] = {
     "refused": lambda s, path: refused("foo(r)"),
     "figures": lambda s, path: report.save(report.plot_solution(s), path / "figure.png"),
     "contact figures": lambda s, path: report.save(report.plot_contact(s), path / "figure.svg"),
-    "files": lambda s, path: [report.write_csv(s, path / "x.csv"), report.write_vtu(s, path / "x.vtu")],
+    "files": lambda s, path: [files.write_csv(s, path / "x.csv"), files.write_vtu(s, path / "x.vtu")],
 }
 
 
@@ -135,7 +135,7 @@ def test_importing_every_room_changes_nothing_global() -> None:
         "def state(): return (pickle.dumps(np.random.get_state()), np.geterr(), list(warnings.filters),"
         " dict(os.environ), [signal.getsignal(s) for s in signal.valid_signals()], locale.setlocale(locale.LC_ALL))\n"
         "before = state()\n"
-        "import hemivar, hemivar.report, hemivar.branches, hemivar.files.problem, hemivar.gallery, hemivar.cli\n"
+        "import hemivar, hemivar.report, hemivar.branches, hemivar.files.problem_file, hemivar.gallery, hemivar.cli\n"
         "[getattr(hemivar, name) for name in hemivar.__all__]\n"
         "print(before == state())"
     )

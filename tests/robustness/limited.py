@@ -90,7 +90,7 @@ def warm_up() -> None:
     import hemivar.cli.laws
     import hemivar.cli.path
     import hemivar.cli.solutions
-    import hemivar.files.problem
+    import hemivar.files.problem_file
     import hemivar.files.results
     import hemivar.report.figures
     import hemivar.report.path

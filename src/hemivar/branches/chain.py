@@ -22,7 +22,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.branches.segments import Segments, graph_segments, joined_rows
 from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import MethodError
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import ContactLaw
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["Chain", "chain_of", "segments_at_most"]
@@ -121,7 +121,7 @@ class Chain(Segments):
         pieces[self.point, self.column] = piece
         values[self.point, self.column] = r
         slope, curvature = np.zeros((m, d)), np.zeros((m, d))
-        for c, law in enumerate(_laws(self.graph_law(self.system), d)):
+        for c, law in enumerate(self.graph_law(self.system).scalar_laws(d)):
             with np.errstate(all="ignore"):
                 slope[:, c] = law.piece_derivative(pieces[:, c], values[:, c])
                 curvature[:, c] = law.piece_curvature(pieces[:, c], values[:, c])
@@ -264,10 +264,6 @@ class Chain(Segments):
         return theta
 
 
-def _laws(law: ContactLaw, d: int) -> tuple[Superpotential, ...]:
-    return (law.normal,) if d == 1 else (law.normal, law.tangential)
-
-
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]
     """The curves of all free components of a condensed problem, of one kind or another.
 
@@ -281,7 +277,7 @@ def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # t
         raise MethodError("the graph of the law is a curve only in one and two dimensions; this problem has three")
     point, column = np.divmod(system.free, d)
     tau = kind.lengths(system, point, column)
-    laws = _laws(kind.graph_law(system), d)
+    laws = kind.graph_law(system).scalar_laws(d)
     rows = [np.flatnonzero(column == c) for c in range(len(laws))]
     segments = joined_rows([graph_segments(law, m, point[i], tau[i]) for law, i in zip(laws, rows, strict=True)], rows)
     return kind(**vars(segments), system=system, point=point, column=column)
@@ -289,5 +285,5 @@ def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # t
 
 def segments_at_most(system: CondensedProblem) -> int:
     """Number of segments that :func:`chain_of` will lay out, at most."""
-    counts = [2 * law.knots.shape[-1] + 1 for law in _laws(system.law, system.shape[1])]
+    counts = [2 * law.knots.shape[-1] + 1 for law in system.law.scalar_laws(system.shape[1])]
     return int(np.bincount(system.free % system.shape[1], minlength=len(counts)) @ counts)

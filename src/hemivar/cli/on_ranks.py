@@ -13,13 +13,15 @@ from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.certificate import certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
 from hemivar.errors import FileError, HemivarError, ProblemError
+from hemivar.mesh import Grid
 from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.solvers import ContactState, Status
 
 if TYPE_CHECKING:
     from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
     from hemivar.engines.petsc.solve import Saved
-    from hemivar.files.problem import MeshRecipe, ProblemFile
+    from hemivar.files.mesh_table import StatedMesh
+    from hemivar.files.problem_file import ProblemFile
     from hemivar.solvers import Controls, Progress
 
 __all__ = ["ProblemOnRanks", "read_on_ranks", "run_on_ranks"]
@@ -43,19 +45,23 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
     """
     from hemivar.engines.petsc import assemble, family
     from hemivar.engines.petsc.pieces import grid_numbers
-    from hemivar.files.problem import parse_problem_file, read_text
+    from hemivar.files.problem_file import parse_problem_file, read_text
 
     text = ranks.mpi.bcast(ranks.agree(lambda: read_text(path) if ranks.rank == 0 else ""))
     pieces = []
 
-    def place(recipe: MeshRecipe) -> Any:
-        def number(points: Any) -> Any:
-            assert recipe.grid is not None
-            return grid_numbers(points / recipe.scale, *recipe.grid)
+    def place(stated: StatedMesh) -> Any:
+        recipe = stated.recipe
+        grid = recipe.source if isinstance(recipe.source, Grid) else None
 
-        renumber = None if recipe.grid is None else number
+        def number(points: Any) -> Any:
+            assert grid is not None
+            return grid_numbers(points / recipe.scale, grid.origin, grid.size, grid.cells)
+
+        renumber = None if grid is None else number
+        crossed = grid is not None and grid.pattern == "cross"
         try:
-            pieces.extend(family(ranks, recipe.begin, recipe.halvings, recipe.refine, renumber, recipe.crossed))
+            pieces.extend(family(ranks, stated.begin, recipe.halvings, recipe.refine, renumber, crossed))
         except ProblemError as refused:
             raise _named(refused, str(path), "[mesh] ") from None
         return pieces[-1].mesh

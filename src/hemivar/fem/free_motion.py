@@ -12,7 +12,7 @@ from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_a
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
-from hemivar.fem.parts import FreeMotions, MovingGroup, free_motions, rigid_basis
+from hemivar.fem.rigid import FreeMotions, MovingGroup, free_motions, rigid_basis
 
 __all__ = ["describe", "free_growth", "geometric_slack", "known_to_be_held", "refuse", "refuse_free_motion"]
 

@@ -12,7 +12,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
-from hemivar.fem.parts import rigid_basis
+from hemivar.fem.rigid import rigid_basis
 
 __all__ = ["Coarser", "coarser", "rigid_motions"]
 

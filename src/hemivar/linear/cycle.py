@@ -127,7 +127,7 @@ def _build(problem: DiscreteProblem) -> ElasticMultigrid:
 
 
 def _data(problem: DiscreteProblem) -> tuple[object, ...]:
-    return problem.load, problem.gap, problem.slip_offset, problem.law
+    return problem.bulk, problem.contact.offset, problem.law
 
 
 def selects(trace: sp.csr_array) -> bool:

@@ -13,7 +13,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.parts import free_motions
+from hemivar.fem.rigid import free_motions
 
 __all__ = [
     "below_zero",

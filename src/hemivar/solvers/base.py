@@ -13,7 +13,7 @@ from hemivar.discrete.residual import Residual
 from hemivar.laws import ContactLaw
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
-from hemivar.systems.condensed import condense
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["Solver", "State", "System"]
 
@@ -152,9 +152,9 @@ class Solver(ABC):
         """The method, with what it solves inside as accurate as a relative tolerance of the whole asks for."""
         return self
 
-    def prepare(self, problem: DiscreteProblem) -> Any:
-        """The system the method works on."""
-        return condense(problem)
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+        """The system the method works on; what is expensive about it comes from the workspace."""
+        return workspace.condensed(problem)
 
     def first_guess(self, system: Any, budget: Budget) -> tuple[Array, Status | None]:
         """Where to start if the user names no point; and a status where the search for it was stopped."""

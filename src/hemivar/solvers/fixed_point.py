@@ -11,13 +11,13 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws.contact import spread
+from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["FixedPoint"]
 
@@ -79,7 +79,7 @@ class FixedPoint(Solver):
         return True
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
-        if not depends_on_state(problem.law):
+        if not problem.law.state_dependent:
             return self.inner.refuse(problem)
         start = problem.local(np.zeros(problem.unknowns))
         return self.inner.refuse(problem.with_law(problem.law.frozen(start, np.zeros(start.shape))))
@@ -94,12 +94,12 @@ class FixedPoint(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(self.inner_rtol))
 
-    def prepare(self, problem: DiscreteProblem) -> Any:
-        return self.inner.prepare(problem)
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+        return self.inner.prepare(problem, workspace)
 
     def step(self, system: System, state: State, budget: Budget) -> State:
         memory: _Memory = state.memory
-        law = system.law.frozen(system.local(memory.r), memory.lam) if depends_on_state(system.law) else system.law
+        law = system.law.frozen(system.local(memory.r), memory.lam) if system.law.state_dependent else system.law
         ordinary = system.for_problem(system.problem.with_law(law))
         r = ordinary.start(state.r)
         rounding = 64.0 * np.finfo(float).eps

@@ -15,6 +15,7 @@ from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.status import STOPPED
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["LoadStepping"]
 
@@ -80,8 +81,8 @@ class LoadStepping(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(min(rtol, self.rtol)))
 
-    def prepare(self, problem: DiscreteProblem) -> Any:
-        return self.inner.prepare(problem)
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+        return self.inner.prepare(problem, workspace)
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.inner.refuse(problem)

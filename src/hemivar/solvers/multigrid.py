@@ -19,9 +19,9 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.parts import free_motions
+from hemivar.fem.rigid import free_motions
 from hemivar.laws import ContactLaw
-from hemivar.laws.contact import Linearisation
+from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns, selects
 from hemivar.linear.definite import (
     below_zero,
@@ -39,7 +39,7 @@ from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import best_component, diagonal_step, majorant, newton_components, snapped
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["BodyProblem", "NonsmoothMultigrid"]
 
@@ -404,11 +404,11 @@ class NonsmoothMultigrid(Solver):
     def _target(self) -> float:
         return _TIGHTEST if self.tolerance is None else self.tolerance
 
-    def prepare(self, problem: DiscreteProblem) -> BodyProblem:
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
         return set_up(problem)
 
     def first_guess(self, system: BodyProblem, budget: Budget) -> tuple[Array, Status | None]:
-        if system.below is None or not self.nested or depends_on_state(system.law):
+        if system.below is None or not self.nested or system.law.state_dependent:
             return system.start(), None
         rough = replace(self, tolerance=0.1 * _NESTED, sweeps=min(self.sweeps, 2))
         x, stopped = rough.first_guess(system.below, budget)

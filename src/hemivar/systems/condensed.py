@@ -21,25 +21,20 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.parts import free_motions
 from hemivar.fem.posed import posed
+from hemivar.fem.rigid import free_motions
 from hemivar.laws import ContactLaw
 from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.linear.factorisation import Factorisation, factorise
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["CondensedProblem", "condense", "depends_on_state"]
+__all__ = ["CondensedProblem", "condense"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
 _ROUNDED = 1e-9
-
-
-def depends_on_state(law: ContactLaw) -> bool:
-    """Whether a bound of the law depends on the solution (the two-argument functional J(w, v))."""
-    return law.state_dependent
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +221,7 @@ class CondensedProblem(Portable):
 
     def law_at(self, r: Array, lam: Array | None = None) -> ContactLaw:
         """The law, with a bound that depends on the solution evaluated at ``r`` and the multiplier ``lam``."""
-        if not depends_on_state(self.law):
+        if not self.law.state_dependent:
             return self.law
         return self.law.frozen(r, self.out_of_balance(r) / self.weights[:, None] if lam is None else lam)
 
@@ -276,8 +271,9 @@ class CondensedProblem(Portable):
         if problem.stiffness.shape != old.stiffness.shape or problem.trace.shape != old.trace.shape:
             raise ProblemError("the other problem is of another size; condense it by itself")
         began = time.perf_counter()
-        same_load = problem.load is old.load and problem.constant == old.constant
-        if same_load and problem.gap is old.gap and problem.slip_offset is old.slip_offset:
+        if problem is old:
+            return self
+        if problem.bulk is old.bulk and problem.contact.offset is old.contact.offset:
             return replace(self, problem=problem, seconds=0.0)
         return _load(self._body, problem, began)
 

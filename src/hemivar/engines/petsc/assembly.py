@@ -27,7 +27,7 @@ from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
 from hemivar.fem.discretize import discretize, friction_warning
 from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
-from hemivar.fem.parts import admitted, free_motions, rigid_basis
+from hemivar.fem.rigid import admitted, free_motions, rigid_basis
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -417,7 +417,7 @@ def _with_facets_around(ranks: Ranks, piece: Piece) -> Mesh:
             _, chosen = np.unique(key, axis=0, return_index=True)
             facets = facets[chosen]
         boundaries[name] = facets
-    return Mesh._trusted(points, mesh.cells, boundaries, mesh.regions)
+    return Mesh.trusted(points, mesh.cells, boundaries, mesh.regions)
 
 
 def _places(ranks: Ranks, piece: Piece) -> IntArray:

@@ -17,7 +17,7 @@ from hemivar.engines.petsc.alarm import CALLED, Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.laws import ContactLaw
-from hemivar.laws.contact import Linearisation
+from hemivar.laws.vector_law import Linearisation
 from hemivar.solvers import Controls, Progress, Status
 from hemivar.solvers.newton import room
 from hemivar.solvers.solution import contact_state

@@ -12,18 +12,14 @@ import numpy as np
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.base import Superpotential
-from hemivar.laws.bounds import StateBound
 from hemivar.laws.consistency import check_own
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["ABSOLUTE_VALUE", "Friction", "NoFriction", "Tresca"]
-
-#: j(r) = |r|, the profile of Tresca's law.
-ABSOLUTE_VALUE = PiecewiseQuadratic(
-    np.zeros((1, 1)), np.zeros((1, 2)), np.full((1, 1), 2.0), start=-1.0, name="absolute value"
-)
+__all__ = ["Friction"]
 
 #: Knots of a profile next to which it is tried out.
 _MOST_KNOTS = 2000
@@ -177,13 +173,3 @@ def _check_one(profile: Superpotential) -> None:
             f"law '{profile.name}' is negative friction, {forward[i]:.6g} at the slip r = {s[i]:.6g}; it must be at "
             f"least 0, for it opposes the slip"
         )
-
-
-def Tresca(bound: Parameter | StateBound) -> Friction:  # noqa: N802 - a law, named as the others are
-    """Tresca's law: friction at most ``bound``, against the slip once it slips (j_tau = |.|)."""
-    return Friction(bound)
-
-
-def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
-    """No friction."""
-    return Friction(0.0)

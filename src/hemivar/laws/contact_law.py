@@ -9,46 +9,26 @@ from functools import cached_property
 import numpy as np
 
 from hemivar.basics.arguments import described
-from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.base import Superpotential
-from hemivar.laws.bounds import StateBound, stack_bounds
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction
+from hemivar.laws.friction.bounds import StateBound, stack_bounds
 from hemivar.laws.stacked import stack
+from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.vector_law import Linearisation, VectorLaw
 
-__all__ = ["ContactLaw", "Linearisation", "spread"]
-
-
-@dataclass(frozen=True)
-class Linearisation:
-    """First and second derivative of a contact law on the pieces where it is smooth.
-
-    Attributes
-    ----------
-    smooth : bool array (m, 2)
-        Whether the normal and the tangential part are differentiable at r.
-    gradient : array (m, d)
-        Derivative of the smooth parts, zero elsewhere.
-    hessian : array (m, d, d)
-        Second derivative of the smooth parts, zero elsewhere.
-    """
-
-    smooth: BoolArray
-    gradient: Array
-    hessian: Array
+__all__ = ["ContactLaw"]
 
 
 @dataclass(frozen=True, eq=False)
-class ContactLaw(Portable):
-    """j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
+class ContactLaw(VectorLaw):
+    """The law that splits: j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
 
     The bound h_tau may depend on penetration or pressure (:class:`~hemivar.laws.StateBound`); then only the parts
     that do not need it answer, until :meth:`frozen` evaluates it.
 
-    Local displacements ``r`` have shape ``(m, d)``: column 0 is the penetration r_nu, the others the slip r_tau.
-    Multipliers have the same shape: pressure and friction of the foundation on the body.
+    With one local component (a bar, a membrane) there is no slip, and friction answers nothing.
 
     Parameters
     ----------
@@ -75,7 +55,6 @@ class ContactLaw(Portable):
         check_own(self.normal)
 
     def at(self, points: Array | None) -> ContactLaw:
-        """The law with every parameter evaluated at ``points (m, d)``."""
         return ContactLaw(self.normal.at(points), self.friction.at(points))
 
     @cached_property
@@ -83,30 +62,24 @@ class ContactLaw(Portable):
         """The even scalar law h_tau j_tau."""
         return self.friction.radial
 
+    def scalar_laws(self, components: int) -> tuple[Superpotential, ...]:
+        """The normal law, and the tangential one where there are tangents."""
+        return (self.normal,) if components == 1 else (self.normal, self.tangential)
+
     def take(self, index: IntArray) -> ContactLaw:
-        """The law at some of the contact points."""
         return ContactLaw(self.normal.take(index), self.friction.take(index))
 
     @property
     def state_dependent(self) -> bool:
-        """Whether the friction bound depends on penetration or pressure, so that J(w, v) has two arguments."""
         return self.friction.state_dependent
 
     def frozen(self, r: Array, lam: Array) -> ContactLaw:
-        """The ordinary law J(w, .) that holds in a state w; the law itself if it does not depend on the state.
-
-        Parameters
-        ----------
-        r, lam : arrays (m, d)
-            Local displacement and multiplier of the state; penetration and pressure are their first columns.
-        """
         if not self.state_dependent:
             return self
         r, lam = np.asarray(r, dtype=float), np.asarray(lam, dtype=float)
         return ContactLaw(self.normal, self.friction.frozen(r[:, 0], lam[:, 0]))
 
     def frozen_at(self, r: Array) -> ContactLaw:
-        """Like :meth:`frozen`, at the pressure of the normal law: the element of dj_nu(r_nu) nearest to zero."""
         if not self.state_dependent:
             return self
         lam = np.zeros(r.shape)
@@ -117,13 +90,11 @@ class ContactLaw(Portable):
 
     @property
     def lipschitz(self) -> Array:
-        """Lipschitz constant of the friction bound in the penetration, shape (m or 1,); 0 if it has none."""
         bound = self.friction.bound
         return bound.lipschitz if isinstance(bound, StateBound) else np.zeros(1)
 
     @property
     def lipschitz_sampled(self) -> bool:
-        """Whether a constant of friction that depends on the penetration is sampled: that of the bound, or c0, c1."""
         bound = self.friction.bound
         if not isinstance(bound, StateBound) or not np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf)):
             return False
@@ -157,12 +128,10 @@ class ContactLaw(Portable):
     # ---- scalar questions, answered for the vector r ---------------------------------------------------
 
     def value(self, r: Array) -> Array:
-        """j(r), shape (m,); +inf outside the domain."""
         value = self.normal.value(r[:, 0])
         return value + self.tangential.value(_norm(r[:, 1:])) if r.shape[1] > 1 else value
 
     def distance(self, r: Array, lam: Array) -> Array:
-        """Distance of the multiplier to the Clarke subdifferential dj(r), shape (m,)."""
         normal = self.normal.distance(r[:, 0], lam[:, 0])
         if r.shape[1] == 1:
             return normal
@@ -174,15 +143,6 @@ class ContactLaw(Portable):
         return np.hypot(normal, np.where(size > 0.0, moving, resting))
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
-        """Distance of ``(r, lam)`` to an exact pair of the law, in units of ``lam``; see the scalar law.
-
-        Parameters
-        ----------
-        r, lam : arrays (m, d)
-        tau : array (m, 2)
-            Compliance (length per force per area) that weighs displacement against multiplier, for the normal and
-            the tangential part.
-        """
         normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
         if r.shape[1] == 1:
             return normal
@@ -195,7 +155,6 @@ class ContactLaw(Portable):
         return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
 
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
-        """The element of dj(r) nearest to ``lam``, (m, d); outside its domain r counts as at the end of it."""
         out = np.empty_like(lam)
         ends = self.normal.domain
         interval = self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper))
@@ -211,7 +170,6 @@ class ContactLaw(Portable):
         return out
 
     def local_argmin(self, a: Array, b: Array) -> Array:
-        """Minimiser of ``a_n/2 r_n^2 + a_t/2 |r_t|^2 - b.r + j(r)``; ``a (m, 2)``, ``b (m, d)`` -> ``(m, d)``."""
         r = np.empty(b.shape)
         r[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
         if b.shape[1] > 1:
@@ -220,12 +178,7 @@ class ContactLaw(Portable):
             r[:, 1:] = length[:, None] * np.where(size[:, None] > 0.0, direction, _first_axis(direction))
         return r
 
-    def prox(self, x: Array, tau: Array) -> Array:
-        """Proximal map of j with step ``tau (m, 2)`` for the normal and the tangential part."""
-        return self.local_argmin(1.0 / tau, x / spread(tau, x.shape[1]))
-
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
-        """Generalised derivative of :meth:`prox`, one ``(d, d)`` block for each point."""
         m, d = x.shape
         jacobian = np.zeros((m, d, d))
         jacobian[:, 0, 0] = self.normal.prox_slope(x[:, 0], tau[:, 0])
@@ -239,7 +192,6 @@ class ContactLaw(Portable):
         return jacobian
 
     def linearise(self, r: Array) -> Linearisation:
-        """Derivatives of the parts that are smooth at ``r``."""
         m, d = r.shape
         smooth = np.zeros((m, 2), dtype=bool)
         gradient = np.zeros((m, d))
@@ -259,7 +211,6 @@ class ContactLaw(Portable):
         return Linearisation(smooth, gradient, hessian)
 
     def clamp(self, start: Array, end: Array) -> Array:
-        """``end``, cut back to the smooth piece on which ``start`` lies."""
         out = end.copy()
         low, high = self.normal.piece_bounds(self.normal.piece_of(start[:, 0]))
         out[:, 0] = np.clip(end[:, 0], low, high)
@@ -272,7 +223,6 @@ class ContactLaw(Portable):
         return out
 
     def admissible(self, r: Array) -> Array:
-        """The local displacement nearest to ``r (m, d)`` in the domain of the laws."""
         out = np.array(r, dtype=float)
         domain = self.normal.domain
         out[:, 0] = np.clip(out[:, 0], domain.lower, domain.upper)
@@ -284,10 +234,6 @@ class ContactLaw(Portable):
         return out
 
     def recession(self, direction: Array) -> Array:
-        """Growth rate of j along each ``direction (m, d)``, shape (m,); may be +inf.
-
-        Friction whose bound depends on the state counts nothing: it may vanish.
-        """
         rate = self.normal.recession(direction[:, 0])
         if self.state_dependent:
             return rate
@@ -295,7 +241,6 @@ class ContactLaw(Portable):
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
-        """alpha of the normal and of the tangential part, each of shape (m or 1,)."""
         return self.normal.weak_convexity, self.tangential.weak_convexity
 
 
@@ -313,8 +258,3 @@ def _first_axis(direction: Array) -> Array:
     axis = np.zeros_like(direction)
     axis[:, 0] = 1.0
     return axis
-
-
-def spread(tau: Array, d: int) -> Array:
-    """(m, 2) normal and tangential numbers as (m, d)."""
-    return np.concatenate([tau[:, :1], np.repeat(tau[:, 1:2], d - 1, axis=1)], axis=1)

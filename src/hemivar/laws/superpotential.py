@@ -1,9 +1,9 @@
 """The interface of a superpotential and everything that follows from its pieces.
 
 A superpotential is a scalar function j(r), smooth between *knots*.  A law supplies its knots and, on every
-piece between two knots, its derivative and curvature; the Clarke subdifferential, the proximal map, the global
-minimiser of the local problem and the distance to the graph are derived here, exactly, for convex and for
-nonmonotone laws alike.
+piece between two knots, its derivative and curvature; the Clarke subdifferential, the distance to the graph, the
+proximal map and the global minimiser of the local problem (:mod:`hemivar.laws.minimisers`) are derived, exactly, for
+convex and for nonmonotone laws alike.
 
 All methods are vectorised over contact points: arguments have shape ``(m,)`` (or any shape that broadcasts
 with it), parameters are numbers or arrays of shape ``(m,)``.
@@ -12,6 +12,7 @@ with it), parameters are numbers or arrays of shape ``(m,)``.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,16 +20,14 @@ import numpy as np
 
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.laws.description import LawDescription, LawKink
+from hemivar.laws import minimisers
+from hemivar.laws.description import LawDescription, describe
+from hemivar.laws.minimisers import AT_ONCE, FAR
 
 __all__ = ["Interval", "Superpotential"]
 
-#: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
-_FAR = 1e8
 #: Knots from which on they are many.
 _MANY = 40
-#: Points times knots that are looked at at once.
-_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -65,6 +64,15 @@ class Superpotential(Portable, ABC):
 
     #: Whether the library made it from a law that has been looked at, so that its shape is not looked at again.
     examined: bool = False
+
+    @property
+    def stated(self) -> Mapping[str, object] | None:
+        """The law by its name and parameters, ``{"law": "survey", "q_max": 0.3}``; None if it has no such name.
+
+        Names are those of :mod:`hemivar.laws.registry`. A table from a file has its path under ``file``; one that was
+        given as numbers has its two columns under ``rows``.
+        """
+        return None
 
     @property
     def alpha_sampled(self) -> bool:
@@ -136,7 +144,7 @@ class Superpotential(Portable, ABC):
         ends = np.isfinite(bound.upper if sign > 0.0 else bound.lower)
         if np.all(np.isfinite(rate)):
             return np.where(ends, np.inf, 0.0)
-        far = np.full(self.knots.shape[0], sign * _FAR)
+        far = np.full(self.knots.shape[0], sign * FAR)
         with np.errstate(all="ignore"):
             measured = 2.0 * self.value(far) / far**2
             further = self.value(10.0 * far) * 0.02 / far**2
@@ -152,16 +160,12 @@ class Superpotential(Portable, ABC):
     # ---- many knots, the same at every point: they are searched, not gone through ---------------------------
 
     @property
-    def _shared(self) -> Array | None:
+    def shared_knots(self) -> Array | None:
         """The knots (K,) if there are many, the same at all points; places among them are found by bisection."""
         knots = self.knots
         return knots[0] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else None
 
-    @property
-    def _many(self) -> bool:
-        return self._shared is not None
-
-    def _slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
+    def slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
         """Derivatives to the left and to the right of one knot for each point, (m,); only if all points share them."""
         left, right = self.knot_slopes()
         return left[0].take(knot), right[0].take(knot)
@@ -171,7 +175,7 @@ class Superpotential(Portable, ABC):
     def piece_of(self, r: Array) -> IntArray:
         """Index of the piece that holds each ``r``; at a knot, the piece to its left."""
         r = np.asarray(r, dtype=float)
-        shared = self._shared
+        shared = self.shared_knots
         if shared is not None:
             return np.asarray(np.searchsorted(shared, r, side="left"), dtype=np.int64)
         return np.asarray(np.sum(r[..., None] > self.knots, axis=-1), dtype=np.int64)
@@ -179,7 +183,7 @@ class Superpotential(Portable, ABC):
     def piece_bounds(self, piece: IntArray) -> tuple[Array, Array]:
         """End points of each piece, cut at the domain."""
         piece = np.asarray(piece)
-        shared = self._shared
+        shared = self.shared_knots
         if shared is not None:
             last = shared.size - 1
             low = np.where(piece > 0, shared.take(np.maximum(piece - 1, 0)), -np.inf)
@@ -234,16 +238,16 @@ class Superpotential(Portable, ABC):
     def at_kink(self, r: Array) -> BoolArray:
         """Whether each ``r`` sits exactly on a kink, so that j has no derivative there."""
         r = np.asarray(r, dtype=float)
-        shared = self._shared
+        shared = self.shared_knots
         if shared is not None:
             near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
-            left, right = self._slopes_at(near)
+            left, right = self.slopes_at(near)
             return np.asarray((shared.take(near) == r) & np.isfinite(r) & (left != right))
         return np.asarray(np.any((r[..., None] == self.knots) & self.kinks(), axis=-1))
 
     def kink_within(self, r: Array, near: float) -> Array:
         """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
-        shared = self._shared
+        shared = self.shared_knots
         if shared is None:
             off = np.where(self.kinks(), np.abs(r[:, None] - self.knots), np.inf)
             at = np.argmin(off, axis=1)
@@ -255,7 +259,7 @@ class Superpotential(Portable, ABC):
         for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
             inside = np.clip(knot, 0, shared.size - 1)
             off = np.abs(r - shared[inside])
-            left, right = self._slopes_at(inside)
+            left, right = self.slopes_at(inside)
             better = (left != right) & (off <= best)
             best, place = np.where(better, off, best), np.where(better, shared[inside], place)
         return place
@@ -274,11 +278,11 @@ class Superpotential(Portable, ABC):
         """Clarke subdifferential dj(r), an interval for each point (empty, ``[inf, -inf]``, outside the domain)."""
         r = np.asarray(r, dtype=float)
         slope = self.derivative(r)
-        shared = self._shared
+        shared = self.shared_knots
         if shared is not None:
             near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
             here = (shared.take(near) == r) & np.isfinite(r)
-            left, right = self._slopes_at(near)
+            left, right = self.slopes_at(near)
             low, high = np.where(here, np.minimum(left, right), slope), np.where(here, np.maximum(left, right), slope)
             ends = self.domain
             outside = (r < ends.lower) | (r > ends.upper)
@@ -310,7 +314,7 @@ class Superpotential(Portable, ABC):
         lam = np.asarray(lam, dtype=float)
         tau = np.asarray(tau, dtype=float)
         best = self.distance(r, lam)
-        shared = self._shared
+        shared = self.shared_knots
         if shared is not None:
             return self._nearest_of_many(shared, r, lam, tau, best)
         left, right = self.knot_slopes()
@@ -335,7 +339,7 @@ class Superpotential(Portable, ABC):
                 valid = (knot >= 0) & (knot < shared.size)
                 knot = np.clip(knot, 0, shared.size - 1)
                 law = self if rows is None else self.take(np.repeat(rows[open_], width))
-                left, right = (s.reshape(knot.shape) for s in law._slopes_at(knot.ravel()))
+                left, right = (s.reshape(knot.shape) for s in law.slopes_at(knot.ravel()))
                 off = np.maximum(
                     np.maximum(np.minimum(left, right) - lam[open_, None], 0.0),
                     lam[open_, None] - np.maximum(left, right),
@@ -348,8 +352,10 @@ class Superpotential(Portable, ABC):
                 if not open_.size:
                     break
                 done += width
-                width = int(min(2 * width, max(_AT_ONCE // open_.size, 1)))
+                width = int(min(2 * width, max(AT_ONCE // open_.size, 1)))
         return out.reshape(best.shape)
+
+    # ---- the local problem ---------------------------------------------------------------------------
 
     def local_minimisers(self, a: Array, b: Array) -> tuple[Array, Array]:
         """All local minimisers of ``a/2 r^2 - b r + j(r)``.
@@ -365,83 +371,11 @@ class Superpotential(Portable, ABC):
             Candidates (interior of each piece, then each knot) and their energies, +inf where a candidate is not
             a local minimiser.
         """
-        a, b = np.broadcast_arrays(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
-        knots = self.knots
-        count = knots.shape[-1]
-        shape = np.broadcast_shapes(a.shape, knots.shape[:-1])
-        a, b = np.broadcast_to(a, shape), np.broadcast_to(b, shape)
-        finite = np.isfinite(knots)
-        at = np.where(finite, knots, 0.0)
-        left, right = self.knot_slopes()
-        residual = a[..., None] * at - b[..., None]
-        psi_left = np.where(finite, residual + left, np.inf)
-        psi_right = np.where(finite, residual + right, np.inf)
-        points = np.empty((*shape, 2 * count + 1))
-        energies = np.full((*shape, 2 * count + 1), np.inf)
-        for i in range(count + 1):
-            piece = np.full(shape, i, dtype=np.int64)
-            low, high = self.piece_bounds(piece)
-            start = psi_right[..., i - 1] if i > 0 else np.full(shape, -np.inf)
-            end = psi_left[..., i] if i < count else np.full(shape, np.inf)
-            low, high, start, end = self._convex_part(piece, a, b, low, high, start, end)
-            admissible = (low < high) & (start < 0.0) & (end > 0.0)
-            root, found = self._stationary_point(piece, a, b, low, high, admissible)
-            points[..., i] = np.where(found, root, 0.0)
-            with np.errstate(invalid="ignore", over="ignore"):
-                energy = 0.5 * a * root**2 - b * root + self.piece_value(piece, root)
-            energies[..., i] = np.where(found, energy, np.inf)
-        for i in range(count):
-            valid = finite[..., i] & (psi_left[..., i] <= 0.0) & (psi_right[..., i] >= 0.0)
-            t = np.broadcast_to(at[..., i], shape)
-            for psi, side in ((psi_left[..., i], i), (psi_right[..., i], i + 1)):
-                if np.any(flat := valid & (psi == 0.0)):  # stationary from this side: it must not bend down
-                    curvature = self.piece_curvature(np.full(shape, side, dtype=np.int64), t)
-                    valid = valid & ~(flat & (a + curvature < 0.0))
-            points[..., count + 1 + i] = t
-            energies[..., count + 1 + i] = np.where(valid, 0.5 * a * t**2 - b * t + self.value(t), np.inf)
-        return points, energies
-
-    def _convex_part(
-        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """The part of each piece on which ``a r - b + j'(r)`` increases, and its values at the ends.
-
-        As j'' is monotone on a piece, this is the piece, or what lies on one side of a point, or nothing (then
-        ``low == high``).
-        """
-        with np.errstate(all="ignore"):
-            size = _FAR * (1.0 + np.abs(b) / np.maximum(a, 1e-12))
-            first = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0) - size)
-            last = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, 0.0) + size)
-            bends_first = a + self.piece_curvature(piece, first) < 0.0
-            bends_last = a + self.piece_curvature(piece, last) < 0.0
-            if not np.any(bends_first | bends_last):
-                return low, high, start, end
-            concave, convex = np.where(bends_first, first, last), np.where(bends_first, last, first)
-            mixed = bends_first != bends_last
-            for _ in range(1100):
-                middle = 0.5 * (concave + convex)
-                if np.all((middle == concave) | (middle == convex) | ~mixed):
-                    break
-                bends = a + self.piece_curvature(piece, middle) < 0.0
-                concave, convex = np.where(bends, middle, concave), np.where(bends, convex, middle)
-            psi = a * convex - b + self.piece_derivative(piece, convex)
-        from_left, from_right = mixed & bends_first, mixed & bends_last
-        low, start = np.where(from_left, convex, low), np.where(from_left, psi, start)
-        high, end = np.where(from_right, convex, high), np.where(from_right, psi, end)
-        return low, np.where(bends_first & bends_last, low, high), start, end
+        return minimisers.local_minimisers(self, a, b)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
-        if self._many:
-            return self._argmin_of_many(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
-        if self._convex:
-            return self._convex_argmin(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
-        points, energies = self.local_minimisers(a, b)
-        best = np.argmin(energies, axis=-1)[..., None]
-        r = np.take_along_axis(points, best, axis=-1)[..., 0]
-        lowest = np.take_along_axis(energies, best, axis=-1)[..., 0]
-        return np.where(np.isfinite(lowest), r, np.nan)
+        return minimisers.local_argmin(self, a, b)
 
     def coercive_against(self, a: Array | float) -> BoolArray:
         """Whether ``a/2 r^2 - b r + j(r)`` is bounded below for every b, given the curvature ``a >= 0`` (m,).
@@ -452,164 +386,27 @@ class Superpotential(Portable, ABC):
         outward = np.minimum(self.asymptotic_curvature(1.0), self.asymptotic_curvature(-1.0))
         return np.asarray(a + outward > 0.0)
 
-    def describe(self, point: int = 0) -> LawDescription:
-        """Formula, kinks and constants of the law at one contact point."""
-        law = self.take(np.array([point]))
-        knots = law.knots[0]
-        left, right = (side[0] for side in law.knot_slopes())
-        places = [i for i in range(knots.size) if np.isfinite(knots[i])]
-        kinks = tuple(LawKink(float(knots[i]), float(left[i]), float(right[i])) for i in places if left[i] != right[i])
-        lower, upper = float(law.domain.lower.ravel()[0]), float(law.domain.upper.ravel()[0])
-        alpha = float(law.weak_convexity[0])
-        falls = tuple(kink.place for kink in kinks if kink.jump < 0.0)
-        pieces: list[tuple[str, float, float]] = []
-        steepest, where = 0.0, None
-        for i in range(len(places) + 1):
-            piece = np.array([i])
-            low, high = (float(end[0]) for end in law.piece_bounds(piece))
-            if low >= high:
-                continue
-            for r in (low, high):
-                with np.errstate(all="ignore"):
-                    curvature = float(law.piece_curvature(piece, np.array([np.clip(r, -_FAR, _FAR)]))[0])
-                if curvature < steepest:
-                    steepest, where = curvature, (low if np.isfinite(low) else high) if not np.isfinite(r) else r
-            formula = law.piece_formula(i)
-            if formula and pieces and pieces[-1][0] == formula and left[i - 1] == right[i - 1]:
-                pieces[-1] = (formula, pieces[-1][1], high)
-            elif formula:
-                pieces.append((formula, low, high))
-        c0, c1 = (float(np.atleast_1d(c)[0]) for c in law.growth)
-        rates = [float(np.atleast_1d(law.recession(np.array([sign])))[0]) for sign in (-1.0, 1.0)]
-        rates = [rate + 0.0 for rate in rates]
-        outward = min(float(np.atleast_1d(law.asymptotic_curvature(sign))[0]) for sign in (-1.0, 1.0))
-        return LawDescription(
-            name=law.name,
-            pieces=tuple(_piece_line(*piece) for piece in pieces),
-            domain=(lower, upper),
-            knots=tuple(float(knots[i]) for i in places),
-            kinks=kinks,
-            alpha=alpha,
-            alpha_places=falls if falls else () if where is None else (float(where),),
-            c0=c0,
-            c1=c1,
-            recession=(rates[0], rates[1]),
-            coercive_above=max(0.0, -outward),
-            alpha_sampled=law.alpha_sampled,
-            growth_sampled=law.growth_sampled,
-        )
-
     @cached_property
-    def _convex(self) -> bool:
+    def convex(self) -> bool:
+        """Whether the law is convex at all points."""
         return bool((self.weak_convexity == 0.0).all())
 
-    def _argmin_of_many(self, a: Array, b: Array) -> Array:
-        """The minimiser where all points share many knots: by bisection where a exceeds alpha, else piece by piece."""
-        a, b = np.broadcast_arrays(a, b)
-        shape, a, b = a.shape, a.ravel(), b.ravel()
-        out = np.empty(a.size)
-        monotone = np.broadcast_to((a > self.weak_convexity) | (self.weak_convexity == 0.0), a.shape)
-        rows = np.arange(a.size)
-        for index in (rows[monotone], rows[~monotone]):
-            if not index.size:
-                continue
-            law = self if self.knots.shape[0] == 1 else self.take(index)
-            if monotone[index[0]]:
-                out[index] = law._bisected(a[index], b[index])
-                continue
-            size = max(1, _AT_ONCE // law.knots.shape[-1])
-            for start in range(0, index.size, size):
-                some = index[start : start + size]
-                part = self if self.knots.shape[0] == 1 else self.take(some)
-                out[some] = part._lowest_of_many(a[some], b[some])
-        return out.reshape(shape)
-
-    def _bisected(self, a: Array, b: Array) -> Array:
-        """The minimiser where ``a r + j'(r)`` grows: the number of knots passed, by bisection."""
-        knots = self._shared
-        assert knots is not None
-        count = knots.size
-        found = []
-        for side in (1, 0):  # knots with b above the right slope; knots with b not below the left one
-            low, high = np.full(a.shape, -1), np.full(a.shape, count)
-            while np.any(high - low > 1):
-                middle = np.clip((low + high) // 2, 0, count - 1)
-                force = a * np.where(np.isfinite(knots[middle]), knots[middle], np.inf) + self._slopes_at(middle)[side]
-                passed = (b > force) if side else (b >= force)
-                passed = passed & (high - low > 1)
-                low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
-            found.append(low + 1)
-        piece, reached = found
-        held = piece < reached
-        lower, upper = self.piece_bounds(piece)
-        inside, ok = self._stationary_point(piece, a, b, lower, upper, ~held & (lower < upper))
-        at_knot = knots[np.minimum(piece, count - 1)]
-        return np.where(held, at_knot, np.where(ok, inside, np.nan))
-
-    def _lowest_of_many(self, a: Array, b: Array) -> Array:
-        """The lowest of all local minimisers: every piece and knot that can hold one, for all points at once."""
-        knots = self._shared
-        assert knots is not None
-        m = a.size
-        left, right = self.knot_slopes()
-        finite = np.isfinite(knots)
-        at = a[:, None] * np.where(finite, knots, 0.0)
-        below, above = np.where(finite, at + left, np.inf), np.where(finite, at + right, np.inf)  # forces at the knots
-        passed, ahead = b[:, None] > above, b[:, None] < below
-        candidate = np.ones((m, knots.size + 1), dtype=bool)
-        if self._straight:
-            candidate[:, 1:] = passed
-            candidate[:, :-1] &= ahead
-        row, piece = np.nonzero(candidate)
-        start = np.where(piece > 0, above[row, np.maximum(piece - 1, 0)] - b[row], -np.inf)
-        end = np.where(piece < knots.size, below[row, np.minimum(piece, knots.size - 1)] - b[row], np.inf)
-        law = self if self.knots.shape[0] == 1 else self.take(row)
-        low, high = law.piece_bounds(piece)
-        low, high, first, last = law._convex_part(piece, a[row], b[row], low, high, start, end)
-        keep = (low < high) & (first < 0.0) & (last > 0.0)
-        law = law if law.knots.shape[0] == 1 else law.take(np.flatnonzero(keep))
-        row, piece, low, high = row[keep], piece[keep], low[keep], high[keep]
-        root, found = law._stationary_point(piece, a[row], b[row], low, high, np.ones(row.size, dtype=bool))
-        with np.errstate(invalid="ignore", over="ignore"):
-            energy = 0.5 * a[row] * root**2 - b[row] * root + law.piece_value(piece, root)
-        places, rows, energies = [root], [row], [np.where(found, energy, np.inf)]
-        row, knot = np.nonzero(~(passed | ahead) & finite)
-        law = self if self.knots.shape[0] == 1 else self.take(row)
-        t = knots[knot]
-        valid = np.ones(row.size, dtype=bool)
-        for force, side in ((below[row, knot], knot), (above[row, knot], knot + 1)):
-            valid &= ~((force == b[row]) & (a[row] + law.piece_curvature(side, t) < 0.0))
-        places.append(t)
-        rows.append(row)
-        energies.append(np.where(valid, 0.5 * a[row] * t**2 - b[row] * t + law.value(t), np.inf))
-        place, row, energy = np.concatenate(places), np.concatenate(rows), np.concatenate(energies)
-        order = np.lexsort((energy, row))
-        place, row, energy = place[order], row[order], energy[order]
-        out = np.full(m, np.nan)
-        first_of_row = np.concatenate([[True], row[1:] != row[:-1]]) if row.size else np.zeros(0, dtype=bool)
-        chosen = first_of_row & np.isfinite(energy)
-        out[row[chosen]] = place[chosen]
-        return out
-
     @property
-    def _straight(self) -> bool:
+    def straight(self) -> bool:
         """Whether j' is straight on every piece."""
         return False
 
-    def _convex_argmin(self, a: Array, b: Array) -> Array:
-        """The minimiser for a convex law: the force b grows with it, so counting the knots passed finds its piece."""
-        knots = self.knots
-        finite = np.isfinite(knots)
-        at_knots = a[..., None] * np.where(finite, knots, 0.0)
-        low, high = self.knot_slopes()
-        passed = np.sum((b[..., None] > at_knots + high) & finite, axis=-1)
-        held = passed < np.sum((b[..., None] >= at_knots + low) & finite, axis=-1)
-        a, b = np.broadcast_to(a, passed.shape), np.broadcast_to(b, passed.shape)
-        lower, upper = self.piece_bounds(passed)
-        inside, found = self._stationary_point(passed, a, b, lower, upper, ~held & (lower < upper))
-        table = np.broadcast_to(knots, (*passed.shape, knots.shape[-1]))
-        at_knot = np.take_along_axis(table, np.minimum(passed, knots.shape[-1] - 1)[..., None], axis=-1)[..., 0]
-        return np.where(held, at_knot, np.where(found, inside, np.nan))
+    def convex_part(
+        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """The part of each piece on which ``a r - b + j'(r)`` increases, and its values at the ends."""
+        return minimisers.convex_part(self, piece, a, b, low, high, start, end)
+
+    def stationary_point(
+        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
+    ) -> tuple[Array, BoolArray]:
+        """Zero of ``a r - b + j'(r)`` inside each piece, where it changes sign from minus to plus."""
+        return minimisers.stationary_point(self, piece, a, b, low, high, admissible)
 
     def prox(self, x: Array, tau: Array | float) -> Array:
         """Proximal map: the global minimiser of ``j(r) + (r - x)^2/(2 tau)``."""
@@ -622,61 +419,6 @@ class Superpotential(Portable, ABC):
         slope = 1.0 / (1.0 + np.asarray(tau, dtype=float) * self.curvature(r))
         return np.where(self.at_kink(r), 0.0, slope)
 
-    def _stationary_point(
-        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
-    ) -> tuple[Array, BoolArray]:
-        """Zero of ``a r - b + j'(r)`` inside each piece, where it changes sign from minus to plus.
-
-        Safeguarded Newton iteration: every step stays inside a bracket that at least halves in two steps.
-        """
-        shape = np.broadcast_shapes(a.shape, low.shape)
-        step = np.maximum(np.maximum(np.abs(b), 1e-300) / np.maximum(a, 1e-300), 1e-300)
-        low = np.broadcast_to(low, shape).copy()
-        high = np.broadcast_to(high, shape).copy()
-        admissible = np.broadcast_to(admissible, shape).copy()
-        step = np.where(np.isfinite(step), step, 1.0)
-
-        def psi(r: Array) -> Array:
-            return a * r - b + self.piece_derivative(piece, r)
-
-        anchor_low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
-        anchor_high = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, 0.0))
-        with np.errstate(over="ignore", invalid="ignore"):
-            for endless, anchor, sign in (
-                (~np.isfinite(low), anchor_high, -1.0),
-                (~np.isfinite(high), anchor_low, 1.0),
-            ):
-                at_anchor = np.abs(psi(anchor)) / np.maximum(a, 1e-300)
-                end = anchor + sign * np.maximum(step, np.where(np.isfinite(at_anchor), at_anchor, 0.0))
-                end = np.where(end == anchor, anchor + sign * np.maximum(np.abs(anchor), 1e-300) * 1e-15, end)
-                for _ in range(200):
-                    open_end = endless & admissible & ~(sign * psi(end) > 0.0)
-                    if not open_end.any():
-                        break
-                    end = np.where(open_end, anchor + 4.0 * (end - anchor), end)
-                admissible &= ~(endless & (open_end | ~np.isfinite(end)))
-                if sign < 0:
-                    low = np.where(endless, end, low)
-                else:
-                    high = np.where(endless, end, high)
-            low = np.where(admissible, low, 0.0)
-            high = np.where(admissible, high, 0.0)
-            r = 0.5 * (low + high)
-            for _ in range(200):
-                f = psi(r)
-                low = np.where(f < 0.0, r, low)
-                high = np.where(f > 0.0, r, high)
-                slope = a + self.piece_curvature(piece, r)
-                newton = r - f / np.where(slope > 0.0, slope, 1.0)
-                inside = (slope > 0.0) & (newton > low) & (newton < high)
-                new = np.where(f == 0.0, r, np.where(inside, newton, 0.5 * (low + high)))
-                done = np.abs(new - r) <= 4e-16 * np.maximum(np.abs(new), np.abs(r))
-                r = new
-                if np.all(done | ~admissible):
-                    break
-        return r, admissible & np.isfinite(r)
-
-
-def _piece_line(formula: str, low: float, high: float) -> str:
-    ends = (f"{low:.6g} < " if np.isfinite(low) else "", f" < {high:.6g}" if np.isfinite(high) else "")
-    return f"j'(r) = {formula}" + (f"   for {ends[0]}r{ends[1]}" if any(ends) else "")
+    def describe(self, point: int = 0) -> LawDescription:
+        """Formula, kinks and constants of the law at one contact point."""
+        return describe(self, point)
