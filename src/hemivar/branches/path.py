@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -66,7 +67,7 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class Path(Portable):
+class Path(Portable, Displayed):
     """Equilibria in the order in which they are met.
 
     Attributes

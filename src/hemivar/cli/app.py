@@ -337,7 +337,7 @@ def _path(
     """
     from hemivar.cli.path import run_path
     from hemivar.fem import LoadLine
-    from hemivar.report.path import QUANTITIES
+    from hemivar.report.path_diagrams import QUANTITIES
 
     outputs = {"--json": json, "--plot": plot}
     check_outputs(outputs, problem)
@@ -756,12 +756,12 @@ def _write(
         return write_vtu(solution, path)
 
     def plot(path: Path) -> None:
-        from hemivar.report.figures import plot_solution, save
+        from hemivar.report import plot_solution, save
 
         save(plot_solution(solution, scale="auto", title=title), path)
 
     def plot_contact(path: Path) -> None:
-        from hemivar.report.figures import plot_contact, save
+        from hemivar.report import plot_contact, save
 
         save(plot_contact(solution, title=title), path)
 

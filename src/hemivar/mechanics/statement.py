@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -110,7 +111,7 @@ class Contact(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem(Portable):
+class ContactProblem(Portable, Displayed):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes

@@ -27,7 +27,10 @@ from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.files.results import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA, survey
 from hemivar.mesh import Mesh
-from hemivar.report.figures import observed_order, plot_contact, plot_errors, plot_solution, save
+from hemivar.report.bodies import plot_solution
+from hemivar.report.contact_curves import plot_contact
+from hemivar.report.histories import observed_order, plot_errors
+from hemivar.report.saving import save
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
 from hemivar.solvers import METHODS, Controls, Solution, Status, solve, transfer_solution
 from hemivar.systems import CondensedProblem, Workspace, condense

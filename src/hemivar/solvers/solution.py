@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.point_kind import PointKind
@@ -40,7 +41,7 @@ class ContactState(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Portable):
+class Solution(Portable, Displayed):
     """Displacement and multiplier of a discrete problem, with how they were obtained.
 
     Attributes

@@ -13,8 +13,8 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.newton import majorant
 from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.contact_moves import majorant
 
 __all__ = ["LBFGS"]
 
