@@ -40,7 +40,10 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.solve(DISCRETE, None, hv.Controls), r"controls is the class Controls; make one of it: Controls\(...\)"),
     (lambda: hv.solve(DISCRETE, initial="zero"), "the initial guess is no array of numbers: it is text"),
     (lambda: hv.solve(DISCRETE, initial=SOLUTION.displacement), "the initial guess has shape .*transfer_solution"),
-    (lambda: hv.solve(DISCRETE, condensed=DISCRETE), r"the condensation is a DiscreteProblem; pass .*condense"),
+    (
+        lambda: hv.solve(DISCRETE, workspace=DISCRETE),
+        "the workspace is a DiscreteProblem; make one",
+    ),
     (lambda: hv.certify(DISCRETE), "certify: no displacement is given; give a solution"),
     (lambda: hv.certify(PROBLEM, U), "certify: the problem is a ContactProblem; give hemivar.discretize"),
     (lambda: hv.certify(SOLUTION, U), "certify: a solution stands for its unknowns"),

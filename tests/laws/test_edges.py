@@ -29,11 +29,11 @@ from hemivar.laws.testing import LawError, check_law
 class Table(PiecewiseQuadratic):
     """A law of a class that is looked at, and whose alpha may be stated wrongly."""
 
-    stated = 0.0
+    told = 0.0
 
     @property
     def weak_convexity(self) -> Array:
-        return np.array([self.stated])
+        return np.array([self.told])
 
 
 # ---- constants ----------------------------------------------------------------------------------------------
@@ -132,7 +132,7 @@ def test_one_side_is_enough_to_refuse_a_derivative_without_bound() -> None:
 
 def test_a_small_jump_down_and_a_fall_on_the_negative_side_are_seen() -> None:
     class Falling(Table):
-        stated = 0.5
+        told = 0.5
 
     ContactLaw(Falling(np.array([-0.3, -0.1]), np.array([0.0, -0.5, 0.0]), np.zeros(2)))
     with pytest.raises(ProblemError, match=r"alpha of law 'piecewise' is 0.5, but its derivative falls by 2"):

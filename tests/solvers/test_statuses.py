@@ -198,8 +198,6 @@ def test_bad_initial_guesses_are_named() -> None:
         solve(problem, initial=np.zeros(3))
     with pytest.raises(ProblemError, match="nan"):
         solve(problem, initial=np.full(problem.unknowns, np.nan))
-    with pytest.raises(ProblemError, match="another problem"):
-        solve(problem, condensed=condense(discrete_square(n=4)))
 
 
 def test_no_residual_is_hidden_by_a_kink_missed_by_rounding() -> None:

@@ -16,8 +16,10 @@ from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.branches.state_chain import StateChain
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.solvers.controls import Budget, OutOfTime
-from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
+from hemivar.systems.contact_moves import newton_components
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["SolutionSearch"]
 
@@ -170,7 +172,9 @@ class SolutionSearch:
         self.starts += 1
         initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
         controls = replace(self.controls, max_time=max(self.budget.limit - self.budget.spent, 0.0))
-        found = solve(problem, suited(solver, problem), controls, initial=initial, condensed=self.system)
+        found = solve(
+            problem, suited(solver, problem), controls, initial=initial, workspace=Workspace.holding(self.system)
+        )
         self.add_solution(found)
         if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt

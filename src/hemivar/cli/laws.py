@@ -104,8 +104,8 @@ def show_law(
             scalar = law
         print(f"\n{scalar.describe()}\n")
         if plot is not None:
-            from hemivar.report.figures import save
-            from hemivar.report.laws import plot_law
+            from hemivar.report.law_figures import plot_law
+            from hemivar.report.saving import save
 
             def draw(path: Path, scalar: Superpotential = scalar) -> None:
                 save(plot_law(scalar, reach=reach), path)

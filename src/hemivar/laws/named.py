@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from functools import cached_property
 from typing import ClassVar, Self
@@ -45,6 +46,10 @@ class ParameterLaw(Superpotential):
                 f"law '{self.name}': its parameters are given for {sorted(rows)} contact points; make them equal"
             )
         return found
+
+    @property
+    def stated(self) -> Mapping[str, object]:
+        return {"law": self.name} | {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
 
     def at(self, points: Array | None) -> Self:
         values = self._values(points)

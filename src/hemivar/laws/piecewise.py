@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -38,6 +39,10 @@ class PiecewiseQuadratic(Superpotential):
         j' just left of the first knot.
     lower, upper : arrays (), (m,)
         Domain; an end must be infinite or a knot.
+    name : str
+        Used in messages.
+    stated : mapping, optional
+        See :attr:`Superpotential.stated`.
 
     Raises
     ------
@@ -52,6 +57,7 @@ class PiecewiseQuadratic(Superpotential):
     lower: Array | float = -np.inf
     upper: Array | float = np.inf
     name: str = "piecewise"
+    stated: Mapping[str, object] | None = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
     _left: Array = field(init=False, repr=False)
     _right: Array = field(init=False, repr=False)
     _values: Array = field(init=False, repr=False)

@@ -12,6 +12,7 @@ with it), parameters are numbers or arrays of shape ``(m,)``.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -63,6 +64,15 @@ class Superpotential(Portable, ABC):
 
     #: Whether the library made it from a law that has been looked at, so that its shape is not looked at again.
     examined: bool = False
+
+    @property
+    def stated(self) -> Mapping[str, object] | None:
+        """The law by its name and parameters, ``{"law": "survey", "q_max": 0.3}``; None if it has no such name.
+
+        Names are those of :mod:`hemivar.laws.registry`. A table from a file has its path under ``file``; one that was
+        given as numbers has its two columns under ``rows``.
+        """
+        return None
 
     @property
     def alpha_sampled(self) -> bool:

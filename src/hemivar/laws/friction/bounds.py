@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -93,6 +94,8 @@ class PenetrationBound(StateBound):
         ``s (m,) -> bound (m,)``. Where s < 0 (no contact), negative values of a formula or function count as zero.
     reach : float
         For formulas and functions: penetrations up to which kinks are looked for and the bound is tried out.
+    file : Path, optional
+        Where a table comes from.
 
     Raises
     ------
@@ -110,6 +113,7 @@ class PenetrationBound(StateBound):
 
     source: str | ScalarFormula | Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]
     reach: float = 10.0
+    file: Path | None = field(default=None, compare=False)
     _evaluate: Callable[[Array], Array] = field(init=False, repr=False)
     _lipschitz: float = field(init=False, repr=False)
     _sampled: bool = field(init=False, repr=False, default=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 
 from hemivar.basics.types import Parameter
 from hemivar.laws.friction.bounds import StateBound
@@ -59,4 +60,5 @@ def SlipTable(  # noqa: N802
         j_tau' at the slips.
     """
     r, d = check_points(slips, values, "slips of law 'slip-table'", friction=True)
-    return Friction(bound, even_table(r, d, name="slip-table"))
+    stated = MappingProxyType({"law": "slip-table", "slips": r, "values": d})
+    return Friction(bound, even_table(r, d, name="slip-table", stated=stated))

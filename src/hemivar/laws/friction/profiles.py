@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -20,7 +21,12 @@ __all__ = ["ABSOLUTE_VALUE", "ExponentialWeakening", "LogarithmicWeakening", "St
 
 #: j(r) = |r|, the profile of Tresca's law.
 ABSOLUTE_VALUE = PiecewiseQuadratic(
-    np.zeros((1, 1)), np.zeros((1, 2)), np.full((1, 1), 2.0), start=-1.0, name="absolute value"
+    np.zeros((1, 1)),
+    np.zeros((1, 2)),
+    np.full((1, 1), 2.0),
+    start=-1.0,
+    name="absolute value",
+    stated=MappingProxyType({"law": "tresca"}),
 )
 
 

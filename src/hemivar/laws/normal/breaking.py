@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -185,7 +186,9 @@ def Layered(  # noqa: N802 - a law, named as the others are
     knots = np.concatenate([[0.0], np.cumsum(thick)])
     slopes = np.concatenate([[0.0], stiff, [0.0 if base is None else float(base)]])
     upper = np.inf if base is not None else knots[-1]
-    return PiecewiseQuadratic(knots, slopes, np.concatenate([[0.0], -lost]), upper=upper, name="layered")
+    stated = {"law": "layered", "thicknesses": thick, "stiffnesses": stiff, "drops": lost, "base": base}
+    jumps = np.concatenate([[0.0], -lost])
+    return PiecewiseQuadratic(knots, slopes, jumps, upper=upper, name="layered", stated=MappingProxyType(stated))
 
 
 def SawTooth(  # noqa: N802 - a law, named as the others are
@@ -232,4 +235,5 @@ def SawTooth(  # noqa: N802 - a law, named as the others are
     knots = np.concatenate([-ends[::-1], [0.0]])
     table = np.concatenate([[0.0], rates[::-1], [0.0 if compression is None else compression]])
     upper = 0.0 if compression is None else np.inf
-    return PiecewiseQuadratic(knots, table, jumps, upper=upper, name="saw-tooth")
+    stated = {"law": "saw-tooth", "openings": ends, "slopes": rates, "offsets": shift, "compression": compression}
+    return PiecewiseQuadratic(knots, table, jumps, upper=upper, name="saw-tooth", stated=MappingProxyType(stated))

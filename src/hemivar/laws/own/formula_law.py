@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -42,6 +42,10 @@ class _FormulaLaw(OwnLaw):
             raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
         object.__setattr__(self, "_formula", ScalarFormula(self.text, "r", self.where))
         _ = self._own
+
+    @property
+    def stated(self) -> Mapping[str, object]:
+        return {"law": "formula", "potential": self.text, "kinks": self.kinks_at, "reach": self.reach}
 
     @property
     def _start(self) -> float:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -74,6 +75,7 @@ def table_law(
     friction: bool = False,
     name: str = "table",
     where: str = "law table",
+    file: Path | None = None,
 ) -> PiecewiseQuadratic:
     """The law whose derivative is linear between the points ``(r, derivative)``.
 
@@ -90,6 +92,8 @@ def table_law(
         first slip.
     name, where : str
         Used in messages.
+    file : Path, optional
+        Where the points come from.
 
     Raises
     ------
@@ -106,15 +110,16 @@ def table_law(
             f"{where}, row {y.size}: the friction falls, and with extend = linear it would be negative farther out; "
             f"let the table end with a constant or rising friction, or write extend = constant"
         )
+    stated = MappingProxyType({"law": "table", "extend": extend, "rows": (x, y), "file": file})
     if friction:
-        return even_table(x, y, extend=extend, name=name)
+        return even_table(x, y, extend=extend, name=name, stated=stated)
     knots = np.unique(x)
     left = y[np.searchsorted(x, knots, side="left")]
     right = y[np.searchsorted(x, knots, side="right") - 1]
     inner = (left[1:] - right[:-1]) / np.diff(knots)
     ends = inner[[0, -1]] if extend == Extension.LINEAR and inner.size else np.zeros(2)
     slopes = np.concatenate([ends[:1], inner, ends[1:]])
-    return PiecewiseQuadratic(knots, slopes, right - left, start=float(left[0]), name=name)
+    return PiecewiseQuadratic(knots, slopes, right - left, start=float(left[0]), name=name, stated=stated)
 
 
 def read_law_table(
@@ -128,10 +133,18 @@ def read_law_table(
         If the file cannot be read or is not such a table; the message names file and line.
     """
     r, derivative = read_columns(path)
-    return table_law(r, derivative, extend=extend, friction=friction, name=name, where=str(path))
+    file = Path(path).absolute()
+    return table_law(r, derivative, extend=extend, friction=friction, name=name, where=str(path), file=file)
 
 
-def even_table(slips: Array, values: Array, *, extend: str = "constant", name: str = "table") -> PiecewiseQuadratic:
+def even_table(
+    slips: Array,
+    values: Array,
+    *,
+    extend: str = "constant",
+    name: str = "table",
+    stated: Mapping[str, object] | None = None,
+) -> PiecewiseQuadratic:
     """The even law whose derivative for r >= 0 is linear between the points ``(slips, values)``.
 
     Parameters
@@ -141,6 +154,9 @@ def even_table(slips: Array, values: Array, *, extend: str = "constant", name: s
         j' is constant. The value at r = 0+ is half the jump at zero: the resistance against the first slip.
     extend : {"constant", "linear"}
         How j' goes on beyond the last slip.
+    name : str
+    stated : mapping, optional
+        See :attr:`hemivar.laws.Superpotential.stated`.
     """
     slips, values = np.asarray(slips, dtype=float), np.asarray(values, dtype=float)
     if slips[0] > 0.0:
@@ -158,4 +174,5 @@ def even_table(slips: Array, values: Array, *, extend: str = "constant", name: s
         np.concatenate([jumps[::-1], [2.0 * right[0]], jumps]),
         start=-float(right[-1]),
         name=name,
+        stated=stated,
     )

@@ -1,23 +1,25 @@
-"""Figures of laws: the graph of the subdifferential and the potential."""
+"""Laws in figures: the graph of the subdifferential and the potential, and what legends say of them."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import Superpotential
-from hemivar.report._style import BLUE, GREY, RED, drawing
+from hemivar.laws import PiecewiseQuadratic, Superpotential
+from hemivar.report.style import BLUE, GREY, RED, drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["plot_law"]
+__all__ = ["law_captions", "plot_law"]
 
 
 def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None, title: str | None = None) -> Figure:
@@ -102,3 +104,44 @@ def _finish(panel: Axes, reach: float, domain: tuple[float, float]) -> None:
             panel.axvspan(a, b, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.4, lw=0.0)
     panel.set_xlabel("r (penetration or slip)")
     panel.spines[["top", "right"]].set_visible(False)
+
+
+def law_captions(problem: DiscreteProblem) -> list[str]:
+    """Names and constants of the laws, for legends."""
+    if problem.contact_points == 0:
+        return []
+    law = problem.law
+    lines = [f"{_proper(part.name)} law{_constants(part)}" for part in getattr(law.normal, "parts", (law.normal,))]
+    if law.state_dependent:
+        lines.append(f"{_proper(law.friction.name)} friction, $h_\\tau$ depends on the state")
+        return lines
+    bound = np.asarray(law.friction.at(None).bound)
+    if problem.dim > 1 and (bound > 0.0).any():
+        lines.append(f"{_proper(law.friction.name)} friction: $h_\\tau$ = {_range(bound)}")
+    return lines
+
+
+def _constants(law: Superpotential) -> str:
+    """``: name = value, ...`` for the numeric fields of a named law; nothing for tables."""
+    if not is_dataclass(law) or type(law) is PiecewiseQuadratic:
+        return ""
+    values = [(f.name, getattr(law, f.name)) for f in fields(law) if not f.name.startswith("_")]
+    numbers = [(name, np.asarray(value)) for name, value in values if isinstance(value, int | float | np.ndarray)]
+    parts = [f"{_symbol(name)} = {_range(value)}" for name, value in numbers if value.size]
+    return ":\n" + ", ".join(parts) if parts else ""
+
+
+def _proper(name: str) -> str:
+    """Laws named after people in capitals."""
+    return name.capitalize() if name in ("signorini", "tresca", "coulomb") else name
+
+
+def _symbol(name: str) -> str:
+    """``q_max`` as a symbol with an index."""
+    letter, _, index = name.partition("_")
+    return f"${letter}_{{{index}}}$" if index and len(letter) == 1 else name
+
+
+def _range(values: Array) -> str:
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
 
+from hemivar.errors import ProblemError
 from hemivar.solvers import ContactState
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "BLUE",
+    "DASHES",
     "GREEN",
     "GREY",
+    "MANY_CELLS",
+    "MANY_FACETS",
     "MARKERS",
     "ORANGE",
     "PURPLE",
@@ -18,13 +27,22 @@ __all__ = [
     "SKY",
     "STATE_COLOURS",
     "STYLE",
+    "axes_on",
     "drawing",
+    "figure_of",
     "with_unit",
 ]
 
 # Okabe and Ito's colours, told apart by all readers.
 BLUE, ORANGE, GREEN, RED, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
 GREY = "#5f5f5f"
+
+#: What is at rest.
+DASHES = (0, (4, 3))
+#: Up to so many cells they are drawn each.
+MANY_CELLS = 5000
+#: From so many facets on a surface is drawn without lines between them, and rasterised.
+MANY_FACETS = 4000
 
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -57,7 +75,7 @@ MARKERS: Mapping[ContactState, dict[str, Any]] = {
 STATE_COLOURS = {ContactState.OPEN: "white", ContactState.STICK: BLUE, ContactState.SLIP: ORANGE}
 
 
-def drawing() -> Any:
+def drawing() -> AbstractContextManager[None]:
     """Context in which figures are drawn and saved."""
     import matplotlib
 
@@ -67,3 +85,21 @@ def drawing() -> Any:
 def with_unit(name: str, unit: str) -> str:
     """``name (unit)``, or the name alone."""
     return f"{name} ({unit})" if unit else name
+
+
+def axes_on(ax: Axes | None, size: tuple[float, float]) -> tuple[Figure, Axes]:
+    """The axes given and their figure, or new ones on a figure of this size in inches, with room on the right."""
+    from matplotlib.figure import Figure
+
+    if ax is not None:
+        return figure_of(ax), ax
+    fig = Figure(figsize=size)
+    return fig, fig.add_axes((0.09, 0.12, 0.56, 0.8))
+
+
+def figure_of(ax: Axes) -> Figure:
+    """The figure that axes stand on."""
+    fig = ax.get_figure(root=True)
+    if fig is None:
+        raise ProblemError("the axes given belong to no figure; make them by Figure().add_subplot()")
+    return fig

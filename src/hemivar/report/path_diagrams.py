@@ -12,8 +12,7 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.branches import Path
 from hemivar.errors import ProblemError
-from hemivar.report._style import BLUE, GREY, ORANGE, RED, drawing, with_unit
-from hemivar.report.figures import _axes
+from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -131,7 +130,7 @@ def plot_path(
     x = chosen.evaluate(path.problem.weights, path.local, path.multiplier)
     t = path.load_factor
     with drawing():
-        fig, ax = _axes(ax, (5.6, 3.6))
+        fig, ax = axes_on(ax, (5.6, 3.6))
         for stable, colour, style in ((True, BLUE, "-"), (False, GREY, "--")):
             at = np.flatnonzero(path.stable == stable)
             label = "stable" if stable else "unstable"
