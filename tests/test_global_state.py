@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import locale
 import os
 import pickle
@@ -184,25 +183,6 @@ def test_threads_solve_one_problem(method: object) -> None:
     for solution in found:
         assert solution.status is hv.Status.CONVERGED
         np.testing.assert_allclose(solution.unknowns, expected.unknowns, rtol=0.0, atol=1e-13)
-
-
-def test_threads_at_one_hierarchy_wait_for_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While one thread has changed the levels for its solve, no other touches them."""
-    from hemivar.linear.levels import Levels
-
-    problem = unstructured(24)
-    seen: list[int] = []
-    change = Levels.change
-
-    def watched(self: Levels, *arguments: Any) -> None:
-        seen.append(threading.get_ident())
-        change(self, *arguments)
-
-    monkeypatch.setattr(Levels, "change", watched)
-    with ThreadPoolExecutor(3) as pool:
-        list(pool.map(lambda _: hv.solve(problem, hv.NonsmoothMultigrid()), range(3)))
-    turns = 1 + sum(one != other for one, other in itertools.pairwise(seen))
-    assert turns == len(set(seen)), "threads took turns within a solve"
 
 
 def test_a_certificate_beside_a_solve(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,9 @@ from hemivar.certify import trace_force
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
+from hemivar.systems.contact_moves import newton_components
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Polished", "polish", "polish_by_solver"]

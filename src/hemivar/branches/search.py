@@ -16,8 +16,9 @@ from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.branches.state_chain import StateChain
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.solvers.controls import Budget, OutOfTime
-from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
+from hemivar.systems.contact_moves import newton_components
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["SolutionSearch"]

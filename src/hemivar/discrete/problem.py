@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -53,8 +53,6 @@ class DiscreteProblem(Portable, Displayed):
     ProblemError
         Bulk, contact points, law and space do not fit one another.
     """
-
-    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
 
     bulk: Bulk
     contact: ContactPoints

@@ -31,7 +31,7 @@ from hemivar.mechanics.conditions import (
 )
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle
-from hemivar.mesh._keys import _facet_keys
+from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
@@ -233,7 +233,7 @@ class ContactProblem(Portable, Displayed):
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
-            name: _facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
+            name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
         }
         names = list(self.contact)
         for i, first in enumerate(names):

@@ -15,19 +15,17 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.discrete.hold import Verdict, decide
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import residual
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.free_motion import known_to_be_held
 from hemivar.fem.posed import posed
-from hemivar.linear.cycle import sole_use
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.solvers.base import Solver, State, System
+from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
-from hemivar.solvers.loop import iterate
+from hemivar.solvers.loop import finish, iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
@@ -114,7 +112,7 @@ def solve(
     why = solver.refuse(problem)
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
-    with one_thread(not solver.condenses), sole_use(problem, not solver.condenses):
+    with one_thread(not solver.condenses):
         return _run(problem, solver, controls, initial, workspace)
 
 
@@ -142,7 +140,7 @@ def _run(
 ) -> Solution:
     """Set up, start, iterate and recover."""
     try:
-        system: System = solver.prepare(problem, workspace)
+        system: PosedSystem = solver.prepare(problem, workspace)
         _check_held(system)
         if isinstance(system, CondensedProblem):
             _check_coercive(system)
@@ -177,23 +175,12 @@ class _End:
     seconds: float
 
 
-def _solution(system: System, end: _End) -> Solution:
+def _solution(system: PosedSystem, end: _End) -> Solution:
     """All unknowns from the iterate, with the residual of the full problem and the status that this allows."""
-    problem, state, status, controls = system.problem, end.state, end.status, end.controls
+    problem, state = system.problem, end.state
     began = time.perf_counter()
-    unknowns, found = system.recover(state.r, state.lam)
-    multiplier, r = state.lam, system.local(state.r)
-    law = system.law_at(state.r, state.lam) if np.isfinite(r).all() else None
-    if problem.contact_points and law is not None and np.isfinite(law.value(r)).all():
-        # Rounding aside, a multiplier of the law itself: no pressure at all where the body has lifted.
-        exact = np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam)
-        with_exact = residual(problem, unknowns, exact)
-        if with_exact.total <= found.total + found.rounding:
-            multiplier, found = exact, with_exact
-    if found.below(controls.atol, controls.rtol):
-        status = Status.CONVERGED
-    elif status is Status.CONVERGED and not (state.error_bound is not None and found.below(0.0, _EXCUSED)):
-        status = Status.INACCURATE
+    excused = 0.0 if state.error_bound is None else _EXCUSED
+    unknowns, multiplier, found, status = finish(system, state, end.status, end.controls, excused)
     return Solution(
         problem=problem,
         unknowns=unknowns,
@@ -219,7 +206,7 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     return FixedPoint(solver) if problem.law.state_dependent and not solver.handles_state else solver
 
 
-def _start(system: System, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
+def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
     """The starting point, checked and moved into the domain of the laws."""
     if initial is None:
         r, stopped = solver.first_guess(system, budget)
@@ -237,7 +224,7 @@ def _start(system: System, solver: Solver, initial: Solution | Array | None, bud
     return State(r, system.multiplier(r))
 
 
-def _check_held(system: System) -> None:
+def _check_held(system: PosedSystem) -> None:
     """Refuse a convex problem whose energy falls without end along a motion that deforms nothing."""
     law = system.law
     if law.state_dependent or any((alpha > 0.0).any() for alpha in law.weak_convexity):

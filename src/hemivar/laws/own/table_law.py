@@ -161,14 +161,11 @@ def even_table(
     slips, values = np.asarray(slips, dtype=float), np.asarray(values, dtype=float)
     if slips[0] > 0.0:
         slips, values = np.concatenate([[0.0], slips]), np.concatenate([values[:1], values])
-    if slips.size > 1 and slips[1] == 0.0:
-        slips, values = slips[1:], values[1:]
     knots = np.unique(slips)
     first = np.searchsorted(slips, knots, side="left")
     last = np.searchsorted(slips, knots, side="right") - 1
     left, right = values[first], values[last]
-    slopes = np.diff(knots)
-    inner = (left[1:] - right[:-1]) / np.where(slopes > 0.0, slopes, 1.0)
+    inner = (left[1:] - right[:-1]) / np.diff(knots)
     end = inner[-1] if extend == "linear" and inner.size else 0.0
     jumps = (right - left)[1:]
     return PiecewiseQuadratic(

@@ -1,4 +1,4 @@
-"""Checks of what a mesh is made of; every message names the place."""
+"""Checks of what a mesh is made of; each refuses by a ProblemError that names the place."""
 
 from __future__ import annotations
 
@@ -7,13 +7,24 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh._keys import _EDGES, _frozen, _signed_volumes
+from hemivar.mesh.keys import EDGES, cell_facets, facet_keys, frozen, signed_volumes
+
+__all__ = [
+    "check_cells",
+    "check_coordinates",
+    "check_grid",
+    "checked_arrays",
+    "checked_boundaries",
+    "checked_regions",
+    "index_array",
+    "is_whole",
+]
 
 _FLAT = 1e-13
 #: Coordinates are below this and cells larger than its inverse, so that volumes and energies are numbers.
@@ -21,42 +32,9 @@ _LARGEST = 1e90
 #: Part of the size of a cell by which its coordinates may be rounded.
 _ROUNDING = 1e-6
 _EPSILON = 2.0**-52
-_NUMBER = {2: "two", 3: "three"}
 
 
-def _lengths(values: Any, count: int, what: str) -> tuple[float, ...]:
-    """Positive lengths, as many as ``count``."""
-    lengths = real_array(values, what)
-    if lengths.shape != (count,):
-        raise ProblemError(f"{what} = {values!r}; give {_NUMBER[count]} lengths")
-    if not (lengths > 0.0).all():
-        raise ProblemError(f"{what} = {values!r}; every length must be positive")
-    return tuple(lengths.tolist())
-
-
-def _place(values: Any, count: int, what: str) -> tuple[float, ...]:
-    """A point, of as many coordinates as ``count``."""
-    place = real_array(values, what)
-    if place.shape != (count,):
-        raise ProblemError(f"{what} = {values!r}; give {_NUMBER[count]} coordinates")
-    return tuple(place.tolist())
-
-
-def _counts(cells: Any, axes: int) -> tuple[int, ...]:
-    """Numbers of cells along the axes, from one number or one for each."""
-    try:
-        entries = [cells] * axes if np.ndim(cells) == 0 else list(cells)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"cells = {cells!r}; give one or {_NUMBER[axes]} numbers") from error
-    if len(entries) != axes:
-        raise ProblemError(f"cells = {cells!r}; give one or {_NUMBER[axes]} numbers")
-    if not all(_is_whole(entry, 1) for entry in entries):
-        along = "x and y" if axes == 2 else "x, y and z"
-        raise ProblemError(f"cells = {cells!r}; give whole numbers of at least 1 along {along}")
-    return tuple(int(entry) for entry in entries)
-
-
-def _is_whole(value: Any, least: int) -> bool:
+def is_whole(value: Any, least: int) -> bool:
     """Whether a value is a whole number, of whatever type, and not less than ``least``."""
     try:
         return not isinstance(value, bool | str) and bool(int(value) == value and value >= least)
@@ -64,7 +42,7 @@ def _is_whole(value: Any, least: int) -> bool:
         return False
 
 
-def _check_grid(size: tuple[float, ...], cells: tuple[int, ...], origin: tuple[float, ...], simplices: int) -> None:
+def check_grid(size: tuple[float, ...], cells: tuple[int, ...], origin: tuple[float, ...], simplices: int) -> None:
     """Refuse a grid that does not fit into memory, or whose nodes its coordinates cannot tell apart."""
     try:
         number = float(simplices * math.prod(cells))
@@ -85,12 +63,12 @@ def _check_grid(size: tuple[float, ...], cells: tuple[int, ...], origin: tuple[f
         )
 
 
-def _check_coordinates(points: Array, cells: IntArray) -> Array:
+def check_coordinates(points: Array, cells: IntArray) -> Array:
     """Refuse coordinates in which cells lose their shapes; returns the square of the longest edge of each cell."""
     reach = np.abs(points).max(axis=1)
     _check_range(float(reach.max()))
     longest = np.zeros(len(cells))
-    for a, b in _EDGES[points.shape[1]]:
+    for a, b in EDGES[points.shape[1]]:
         np.maximum(longest, np.sum((points[cells[:, a]] - points[cells[:, b]]) ** 2, axis=1), out=longest)
     size = np.sqrt(longest)
     some = size > 0.0  # the others are degenerate
@@ -122,9 +100,10 @@ def _check_sizes(coordinates: Array, sizes: Array, where: str) -> None:
         )
 
 
-def _check_cells(points: Array, cells: IntArray) -> None:
-    longest = _check_coordinates(points, cells)
-    volume = _signed_volumes(points, cells)
+def check_cells(points: Array, cells: IntArray) -> None:
+    """Refuse cells without volume, inverted ones, and nodes of no cell."""
+    longest = check_coordinates(points, cells)
+    volume = signed_volumes(points, cells)
     flat = np.abs(volume) <= _FLAT * np.sqrt(longest) ** points.shape[1]
     if flat.any():
         raise ProblemError(
@@ -202,7 +181,8 @@ def _check_cuts(points: Array, outer: IntArray, named: IntArray) -> None:
         )
 
 
-def _index_array(value: Any, name: str, count: int) -> IntArray:
+def index_array(value: object, name: str, count: int) -> IntArray:
+    """An array of whole numbers from 0 to ``count - 1``; of its own, unless what was given is read-only."""
     array = np.asarray(value)
     if array.size == 0:
         return np.zeros((0, 0), dtype=np.int64)
@@ -213,46 +193,87 @@ def _index_array(value: Any, name: str, count: int) -> IntArray:
         raise ProblemError(
             f"{name} refers to number {lowest if lowest < 0 else highest}; valid numbers are 0 to {count - 1}"
         )
-    return array.astype(np.int64)
+    return array.astype(np.int64, copy=bool(array.flags.writeable))
 
 
-def _checked_arrays(points: Any, cells: Any) -> tuple[Array, IntArray]:
+def checked_arrays(points: ArrayLike, cells: object) -> tuple[Array, IntArray]:
+    """Points and cells of the right shapes, read-only, of their own."""
     nodes = np.array(real_array(points, "points"))
     if nodes.ndim != 2 or nodes.shape[1] not in (2, 3) or len(nodes) == 0:
         raise ProblemError(f"points has shape {nodes.shape}; it must be (N, 2) or (N, 3)")
-    connectivity = _index_array(cells, "cells", len(nodes))
+    connectivity = index_array(cells, "cells", len(nodes))
     dim = nodes.shape[1]
     if connectivity.ndim != 2 or connectivity.shape[1] != dim + 1 or len(connectivity) == 0:
         kind = "triangles" if dim == 2 else "tetrahedra"
         raise ProblemError(f"cells has shape {connectivity.shape}; {kind} need shape (M, {dim + 1})")
     require(mesh_bytes(dim, len(connectivity), checked=True), f"a mesh of {len(connectivity)} cells")
-    return _frozen(nodes), _frozen(connectivity)
+    return frozen(nodes), frozen(connectivity)
 
 
-def _checked_regions(regions: Mapping[str, Any], count: int) -> dict[str, IntArray]:
+def checked_boundaries(points: Array, cells: IntArray, boundaries: Mapping[str, object]) -> dict[str, IntArray]:
+    """Named facets of the outer boundary, each once and outward oriented."""
+    dim, count = points.shape[1], len(points)
+    facets, keys, _ = cell_facets(cells, count)
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    start = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    counts = np.diff(start, append=len(ordered))
+    sorted_keys, first = ordered[start], order[start]
+    _check_sides(points, facets, order, start, counts)
+    result, named = {}, []
+    for name, value in boundaries.items():
+        given = index_array(value, f"boundary '{name}'", count)
+        if given.size == 0:
+            raise ProblemError(f"boundary '{name}' holds no facets; remove it or fill it")
+        if given.ndim != 2 or given.shape[1] != dim:
+            raise ProblemError(
+                f"boundary '{name}' has shape {given.shape}; it must list {dim} nodes per facet, shape (k, {dim})"
+            )
+        wanted = facet_keys(given, count)
+        place = np.minimum(np.searchsorted(sorted_keys, wanted), len(sorted_keys) - 1)
+        known = sorted_keys[place] == wanted
+        outer = known & (counts[place] == 1)
+        if not outer.all():
+            bad = int(np.flatnonzero(~outer)[0])
+            what = "lies between two cells" if known[bad] else "is not a facet of any cell"
+            raise ProblemError(
+                f"boundary '{name}': the facet with nodes {given[bad].tolist()} {what} "
+                f"({np.count_nonzero(~outer)} such facets); list facets of the outer boundary only"
+            )
+        _, unique = np.unique(wanted, return_index=True)
+        result[str(name)] = frozen(facets[first[place[np.sort(unique)]]])
+        named.append(first[place])
+    if named:
+        alone = np.sort(first[counts == 1])
+        _check_cuts(points, facets[alone], np.searchsorted(alone, np.concatenate(named)))
+    return result
+
+
+def checked_regions(regions: Mapping[str, object], count: int) -> dict[str, IntArray]:
+    """Named parts of ``count`` cells, each by sorted numbers."""
     result = {}
     for name, value in regions.items():
-        ids = _index_array(value, f"region '{name}'", count)
+        ids = index_array(value, f"region '{name}'", count)
         if ids.size == 0:
             raise ProblemError(f"region '{name}' holds no cells; remove it or fill it")
         if ids.ndim != 1:
             raise ProblemError(f"region '{name}' has shape {ids.shape}; it must list cell numbers, shape (k,)")
         mask = np.zeros(count, dtype=bool)
         mask[ids] = True
-        result[str(name)] = _frozen(np.flatnonzero(mask))
+        result[str(name)] = frozen(np.flatnonzero(mask))
     return result
 
 
-def _at(points: Array, cells: IntArray, mask: Any) -> str:
+def _at(points: Array, cells: IntArray, mask: BoolArray) -> str:
     """The centre of the first cell where ``mask`` holds, for messages."""
     return _coordinates(points[cells[int(np.argmax(mask))]].mean(axis=0))
 
 
-def _coordinates(point: NDArray[Any]) -> str:
+def _coordinates(point: Array) -> str:
     return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
 
 
-def _some(mask: Any, limit: int = 5) -> str:
+def _some(mask: BoolArray, limit: int = 5) -> str:
     """The first few numbers where ``mask`` holds, for messages."""
     numbers = np.flatnonzero(mask)
     return ", ".join(str(int(i)) for i in numbers[:limit]) + (", ..." if len(numbers) > limit else "")

@@ -1,4 +1,4 @@
-"""The parts of a body, and the motions that deform none of them: what a stiffness matrix cannot resist.
+"""The motions that deform no part of a body: what a stiffness matrix cannot resist.
 
 Cells that share a facet move as one where they do not deform; cells that share no more than a node or, in space, an
 edge turn about it.  So the motions without deformation are the rigid motions of the parts (cells joined through
@@ -19,63 +19,14 @@ from scipy.sparse.csgraph import connected_components
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
-from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.parts import Parts
 
-__all__ = ["FreeMotions", "MovingGroup", "Parts", "admitted", "free_motions", "parts", "rigid_basis"]
+__all__ = ["FreeMotions", "MovingGroup", "admitted", "free_motions", "rigid_basis"]
 
 #: A motion that moves the supports by less than this, relative to its size, is free.
 _RANK = 1e-9
 #: Motions of parts that hang together at nodes only, up to which they are sorted out.
 _LARGEST = 1200
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """Cells of a mesh that are joined through facets.
-
-    Attributes
-    ----------
-    count : int
-        Number of parts.
-    cell : int array (M,)
-        The part of each cell.
-    """
-
-    count: int
-    cell: IntArray
-
-    def place(self, mesh: Mesh, part: int) -> Array:
-        """A point inside a part: the middle of its largest cell, (d,)."""
-        cells = np.flatnonzero(self.cell == part)
-        largest = cells[int(np.argmax(mesh.volumes[cells]))]
-        return np.asarray(mesh.points[mesh.cells[largest]].mean(axis=0))
-
-    def boundaries(self, mesh: Mesh, part: int) -> list[str]:
-        """Names of the boundaries that belong to a part, or to it among others."""
-        mine = np.zeros(mesh.number_of_nodes, dtype=bool)
-        mine[mesh.cells[self.cell == part]] = True
-        return [name for name, facets in mesh.boundaries.items() if mine[facets].all(axis=1).any()]
-
-
-def parts(mesh: Mesh) -> Parts:
-    """The parts of a mesh, which remembers them; a mesh known to refine a mesh of one part has one."""
-    known = mesh.__dict__.get("_parts")
-    if isinstance(known, Parts):
-        return known
-    coarse = mesh.parent
-    if coarse is not None and parts(coarse.mesh).count == 1:
-        found = Parts(1, np.zeros(mesh.number_of_cells, dtype=np.int64))
-    else:
-        _, keys, cell = mesh._facets()
-        order = np.argsort(keys, kind="stable")
-        same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
-        first, second = cell[order[same]], cell[order[same + 1]]
-        shape = (mesh.number_of_cells, mesh.number_of_cells)
-        graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=shape)
-        count, label = connected_components(graph, directed=False)
-        found = Parts(int(count), label.astype(np.int64))
-    object.__setattr__(mesh, "_parts", found)
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +116,7 @@ def free_motions(field: Field) -> FreeMotions:
     known = field.__dict__.get("_free_motions")
     if isinstance(known, FreeMotions):
         return known
-    found = _of_one(field) if parts(field.mesh).count == 1 else _of_many(field)
+    found = _of_one(field) if field.mesh.parts.count == 1 else _of_many(field)
     object.__setattr__(field, "_free_motions", found)
     return found
 
@@ -198,7 +149,7 @@ def _of_one(field: Field) -> FreeMotions:
         admissible = admitted(np.einsum("kij,kjr->kir", stop, moved).reshape(-1, count))
     left = admissible.shape[1]
     motions = rigid_basis(nodes, corners)[0] @ admissible if left else np.zeros((nodes.size, 0))
-    everything = parts(field.mesh)
+    everything = field.mesh.parts
     if not left:
         return FreeMotions(sp.csc_array(motions), (), everything)
     group = MovingGroup(np.zeros(1, dtype=np.int64), slice(0, left), admissible[None], np.zeros(0, dtype=np.int64))
@@ -210,7 +161,7 @@ class _Body:
 
     def __init__(self, field: Field) -> None:
         self.dim, self.nodes = field.mesh.dim, field.nodes
-        self.all = parts(field.mesh)
+        self.all = field.mesh.parts
         cells = field.mesh.cell_nodes(field.order)
         pairs = np.unique(np.repeat(self.all.cell, cells.shape[1]) * np.int64(len(self.nodes)) + cells.ravel())
         self.owner, self.node = pairs // len(self.nodes), pairs % len(self.nodes)

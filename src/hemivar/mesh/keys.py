@@ -1,8 +1,8 @@
-"""Arrays of simplices: numbers of facets and edges, signed volumes, refinement."""
+"""Arrays of simplices: numbers of facets and edges, signed volumes."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,46 +10,39 @@ from numpy.typing import NDArray
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 
-_EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
-_FACETS = {2: ((0, 1), (1, 2), (2, 0)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
+__all__ = [
+    "EDGES",
+    "FACETS",
+    "cell_facets",
+    "distinct_pairs",
+    "facet_keys",
+    "facet_measures",
+    "frozen",
+    "pair_keys",
+    "signed_volumes",
+]
+
+#: Local nodes of the edges and, outward oriented, of the facets of a cell, by dimension.
+EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
+FACETS = {2: ((0, 1), (1, 2), (2, 0)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
+_T = TypeVar("_T", bound=np.generic)
 #: Entries or cells taken at a time.
 _PORTION = 1 << 16
 
 
-def _refined_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
-    """Eight children of each tetrahedron, positively oriented.
-
-    The octahedron inside is cut along the diagonal between the midpoints of 02 and 13, for which tetrahedra are turned
-    if another diagonal is shorter.
-    """
-    ends = ((2, 4), (1, 3), (0, 5))
-    lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
-    shortest = np.argmin([lengths[0] * (1.0 - 1e-9), *lengths[1:]], axis=0)
-    v, e = cells.copy(), middles.copy()
-    for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
-        turned = np.flatnonzero(shortest == way)
-        v[turned] = cells[turned][:, corners]
-        e[turned] = middles[turned][:, edges]
-    (v0, v1, v2, v3), (e01, e12, e02, e03, e13, e23) = v.T, e.T
-    children = [
-        (v0, e01, e02, e03), (e01, v1, e12, e13), (e02, e12, v2, e23), (e03, e13, e23, v3),
-        (e01, e02, e03, e13), (e02, e12, e13, e01), (e02, e03, e13, e23), (e12, e13, e23, e02),
-    ]  # fmt: skip
-    return np.vstack([np.column_stack(child) for child in children])
-
-
-def _frozen(array: Any) -> Any:
-    view = np.asarray(array).view()
+def frozen(array: NDArray[_T]) -> NDArray[_T]:
+    """A read-only view of an array."""
+    view = array.view()
     view.flags.writeable = False
     return view
 
 
-def _pair_keys(pairs: IntArray, count: int) -> IntArray:
+def pair_keys(pairs: IntArray, count: int) -> IntArray:
     """One number per pair of node numbers (last axis), whatever the order in the pair."""
     return np.asarray(np.minimum(pairs[..., 0], pairs[..., 1]) * count + np.maximum(pairs[..., 0], pairs[..., 1]))
 
 
-def _distinct_pairs(first: NDArray[Any], second: NDArray[Any]) -> tuple[IntArray, IntArray]:
+def distinct_pairs(first: NDArray[Any], second: NDArray[Any]) -> tuple[IntArray, IntArray]:
     """Distinct unordered pairs (E, 2), smaller number first, sorted; and the number of the pair of each entry.
 
     Pair and place of each entry are sorted together as one integer where they fit into 64 bits, which is several times
@@ -85,17 +78,33 @@ def _distinct_pairs(first: NDArray[Any], second: NDArray[Any]) -> tuple[IntArray
     return np.column_stack([start, start + (distinct & ((1 << width) - 1))]), number
 
 
-def _facet_keys(facets: IntArray, count: int) -> IntArray:
+def facet_keys(facets: IntArray, count: int) -> IntArray:
     """One number per facet, whatever the order of its nodes."""
     if facets.shape[1] == 2:
-        return _pair_keys(facets, count)
+        return pair_keys(facets, count)
     if count > 2_000_000:
         raise ProblemError(f"the mesh has {count} nodes; its boundaries can be found on up to two million")
     low, middle, high = np.sort(facets, axis=1).T
     return np.asarray((low * count + middle) * count + high)
 
 
-def _signed_volumes(points: Array, cells: IntArray) -> Array:
+def facet_measures(corner: Array) -> Array:
+    """Lengths or areas (k,) of facets with these corners, (k, d, d)."""
+    first = corner[:, 1] - corner[:, 0]
+    if corner.shape[2] == 2:
+        return np.asarray(np.linalg.norm(first, axis=1))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(first, corner[:, 2] - corner[:, 0]), axis=1))
+
+
+def cell_facets(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:
+    """All facets (M (d + 1), d) of the cells (M, d + 1) of a mesh of ``count`` nodes, their keys, and their cells."""
+    dim = cells.shape[1] - 1
+    facets = np.stack([cells[:, local] for local in FACETS[dim]], axis=1).reshape(-1, dim)
+    return facets, facet_keys(facets, count), np.repeat(np.arange(len(cells)), dim + 1)
+
+
+def signed_volumes(points: Array, cells: IntArray) -> Array:
+    """Areas or volumes of cells (M, d + 1), negative where a cell is inverted, (M,)."""
     volumes = np.empty(len(cells))
     for start in range(0, len(cells), _PORTION):
         part = slice(start, start + _PORTION)

@@ -9,7 +9,7 @@ import hemivar as hv
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.fem.parts import free_motions, parts
+from hemivar.fem.rigid import free_motions
 from hemivar.laws import Adhesive, Bilateral, Compliance, Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Roller
 from hemivar.mesh import Mesh, box, rectangle
@@ -78,7 +78,7 @@ def test_motions_are_the_kernel_of_the_stiffness(shape: str, support: str, order
     statement = ContactProblem(mesh.moved(turn), MATERIAL, {}, kinds[support], order=order)
     problem = discretize(statement, check_coercivity=False)
     assert problem.field is not None
-    assert parts(statement.mesh).count == count
+    assert statement.mesh.parts.count == count
     found = free_motions(problem.field)
     assert found.count == kernel_size(problem)
     unknowns = problem.field.basis.T @ found.motions
@@ -90,9 +90,9 @@ def test_motions_are_the_kernel_of_the_stiffness(shape: str, support: str, order
 
 def test_refined_and_moved_meshes_have_the_parts_of_the_coarse_one() -> None:
     mesh = joined(square(0, 0), square(1, 1)).refined(2).rotated(0.3)
-    assert parts(mesh).count == 2
-    assert parts(rectangle((1.0, 1.0), 32)).count == 1
-    assert set(parts(mesh).cell) == {0, 1}
+    assert mesh.parts.count == 2
+    assert rectangle((1.0, 1.0), 32).parts.count == 1
+    assert set(mesh.parts.cell) == {0, 1}
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -135,7 +135,7 @@ def test_a_mechanism_that_no_contact_point_sees_is_refused_before_any_work(metho
 def resultant(problem: DiscreteProblem, solution: hv.Solution, part: int) -> np.ndarray:
     """Force of the foundation on a part."""
     assert problem.field is not None
-    found = parts(problem.field.mesh)
+    found = problem.field.mesh.parts
     mine = np.zeros(problem.field.number_of_nodes, dtype=bool)
     mine[problem.field.mesh.cells[found.cell == part]] = True
     force = problem.field.basis @ problem.contact_force(solution.multiplier)
@@ -154,7 +154,7 @@ def test_parts_that_contact_holds_are_solved(method: hv.Solver | None, law: hv.S
     problem = discretize(statement)
     solution = solve(problem, method)
     assert solution.status is Status.CONVERGED
-    loose = int(parts(mesh).cell[np.argmax(mesh.points[mesh.cells].mean(axis=1)[:, 0])])
+    loose = int(mesh.parts.cell[np.argmax(mesh.points[mesh.cells].mean(axis=1)[:, 0])])
     np.testing.assert_allclose(resultant(problem, solution, loose), (0.1, -0.5), atol=1e-8)
     certificate = hv.certify(problem, solution.unknowns, solution.multiplier) if callable(hv.certify) else None
     if certificate is not None:
