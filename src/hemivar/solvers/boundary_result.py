@@ -85,12 +85,12 @@ class BoundaryResult(Portable):
 
     @cached_property
     def friction_vectors(self) -> Array:
-        """Friction of the foundation on the body, force per area in the coordinates of the mesh, (p, d)."""
+        """Friction on the body, force per area in the coordinates of the mesh, (p, d)."""
         return -self.contact.global_vectors(_tangential(self.multiplier))
 
     @cached_property
     def tractions(self) -> Array:
-        """Pressure and friction of the foundation on the body, force per area in the coordinates of the mesh, (p, d)."""
+        """Pressure and friction on the body, force per area in the coordinates of the mesh, (p, d)."""
         return -self.contact.global_vectors(self.multiplier)
 
     @cached_property
@@ -123,7 +123,9 @@ class BoundaryResult(Portable):
         return np.asarray(arms[:, 0] @ forces[:, 1] - arms[:, 1] @ forces[:, 0])
 
 
-def contact_table(contact: ContactPoints, local: Array, multiplier: Array, states: list[str]) -> NDArray[np.void]:
+def contact_table(
+    contact: ContactPoints, local: Array, multiplier: Array, states: NDArray[np.str_]
+) -> NDArray[np.void]:
     """One row for each contact point.
 
     Fields: ``boundary`` (name), ``x`` and ``normal`` (vectors), ``weight``, ``gap``, ``penetration``, ``slip``,
@@ -145,12 +147,13 @@ def contact_table(contact: ContactPoints, local: Array, multiplier: Array, state
     columns["pressure"] = multiplier[:, 0]
     if tangential:
         columns["friction"] = multiplier[:, 1] if contact.components == 2 else multiplier[:, 1:]
-    columns["state"] = np.array(states, dtype="U5")
+    columns["state"] = states
     if contact.frames is not None:
         columns["force"] = -contact.weights[:, None] * contact.global_vectors(multiplier)
     table = np.zeros(contact.count, dtype=[(name, value.dtype, value.shape[1:]) for name, value in columns.items()])
     for name, value in columns.items():
         table[name] = value
+    table.flags.writeable = False
     return table
 
 
@@ -163,7 +166,9 @@ def table_columns(table: NDArray[np.void]) -> dict[str, NDArray[np.generic]]:
             columns[name] = values
             continue
         ends = "xyz" if name in ("x", "normal", "force") else "12"
-        columns |= {end if name == "x" else f"{name}_{end}": values[:, k] for k, end in enumerate(ends[: values.shape[1]])}
+        columns |= {
+            end if name == "x" else f"{name}_{end}": values[:, k] for k, end in enumerate(ends[: values.shape[1]])
+        }
     return columns
 
 
