@@ -2,35 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 
 import numpy as np
 
+from hemivar.basics.generators import result_of
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
 from hemivar.solvers.solution import contact_state
 from hemivar.solvers.status import Status
 
-__all__ = ["iterate"]
+__all__ = ["iterate", "steps"]
 
 
 def iterate(
     solver: Solver, system: System, state: State, controls: Controls, budget: Budget
 ) -> tuple[State, Status, list[Progress]]:
+    """All :func:`steps`: the best iterate, how it ended, and the history."""
+    return result_of(steps(solver, system, state, controls, budget))
+
+
+def steps(
+    solver: Solver, system: System, state: State, controls: Controls, budget: Budget
+) -> Generator[Progress, bool | None, tuple[State, Status, list[Progress]]]:
     """Step until the residual is small, the method ends, or a limit is reached; keeps the best iterate.
 
-    An interruption (Ctrl-C), the time limit and a lack of memory end it in the middle of a step, with the best
-    iterate so far.  Once the residual is small the method is asked whether it can do better (:meth:`Solver.settle`);
-    it goes on from there if so.
+    Yields every step, and stops after it if it is sent True, as if the callback had returned it.  An interruption
+    (Ctrl-C), the time limit and a lack of memory end it in the middle of a step, with the best iterate so far.  Once
+    the residual is small the method is asked whether it can do better (:meth:`Solver.settle`); it goes on from there
+    if so.
     """
-    steps = solver.default_steps if controls.max_steps is None else controls.max_steps
+    limit = solver.default_steps if controls.max_steps is None else controls.max_steps
     history: list[Progress] = []
     best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
     status: Status | None = None
     try:
         state = solver.begin(system, state, budget)
-        for step in range(steps + 1):
+        for step in range(limit + 1):
             if step:
                 before = contact_state(system.local(state.r), state.lam)
                 state = solver.step(system, state, budget)
@@ -46,7 +56,8 @@ def iterate(
             if finite and (rank <= best_rank or certified):
                 best, best_rank = state, rank
             smallest = min(smallest, now.total if finite else np.inf)
-            stop = controls.callback is not None and controls.callback(history[-1])
+            told = controls.callback is not None and controls.callback(history[-1])
+            stop = (yield history[-1]) or told
             if not finite and step:
                 status = state.ended or Status.NONFINITE
             elif now.below(controls.atol, controls.rtol):
