@@ -20,7 +20,7 @@ from hemivar import __version__
 from hemivar.basics.disk import noting_files_read, shown, write_text
 from hemivar.cli.outputs import Writer, check_folder, check_outputs, internal_error, keep_off, one_line
 from hemivar.cli.terminal import Stream, guarded_streams, quiet_logging, quiet_warnings, signals_as_interrupts
-from hemivar.errors import HemivarError, ProblemError
+from hemivar.errors import HemivarError, ProblemError, SupportError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -612,7 +612,7 @@ def _discretize(stated: ProblemFile, mesh: Mesh | None) -> DiscreteProblem:
     except ProblemError as error:
         message = str(error)
         if not message.startswith(f"{stated.name}: "):
-            table = "[supports] " if "support" in message else ""
+            table = "[supports] " if isinstance(error, SupportError) else ""
             message = f"{stated.name}: {table}{message}"
         raise ProblemError(message) from error
 

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem, FieldMap
-from hemivar.errors import ProblemError
+from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import linear_stiffness, load_vector, stiffness_matrix
 from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.laws import ContactLaw, NoContact
@@ -91,7 +91,7 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     conditions = nodal_conditions(problem)
     supports, groups, basis = conditions.supports, conditions.groups, conditions.basis
     if basis.shape[1] == 0:
-        raise ProblemError("the supports leave the body no freedom; refine the mesh or remove supports")
+        raise SupportError("the supports leave the body no freedom; refine the mesh or remove supports")
 
     full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
     prescribed = conditions.prescribed
@@ -248,7 +248,7 @@ class _Supports:
             bad = int(np.flatnonzero(conflict)[0])
             node = int(nodes[bad])
             other = self.names[int(self.owner[node, int(np.argmax(np.abs(along[bad])))])]
-            raise ProblemError(
+            raise SupportError(
                 f"supports '{other}' and '{name}' prescribe different displacements at node {node}, "
                 f"x = {_vector(self.nodes[node])}: they differ by {missing[bad]:.3g} along "
                 f"{_vector(directions[bad])}; make them agree there or free one of them"
@@ -599,7 +599,7 @@ def _join(groups: list[_ContactGroup], basis: sp.csr_array, prescribed: Array, d
         values = law.take(held).frozen_at(-offset[held]).value(-offset[held])
         if not np.all(np.isfinite(values)):
             bad = int(held[np.flatnonzero(~np.isfinite(values))[0]])
-            raise ProblemError(
+            raise SupportError(
                 f"the supports hold the contact point x = {_vector(points[bad])} at penetration "
                 f"{-offset[bad, 0]:.3g}, which its law forbids; change the support or the gap"
             )
