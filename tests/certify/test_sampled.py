@@ -7,7 +7,7 @@ import pytest
 
 from hemivar.branches import find_solutions
 from hemivar.certify import Certificate, PointKind, certify, one_solution, smallness
-from hemivar.cli.certify import certificate_lines
+from hemivar.cli.certification import certificate_lines
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, PenetrationBound, Superpotential
 from hemivar.solvers import solve

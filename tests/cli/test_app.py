@@ -16,6 +16,7 @@ import pytest
 
 import hemivar
 from hemivar import cli
+from hemivar.cli.session import Session
 from hemivar.files.problem import SAMPLE
 
 BASE = """\
@@ -776,7 +777,7 @@ def test_interrupts_and_the_like_before_the_iteration(
         raise raised
 
     monkeypatch.delenv("HEMIVAR_TRACEBACK", raising=False)
-    monkeypatch.setattr(cli, "_discretize", stop)
+    monkeypatch.setattr(Session, "discrete", stop)
     (folder / "part.toml").write_text(BASE)
     code = cli.main(["solve", "part.toml"])
     err = capfd.readouterr().err.strip()

@@ -9,7 +9,7 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import beam, survey
-from hemivar.report import observed_order, plot_contact, plot_errors, plot_history, plot_solution, save
+from hemivar.report import plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.solvers import solve
 
 
@@ -106,13 +106,6 @@ def test_friction_bound_is_drawn(plane):
 def test_history_needs_a_solution():
     with pytest.raises(ProblemError, match="no solution"):
         plot_history([])
-
-
-def test_observed_order():
-    sizes = 0.5 ** np.arange(1, 7)
-    assert observed_order(sizes, 3.0 * sizes**0.8) == pytest.approx(0.8)
-    assert observed_order(sizes, np.where(sizes > 0.1, sizes, np.nan)) == pytest.approx(1.0)
-    assert np.isnan(observed_order(sizes[:1], sizes[:1]))
 
 
 def test_errors_leave_out_the_mesh_next_to_the_reference(tmp_path):

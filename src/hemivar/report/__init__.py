@@ -2,7 +2,6 @@
 
 from hemivar.report.figures import (
     Arrows,
-    observed_order,
     plot_contact,
     plot_errors,
     plot_history,
@@ -10,18 +9,15 @@ from hemivar.report.figures import (
     save,
 )
 from hemivar.report.scene import render_solution
-from hemivar.report.survey import SURVEY_METHODS, SurveyResult, run_survey
-from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
+from hemivar.report.survey import SurveyResult, run_survey
+from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 
 __all__ = [
     "PAPER_TABLE_1",
-    "SURVEY_METHODS",
     "Arrows",
     "SurveyResult",
     "Table",
     "comparison_table",
-    "energy_norm_difference",
-    "observed_order",
     "plot_contact",
     "plot_errors",
     "plot_history",

@@ -22,6 +22,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.report._solid import contact_maps, draw_solid
 from hemivar.report._style import BLUE, GREEN, GREY, MARKERS, ORANGE, PURPLE, RED, SKY, drawing, with_unit
 from hemivar.solvers import Solution
+from hemivar.workflows.survey_runs import observed_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Arrows",
-    "observed_order",
     "plot_contact",
     "plot_errors",
     "plot_history",
@@ -432,25 +432,6 @@ def _rest_bound(problem: DiscreteProblem) -> Array | None:
 
 
 # ---- errors and history ---------------------------------------------------------------------------------------
-
-
-def observed_order(sizes: Array, errors: Array, points: int = 4) -> float:
-    """Slope of log(error) against log(h), fitted to the ``points`` smallest sizes; nan with fewer than two.
-
-    Parameters
-    ----------
-    sizes, errors : arrays (k,)
-        Entries that are not finite and positive are left out.
-    points : int
-        Number of sizes used.
-    """
-    sizes, errors = np.asarray(sizes, dtype=float), np.asarray(errors, dtype=float)
-    good = np.isfinite(errors) & (errors > 0.0)
-    sizes, errors = sizes[good], errors[good]
-    if len(sizes) < 2:
-        return math.nan
-    chosen = np.argsort(sizes)[:points]
-    return float(np.polyfit(np.log(sizes[chosen]), np.log(errors[chosen]), 1)[0])
 
 
 def plot_errors(

@@ -2,91 +2,79 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
-from hemivar.basics.disk import shown, write_text
-from hemivar.cli.outputs import Writer
+import typer
+
+from hemivar.basics.disk import shown
+from hemivar.cli.options import Exit, MaxTime, ProblemPath, controls_of
+from hemivar.cli.session import Session
+from hemivar.cli.show import SolveView, print_head
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.basics.types import Array
     from hemivar.certify import Certificate
-    from hemivar.discrete.problem import DiscreteProblem
-    from hemivar.solvers import Solution
 
-__all__ = ["certificate_lines", "certificate_of", "check_solution_file", "run_certify"]
-
-_TOLERANCE = 1e-8
+__all__ = ["certificate_lines", "certify"]
 
 
-def run_certify(
-    name: str,
-    discrete: DiscreteProblem,
-    solution_file: Path | None,
-    output: Path | None,
-    tolerance: float,
-    solve: Callable[[], Solution],
-    writer: Writer,
-    max_time: float = math.inf,
-) -> bool:
-    """Certify what a file holds, or a solve; print it, write it, and say whether it fulfils the tolerance."""
-    from hemivar.certify import certify
+def certify(
+    problem: ProblemPath,
+    solution: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Solution to certify, .json or .vtu (solve first).")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the certificate.")] = None,
+    rtol: Annotated[
+        float, typer.Option(metavar="X", help="Residual, relative to the load, up to which it is a solution.")
+    ] = 1e-8,
+    max_time: MaxTime = None,
+) -> int:
+    """Certify a solution: residuals, uniqueness, a guaranteed error bound, what kind of point it is.
 
-    if solution_file is None:
-        solution = solve()
-        source = f"solved here by {solution.method} ({solution.status.value})"
-        unknowns: Array = solution.unknowns
-        multiplier: Array | None = solution.multiplier
-    else:
+    Exit code 0 if the residual is below the tolerance, 1 if not.
+    """
+    session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time, solution=_checked(solution))
+    discrete = session.discrete()
+    print_head(session.stated, discrete)
+    from hemivar.workflows import CertifyOptions, result_of
+    from hemivar.workflows import certify as certified
+
+    controls = controls_of(session.stated, None, max_time)
+    view = SolveView(quiet=True)
+    unknowns = multiplier = None
+    if solution is not None:
         from hemivar.files.results import read_solution
 
-        unknowns, multiplier = read_solution(solution_file, discrete)
-        source = str(solution_file)
-    certificate = certify(discrete, unknowns, multiplier, tolerance=tolerance, max_time=max_time)
-    print(f"solution          {shown(source)}")
-    if solution_file is not None:
-        origin = "recomputed from equilibrium" if multiplier is None else "read from the file"
-        print(f"multiplier        {origin}")
+        unknowns, multiplier = read_solution(solution, discrete)
+    options = CertifyOptions(rtol, controls, session.method)
+    certificate = result_of(certified(discrete, unknowns, multiplier, options), view)
+    if view.solution is not None:
+        print(f"solution          solved here by {view.solution.method} ({view.solution.status.value})")
+    else:
+        print(f"solution          {shown(str(solution))}")
+        print(f"multiplier        {'recomputed from equilibrium' if multiplier is None else 'read from the file'}")
     for line in certificate_lines(certificate, whole=True):
         print(line)
-    if output is not None:
-        record = {
-            "problem": name,
-            "solution": None if solution_file is None else str(solution_file),
-            "fulfilled": certificate.stationary,
-            "certificate": certificate.record(),
-        }
-        text = json.dumps(record, indent=1, allow_nan=False) + "\n"
-        writer.write("--json", output, lambda path: write_text(path, text))
-        writer.tell()
-    return certificate.stationary
+    record = {
+        "problem": session.stated.name,
+        "solution": None if solution is None else str(solution),
+        "fulfilled": certificate.stationary,
+        "certificate": certificate.record(),
+    }
+    session.writer.write_record(json, record)
+    session.writer.tell()
+    return session.writer.ended(Exit.CONVERGED if certificate.stationary else Exit.NOT_CONVERGED)
 
 
-def certificate_of(solution: Solution, rtol: float = 0.0, max_time: float = math.inf) -> Certificate | None:
-    """The certificate of a solve to ``rtol``, in its own time; None if it ended with numbers that are not finite.
-
-    Where multigrid serves, it leaves out the survey's trace constant, which needs a hierarchy of its own.
-    """
-    import numpy as np
-
-    from hemivar.certify import certify, factorises
-
-    if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.multiplier).all()):
-        return None
-    problem = solution.problem
-    return certify(
-        problem,
-        solution.unknowns,
-        solution.multiplier,
-        # what has converged to the tolerance that was asked for is stationary to that tolerance
-        tolerance=max(rtol, _TOLERANCE),
-        trace_constant=factorises(problem),
-        max_time=max_time,
-    )
+def _checked(path: Path | None) -> Path | None:
+    """The solution file, unless it cannot be one."""
+    if path is not None and path.suffix.lower() not in (".json", ".vtu"):
+        raise ProblemError(f"--solution {path}: the name must end in .json or .vtu")
+    if path is not None and not path.is_file():
+        raise ProblemError(f"--solution {path}: there is no such file")
+    return path
 
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
@@ -151,15 +139,5 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
     return lines
 
 
-def _text(value: Any) -> str:
+def _text(value: float | None) -> str:
     return "not known" if value is None else f"{value:.4g}"
-
-
-def check_solution_file(path: Path | None) -> None:
-    """Refuse a solution file that cannot be one."""
-    if path is None:
-        return
-    if path.suffix.lower() not in (".json", ".vtu"):
-        raise ProblemError(f"--solution {path}: the name must end in .json or .vtu")
-    if not path.is_file():
-        raise ProblemError(f"--solution {path}: there is no such file")
