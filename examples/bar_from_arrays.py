@@ -26,7 +26,7 @@ def bar(law: hv.Superpotential) -> hv.DiscreteProblem:
     load = np.full(ELEMENTS, LOAD * h)
     load[-1] = 0.5 * LOAD * h
     trace = sp.csr_array(([1.0], ([0], [ELEMENTS - 1])), shape=(1, ELEMENTS))  # penetration = u at x = L, less the gap
-    return hv.DiscreteProblem(
+    return hv.DiscreteProblem.of_arrays(
         stiffness=stiffness,
         load=load,
         trace=trace,

@@ -42,7 +42,7 @@ def main(out: Path | None = None) -> dict[str, float]:
     signs = np.tile([-1.0, 1.0], m)
     trace = sp.csr_array((signs, (rows, columns)), shape=(2 * m, full.shape[0]))
 
-    problem = hv.DiscreteProblem(
+    problem = hv.DiscreteProblem.of_arrays(
         stiffness=full[free][:, free],
         load=-(full @ value)[free],
         trace=trace[:, free],  # rows of u_x at the two corners are zero: the walls hold them

@@ -62,7 +62,7 @@ def bar(load: float, law: Superpotential, elements: int = 8) -> DiscreteProblem:
     f[-1] *= 0.5
     B = np.zeros((1, elements))
     B[0, -1] = 1.0
-    return DiscreteProblem(K, f, B, np.ones(1), np.zeros(1), ContactLaw(law))  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(K, f, B, np.ones(1), np.zeros(1), ContactLaw(law))  # type: ignore[arg-type]
 
 
 def relative_difference(solution: Solution, reference: Solution) -> float:

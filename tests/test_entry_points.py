@@ -12,7 +12,7 @@ import pytest
 import scipy.sparse as sp
 
 import hemivar as hv
-from hemivar.discrete import FieldMap
+from hemivar.discrete import Field
 from hemivar.fem import interpolate, interpolation_matrix, nodal_average, strain, v_norm
 from hemivar.laws import ContactLaw
 from tests.problems import discrete_square, square
@@ -40,7 +40,7 @@ def arrays() -> dict[str, Any]:
 
 
 def with_(name: str, value: Any) -> hv.DiscreteProblem:
-    return hv.DiscreteProblem(**{**arrays(), name: value})
+    return hv.DiscreteProblem.of_arrays(**{**arrays(), name: value})
 
 
 def statement(**changes: Any) -> hv.DiscreteProblem:
@@ -55,11 +55,11 @@ NODAL = SOLVED.displacement
 #: Where arrays come in, each with a function of the array and an array that it takes.
 ENTRIES: dict[str, tuple[Callable[[Any], object], Any]] = {
     **{
-        f"DiscreteProblem({name})": (lambda value, name=name: with_(name, value), value)
+        f"DiscreteProblem.of_arrays({name})": (lambda value, name=name: with_(name, value), value)
         for name, value in arrays().items()
         if name != "law"
     },
-    "DiscreteProblem(constant)": (lambda value: with_("constant", value), np.array(1.0)),
+    "DiscreteProblem.of_arrays(constant)": (lambda value: with_("constant", value), np.array(1.0)),
     "solve(initial)": (lambda value: hv.solve(PROBLEM, initial=value), U),
     "certify(displacement)": (lambda value: hv.certify(PROBLEM, value), U),
     "certify(multiplier)": (lambda value: hv.certify(PROBLEM, U, value), LAM),
@@ -70,9 +70,9 @@ ENTRIES: dict[str, tuple[Callable[[Any], object], Any]] = {
     "contact_force(multiplier)": (PROBLEM.contact_force, LAM),
     "follow_path(start)": (lambda value: hv.follow_path(PROBLEM, (0.5, 1.0), start=value), U),
     "condense().start": (lambda value: hv.condense(PROBLEM).start(value), SOLVED.local),
-    "FieldMap(basis)": (lambda value: FieldMap(MESH, 1, value, FIELD.prescribed), FIELD.basis.toarray()),
-    "FieldMap(prescribed)": (lambda value: FieldMap(MESH, 1, FIELD.basis, value), FIELD.prescribed),
-    "displacement(unknowns)": (FIELD.displacement, U),
+    "Field(basis)": (lambda value: Field(MESH, 1, value, FIELD.prescribed), FIELD.basis.toarray()),
+    "Field(prescribed)": (lambda value: Field(MESH, 1, FIELD.basis, value), FIELD.prescribed),
+    "displacement(unknowns)": (FIELD.full, U),
     "restrict(displacement)": (FIELD.restrict, NODAL),
     "strain(displacement)": (lambda value: strain(FIELD, value), NODAL),
     "v_norm(displacement)": (lambda value: v_norm(FIELD, value), NODAL),
@@ -163,7 +163,7 @@ def test_sparse_where_dense_is_wanted() -> None:
 
 
 def test_integers_are_numbers() -> None:
-    problem = hv.DiscreteProblem(
+    problem = hv.DiscreteProblem.of_arrays(
         np.diag([2, 2]),
         np.array([1, 0]),
         np.eye(2, dtype=int),
@@ -182,7 +182,7 @@ def test_later_changes_of_what_was_given_do_not_reach_the_problem(name: str, spa
     if sparse:
         given |= {key: sp.csr_array(given[key]) for key in ("stiffness", "trace")}
     kept = copy.deepcopy(given)
-    problem = hv.DiscreteProblem(**given)
+    problem = hv.DiscreteProblem.of_arrays(**given)
     target = given[name].data if sp.issparse(given[name]) else given[name]
     target[...] = 7.0  # the user's array is writable still
     found = getattr(problem, name)
@@ -195,7 +195,7 @@ def test_later_changes_of_what_was_given_do_not_reach_the_problem(name: str, spa
 
 @pytest.mark.parametrize("name", ["load", "weights", "gap", "slip_offset", "points", "frames"])
 def test_arrays_of_a_problem_are_read_only(name: str) -> None:
-    array = getattr(hv.DiscreteProblem(**arrays()), name)
+    array = getattr(hv.DiscreteProblem.of_arrays(**arrays()), name)
     with pytest.raises(ValueError, match="read-only"):
         array[...] = 0.0
 
@@ -203,7 +203,7 @@ def test_arrays_of_a_problem_are_read_only(name: str) -> None:
 def test_nothing_writes_into_the_users_arrays() -> None:
     given = arrays()
     kept = copy.deepcopy(given)
-    problem = hv.DiscreteProblem(**given)
+    problem = hv.DiscreteProblem.of_arrays(**given)
     start, lam = np.array(U), np.array(LAM)
     for method in hv.METHODS.values():
         hv.solve(problem, method, hv.Controls(max_steps=3), initial=start)

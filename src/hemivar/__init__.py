@@ -73,8 +73,8 @@ _EXPORTS = {
         "Sphere",
     ),
     "hemivar.fem": ("discretize",),
-    "hemivar.systems": ("condense",),
-    "hemivar.files": ("read_problem",),
+    "hemivar.systems": ("Workspace", "condense"),
+    "hemivar.files": ("read_problem", "write_problem"),
     "hemivar.solvers": (
         "LBFGS",
         "METHODS",
@@ -134,7 +134,7 @@ if TYPE_CHECKING:
     from hemivar.discrete import DiscreteProblem, residual
     from hemivar.errors import HemivarError, MethodError, ProblemError
     from hemivar.fem import discretize
-    from hemivar.files import read_problem
+    from hemivar.files import read_problem, write_problem
     from hemivar.laws import (
         Adhesive,
         Bilateral,
@@ -203,4 +203,4 @@ if TYPE_CHECKING:
         solve,
         solve_nested,
     )
-    from hemivar.systems import condense
+    from hemivar.systems import Workspace, condense

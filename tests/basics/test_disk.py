@@ -95,7 +95,7 @@ def test_size_limit_names_the_file_and_keeps_the_old_one(tmp_path: Path) -> None
     code = (
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
-        "from hemivar import disk\n"
+        "from hemivar.basics import disk\n"
         "try: disk.write_text(sys.argv[1], 'x' * 5000)\n"
         "except Exception as error: print(type(error).__name__, error)"
     )
@@ -166,7 +166,7 @@ def test_reading_takes_the_memory_of_the_file_not_of_the_limit(tmp_path: Path) -
     (tmp_path / "a").write_text("1,2\n")
     code = (
         "import resource, sys\n"
-        "from hemivar import disk\n"
+        "from hemivar.basics import disk\n"
         "resource.setrlimit(resource.RLIMIT_AS, (2**29, 2**29))\n"
         "print(disk.read_text(sys.argv[1], most_bytes=2**36))"
     )

@@ -189,7 +189,7 @@ def gentle_case(random: np.random.Generator) -> Case:
     )
     normal = polyline(np.array([-1.0, 0.0, 1.0]), np.array([0.0, 0.0, k]), (0.0, k))
     curve = Curve(np.array([-1.0 - _FAR, -1.0, 1.0, 1.0 + _FAR]), np.zeros(4), np.zeros(4), (static, kinetic, rate))
-    problem = DiscreteProblem(A, load, np.eye(2), np.ones(1), np.zeros(1), law)
+    problem = DiscreteProblem.of_arrays(A, load, np.eye(2), np.ones(1), np.zeros(1), law)
     return Case(problem, A, load, np.ones(2), (normal, curve), (s, h))
 
 
@@ -214,7 +214,7 @@ def steep_case(random: np.random.Generator) -> Case:
         laws.append((ContactLaw(table_law(r, lam)), 1))
         curves.append(polyline(r, lam, (0.0, 0.0)))
     weights = random.uniform(0.5, 2.0, size=n)
-    problem = DiscreteProblem(A, load, np.eye(n), weights, gap, ContactLaw.concatenate(laws))
+    problem = DiscreteProblem.of_arrays(A, load, np.eye(n), weights, gap, ContactLaw.concatenate(laws))
     return Case(problem, A, load - A @ gap, weights, tuple(curves), None)
 
 
@@ -235,12 +235,12 @@ def random_case(seed: int) -> Case:
         normal, first = random_normal(random)
         law_t, second, bound, scale = random_friction(random)
         weight = np.full(1, random.uniform(0.5, 2.0))
-        problem = DiscreteProblem(A, load, np.eye(2), weight, gap, ContactLaw(normal, law_t))
+        problem = DiscreteProblem.of_arrays(A, load, np.eye(2), weight, gap, ContactLaw(normal, law_t))
         g = load - A @ np.array([gap[0], 0.0])
         w = np.array([weight[0], weight[0] * scale])
         return Case(problem, A, g, w, (first, second), bound)
     pairs = [random_normal(random) for _ in range(n)]
     weights = random.uniform(0.5, 2.0, size=n)
     law = ContactLaw.concatenate([(ContactLaw(law), 1) for law, _ in pairs])
-    problem = DiscreteProblem(A, load, np.eye(n), weights, gap, law)
+    problem = DiscreteProblem.of_arrays(A, load, np.eye(n), weights, gap, law)
     return Case(problem, A, load - A @ gap, weights, tuple(curve for _, curve in pairs), None)

@@ -50,4 +50,4 @@ def random_problem(seed: int, interior: bool = True) -> DiscreteProblem:
     law = ContactLaw(normal) if friction is None else ContactLaw(normal, friction)
     load = random.normal(size=n) * random.choice([0.3, 1.0, 3.0])
     gap: Array = random.normal(size=m) * 0.2
-    return DiscreteProblem(K, load, B, random.uniform(0.5, 2.0, size=m), gap, law)  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(K, load, B, random.uniform(0.5, 2.0, size=m), gap, law)  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ BODY = np.array([[2.0, -1.0], [-1.0, 3.0]])
 
 def problem(load: tuple[float, ...], law: ContactLaw, gap: float = 0.0) -> DiscreteProblem:
     m = 1 if law.friction.bounds.any() else len(load)
-    return DiscreteProblem(BODY, np.array(load), np.eye(2), np.ones(m), np.full(m, gap), law)
+    return DiscreteProblem.of_arrays(BODY, np.array(load), np.eye(2), np.ones(m), np.full(m, gap), law)
 
 
 @pytest.mark.parametrize("ratio", [1e3, 1e6, 1e9, 1e12, 1e15])
@@ -44,7 +44,7 @@ def test_minima_between_knots_of_large_pressure_are_all_there(size: float) -> No
     """A wedge of pressure: below it, on both its sides, and in front of it."""
     r = [0.0, 0.2, 0.4]
     law = ContactLaw(table_law(r, [0.0, size, 0.0]))
-    body = DiscreteProblem(np.eye(1), np.array([1.0]), np.eye(1), np.ones(1), np.zeros(1), law)
+    body = DiscreteProblem.of_arrays(np.eye(1), np.array([1.0]), np.eye(1), np.ones(1), np.zeros(1), law)
     found = find_solutions(body)
     assert found.exhaustive
     expected = sorted([1.0, 1.0 / (1.0 + 5.0 * size), (10.0 * size / 5.0 - 1.0) / (5.0 * size - 1.0)])
@@ -80,7 +80,7 @@ def test_nearby_solutions_are_told_apart() -> None:
     """Two minima 2e-9 apart are two solutions."""
     width = 1e-9
     law = PiecewiseQuadratic([0.5 - width, 0.5, 0.5 + width], [0.0, 0.0, 0.0, 0.0], [0.2, -0.2, 0.2])  # type: ignore[arg-type]
-    body = DiscreteProblem(np.eye(1), np.array([0.6]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law))
+    body = DiscreteProblem.of_arrays(np.eye(1), np.array([0.6]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law))
     found = find_solutions(body)
     assert found.exhaustive
     np.testing.assert_allclose(sorted(s.penetration[0] - 0.5 for s in found), [-width, 0.0, width], atol=1e-14)
@@ -89,7 +89,7 @@ def test_nearby_solutions_are_told_apart() -> None:
 def test_a_continuum_away_from_its_middle_is_seen() -> None:
     """Two springs that soften as fast as the body is stiff: the solutions fill a piece, wherever it begins."""
     law = table_law([0.0, 0.1, 1.1], [0.0, 0.0, -1.0])
-    body = DiscreteProblem(np.eye(1), np.array([0.1]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law))
+    body = DiscreteProblem.of_arrays(np.eye(1), np.array([0.1]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law))
     found = find_solutions(body)
     assert not found.exhaustive
     assert "continuum" in found.searched
@@ -97,7 +97,7 @@ def test_a_continuum_away_from_its_middle_is_seen() -> None:
 
 def test_too_many_singular_combinations_are_left_undecided(monkeypatch: pytest.MonkeyPatch) -> None:
     law = table_law([0.0, 0.1, 1.1], [0.0, 0.0, -1.0])
-    body = DiscreteProblem(np.eye(1), np.array([0.1]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law))
+    body = DiscreteProblem.of_arrays(np.eye(1), np.array([0.1]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(law))
     monkeypatch.setattr(enumeration, "_LINES", 0)
     found = find_solutions(body)
     assert not found.exhaustive

@@ -28,7 +28,7 @@ def columns(count: int, force: float = 0.25, coupling: float = 0.0, **law: float
     difference = np.diff(np.eye(count), axis=0)
     K = np.eye(count) + coupling * difference.T @ difference
     load = np.full(count, force)
-    return DiscreteProblem(
+    return DiscreteProblem.of_arrays(
         K,
         load,
         np.eye(count),
@@ -54,7 +54,7 @@ def shear_column(w0: float, kappa: float, h: float, n: int = 4) -> DiscreteProbl
     B = np.zeros((2, 2 * n))
     B[0, 0] = B[1, 1] = 1.0
     law = ContactLaw(Bilateral(), SlipWeakening(h))
-    return DiscreteProblem(K, load, B, np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(K, load, B, np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("enumerate_up_to", [20_000, 0])

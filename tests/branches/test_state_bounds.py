@@ -16,7 +16,7 @@ from hemivar.solvers import solve
 def column(friction: Friction, load: tuple[float, float] = (1.0, 0.12), stiffness: float = 0.5) -> DiscreteProblem:
     """One contact point on springs of stiffness 1."""
     law = ContactLaw(Compliance(stiffness), friction)
-    return DiscreteProblem(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)
+    return DiscreteProblem.of_arrays(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)
 
 
 def weakening(rate: float = 200.0) -> DiscreteProblem:

@@ -75,4 +75,6 @@ def square(
 def block_of_arrays(normal: PiecewiseQuadratic, friction: Friction, load: tuple[float, float]) -> DiscreteProblem:
     """One contact point with two components on springs of stiffness 4."""
     K = np.diag([4.0, 4.0])
-    return DiscreteProblem(K, np.array(load), np.eye(2), np.ones(1), np.zeros(1), ContactLaw(normal, friction))  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(
+        K, np.array(load), np.eye(2), np.ones(1), np.zeros(1), ContactLaw(normal, friction)
+    )  # type: ignore[arg-type]

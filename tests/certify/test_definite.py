@@ -34,7 +34,7 @@ def between_walls(cells: int, angle: float, *, clamped: bool = False) -> Discret
 
 
 def arrays_of(problem: DiscreteProblem) -> DiscreteProblem:
-    return DiscreteProblem(
+    return DiscreteProblem.of_arrays(
         problem.stiffness, problem.load, problem.trace, problem.weights, problem.gap, problem.law,
         slip_offset=problem.slip_offset,
     )  # fmt: skip
@@ -81,7 +81,7 @@ def own(K: np.ndarray, load: np.ndarray, contact: list[int], law: ContactLaw | N
     trace = np.zeros((m, len(load)))
     trace[range(m), contact] = 1.0
     law = ContactLaw(Compliance(1.0)) if law is None else law
-    return DiscreteProblem(K, load, trace, np.ones(m), np.zeros(m), law.at(None))  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(K, load, trace, np.ones(m), np.zeros(m), law.at(None))  # type: ignore[arg-type]
 
 
 def spectrum(rng: np.random.Generator, eigenvalues: np.ndarray) -> np.ndarray:
@@ -154,7 +154,7 @@ def test_large_indefinite_arrays(negative: float) -> None:
     inverse = EnergyNorm(made.stiffness).solve(np.eye(1, made.unknowns, j).ravel())[j]
     K[j, j] = diagonal - (1.0 + negative) / inverse  # what makes it singular, and a little more
     assert K[j, j] > 0.0
-    problem = DiscreteProblem(sp.csr_array(K), made.load, made.trace, made.weights, made.gap, made.law)
+    problem = DiscreteProblem.of_arrays(sp.csr_array(K), made.load, made.trace, made.weights, made.gap, made.law)
     at_rest = np.zeros(problem.unknowns)
     for work in (
         lambda: solve(problem),
@@ -171,7 +171,7 @@ def test_springs_added_to_the_stiffness_of_a_mesh_count() -> None:
     free = free_unknowns(made)
     assert free is not None
     assert free.shape[1] == 1
-    stiffer = DiscreteProblem(
+    stiffer = DiscreteProblem.of_arrays(
         made.stiffness + sp.eye_array(made.unknowns), made.load, made.trace, made.weights, made.gap, made.law,
         slip_offset=made.slip_offset, points=made.points, frames=made.frames, field=made.field,
     )  # fmt: skip

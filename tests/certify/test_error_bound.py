@@ -105,7 +105,7 @@ def test_shear_block_of_arrays():
     start = force - slope * w
     profile = PiecewiseQuadratic([0.0], [slope, slope], [2.0 * start], start=-start)
     law = ContactLaw(PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0]), Friction(h, profile))
-    problem = DiscreteProblem(
+    problem = DiscreteProblem.of_arrays(
         np.diag([kappa, kappa]), np.array([0.0, kappa * w0]), np.eye(2), np.ones(1), np.zeros(1), law
     )
     exact = np.array([0.0, w])
@@ -138,7 +138,7 @@ def test_three_dimensions():
         rate = 0.2 if trial % 2 else 4.0
         law = ContactLaw(softening(2.0, 0.1, rate), Friction(0.3, weakening(0.4, rate)))
         load = 2.0 * rng.standard_normal(6)
-        problem = DiscreteProblem(K, load, np.eye(6), np.ones(2), np.zeros(2), law)  # type: ignore[arg-type]
+        problem = DiscreteProblem.of_arrays(K, load, np.eye(6), np.ones(2), np.zeros(2), law)  # type: ignore[arg-type]
         reference = solve(problem, controls=Controls(rtol=1e-13))
         exact, lam = reference.unknowns, reference.multiplier
         certificate = certify(problem, exact, lam)
@@ -209,7 +209,7 @@ def test_no_bound_without_a_margin():
 def test_body_that_only_contact_holds():
     """A singular stiffness has no margin, and is no reason to fail."""
     K = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    problem = DiscreteProblem(K, np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), np.ones(1), np.zeros(1),
+    problem = DiscreteProblem.of_arrays(K, np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), np.ones(1), np.zeros(1),
                               ContactLaw(Signorini()))  # fmt: skip
     certificate = certify(problem, np.array([1.0, 0.0]), np.array([[1.0]]))
     assert certificate.margin == -np.inf

@@ -101,7 +101,7 @@ def test_fold_is_not_decided():
 
 
 def test_convex_law_on_a_body_without_supports_of_its_own():
-    problem = DiscreteProblem(
+    problem = DiscreteProblem.of_arrays(
         np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), np.ones(1), np.zeros(1),
         ContactLaw(Signorini()),
     )  # fmt: skip
@@ -120,8 +120,9 @@ def test_random_laws_against_sampled_energies():
         law = PiecewiseQuadratic(knots, slopes, rng.uniform(-1.0, 1.0, 3), start=rng.uniform(-1.0, 1.0))
         A = rng.standard_normal((count, count))
         K = A @ A.T + 0.3 * np.eye(count)
-        problem = DiscreteProblem(K, 2.0 * rng.standard_normal(count), np.eye(count), np.ones(count), np.zeros(count),
-                                  ContactLaw(law))  # fmt: skip
+        load = 2.0 * rng.standard_normal(count)
+        ones = np.ones(count)
+        problem = DiscreteProblem.of_arrays(K, load, np.eye(count), ones, 0.0 * ones, ContactLaw(law))
         points = [solve(problem, controls=Controls(rtol=1e-12)).unknowns]
         for _ in range(20):  # stationary points of any kind on the smooth pieces, by Newton's method
             u = rng.uniform(-1.5, 1.5, count)

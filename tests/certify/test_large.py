@@ -218,7 +218,7 @@ def test_arrays() -> None:
     """Without a mesh the levels know nothing of rigid motions."""
     made = square(1.5)
     parts = (made.load, made.trace, made.weights, made.gap, made.law)
-    problem = DiscreteProblem(made.stiffness, *parts)  # type: ignore[arg-type]
+    problem = DiscreteProblem.of_arrays(made.stiffness, *parts)  # type: ignore[arg-type]
     exact, quick = (
         smallness(problem, factor=EnergyNorm(made.stiffness)),
         smallness(problem, factor=MultigridNorm(problem)),
@@ -227,7 +227,7 @@ def test_arrays() -> None:
     root = np.sqrt(made.stiffness.diagonal())
     assert MultigridNorm(problem).lowest <= np.linalg.eigvalsh(made.stiffness.toarray() / np.outer(root, root))[0]
     held = body(rectangle((1.0, 1.0), (32, 32)), SurveyLaw(0.3, 20.0), Tresca(2.0), left=Roller())
-    floating = DiscreteProblem(held.stiffness, held.load, held.trace, held.weights, held.gap, held.law)
+    floating = DiscreteProblem.of_arrays(held.stiffness, held.load, held.trace, held.weights, held.gap, held.law)
     assert not MultigridNorm(floating).definite
 
 

@@ -16,7 +16,7 @@ STEP = "6e-4*(1 + tanh((s - 1)/3e-4))"
 
 
 def one_point(law: ContactLaw, load: tuple[float, float] = (1.0, 0.3)) -> DiscreteProblem:
-    return DiscreteProblem(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
 
 
 def certified(problem: DiscreteProblem) -> Certificate:
@@ -90,7 +90,7 @@ def test_three_solutions_are_not_each_unique() -> None:
         friction = Friction(PenetrationBound(bound))
         # penetration and slip are coupled, so that friction pushes the body in
         K = np.array([[1.0, -0.6], [-0.6, 1.0]])
-        problem = DiscreteProblem(  # type: ignore[arg-type]
+        problem = DiscreteProblem.of_arrays(  # type: ignore[arg-type]
             K, np.array([0.9997, 0.5]), np.eye(2), np.ones(1), np.zeros(1), ContactLaw(Compliance(0.5), friction)
         )
         constants = smallness(problem)

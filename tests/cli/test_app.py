@@ -17,7 +17,7 @@ import pytest
 import hemivar
 from hemivar import cli
 from hemivar.cli.session import Session
-from hemivar.files.problem import SAMPLE
+from hemivar.files.sample import SAMPLE
 
 BASE = """\
 title = "block"

@@ -19,7 +19,7 @@ from ..problems import discrete_square
 def spring(load: float, law: Superpotential, gap: float = 0.0, stiffness: float = 1.0) -> DiscreteProblem:
     """One unknown on a spring, with contact."""
     one = np.ones((1, 1))
-    return DiscreteProblem(stiffness * one, [load], one, [1.0], [gap], ContactLaw(law, NoFriction()))  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(stiffness * one, [load], one, [1.0], [gap], ContactLaw(law, NoFriction()))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("bad", [math.inf, math.nan])
@@ -94,7 +94,7 @@ def test_sizes_near_the_ends_of_the_numbers(name: str, size: float) -> None:
     plain = discrete_square("rigid")
     data = {"stiffness": plain.stiffness, "trace": plain.trace, "weights": plain.weights, "gap": plain.gap}
     law = ContactLaw(Signorini(), Tresca(0.1 * size))
-    found = solve(DiscreteProblem(load=size * plain.load, law=law.at(plain.points), **data), METHODS[name])
+    found = solve(DiscreteProblem.of_arrays(load=size * plain.load, law=law.at(plain.points), **data), METHODS[name])
     reference = solve(plain)
     assert found.status is Status.CONVERGED
     assert found.unknowns / size == pytest.approx(reference.unknowns, rel=1e-6, abs=1e-9)

@@ -124,7 +124,7 @@ def test_the_same_run_twice_gives_the_same_bits(tmp_path: Path) -> None:
 def test_both_energies_are_one(tmp_path: Path) -> None:
     """With Coulomb's bound the energy takes it at the pair's own state, as in serial."""
     from hemivar.fem import discretize
-    from hemivar.files.problem import read_problem
+    from hemivar.files.problem_file import read_problem
 
     text = _TEXT.replace('"logarithmic", bound = 0.5', '"coulomb", coefficient = 0.2')
     text = text.replace('"survey", q_max = 0.3, p_const = 2.0', '"compliance", stiffness = 20.0')

@@ -53,7 +53,7 @@ def solve_linear(discrete: DiscreteProblem, spring: float = 0.0) -> np.ndarray:
         f = f + normal.T @ (weights @ discrete.gap)
     u = sla.spsolve(sp.csc_array(K), f)
     assert discrete.field is not None
-    return discrete.field.displacement(u)
+    return discrete.field.full(u)
 
 
 def at(problem: ContactProblem, field: np.ndarray, point: tuple[float, ...]) -> np.ndarray:
@@ -181,7 +181,7 @@ def test_block_pressed_by_its_top(order: int) -> None:
     nodes = problem.mesh.nodes(order)
     exact = np.column_stack([np.zeros(len(nodes)), -s - (D - s) * nodes[:, 1]])
     u = discrete.field.restrict(exact)
-    np.testing.assert_allclose(discrete.field.displacement(u), exact, atol=1e-15)
+    np.testing.assert_allclose(discrete.field.full(u), exact, atol=1e-15)
     np.testing.assert_allclose(discrete.local(u)[:, 0], s)
     multiplier = np.zeros((discrete.contact_points, 2))
     multiplier[:, 0] = q + p * s
@@ -297,7 +297,7 @@ def test_energy_is_the_energy_of_the_full_field() -> None:
     discrete = discretize(problem)
     assert discrete.contact_points == 4
     z = np.random.default_rng(0).standard_normal(discrete.unknowns)
-    U = discrete.field.displacement(z)
+    U = discrete.field.full(z)
     K = stiffness_matrix(problem.mesh, problem.material)
     F = load_vector(problem.mesh, 1, problem.body_force)
     bottom = U[:5]
@@ -390,7 +390,7 @@ def test_two_contact_boundaries_meet() -> None:
     corner = np.flatnonzero(np.all(discrete.points == [1.0, 0.0], axis=1))
     assert len(corner) == 2
     u = np.random.default_rng(0).standard_normal(discrete.unknowns)
-    r, U = discrete.local(u), discrete.field.displacement(u)
+    r, U = discrete.local(u), discrete.field.full(u)
     tip = U[4]
     # Both normals, and no friction, so that the rows of the trace stay independent.
     np.testing.assert_allclose(r[corner[0]], [-tip[1], 0.0])
@@ -433,7 +433,7 @@ def test_contact_in_space(supports: dict) -> None:
     assert abs(P.T @ P - sp.eye(discrete.unknowns)).max() < 1e-14
     assert np.diff(discrete.trace.indptr).max() == 1
     u = np.random.default_rng(0).standard_normal(discrete.unknowns)
-    U = discrete.field.displacement(u)
+    U = discrete.field.full(u)
     for j in (0, 3, 7, 15):
         node = int(np.argmin(np.linalg.norm(mesh.points - discrete.points[j], axis=1)))
         np.testing.assert_allclose(discrete.local(u)[j], discrete.frames[j] @ U[node], atol=1e-13)

@@ -38,8 +38,8 @@ def pressed(material: Material, order: int = 1, dim: int = 2, n: int = 4) -> Dis
 @pytest.mark.parametrize("dim", [2, 3])
 def test_poissons_ratio_of_isotropic_bodies(nu: float, dim: int) -> None:
     problem = pressed(Material.young(10.0, nu), dim=dim)
-    assert problem.field is not None
-    assert largest_poisson_ratio(problem.field) == pytest.approx(nu, abs=1e-12)
+    assert problem.origin is not None
+    assert largest_poisson_ratio(problem.origin) == pytest.approx(nu, abs=1e-12)
     assert bool(problem.warnings) == (nu >= LOCKING)
 
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hemivar.discrete import DiscreteProblem, residual
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, SurveyLaw, Tresca
-from hemivar.laws.bounds import stack_bounds
-from hemivar.laws.nonmonotone import ExponentialWeakening
+from hemivar.laws.friction import ExponentialWeakening
+from hemivar.laws.friction.bounds import stack_bounds
 
 S = np.array([-0.5, 0.0, 0.05, 0.1, 2.0])
 H = np.array([0.0, 0.0, 0.4, 0.8, 0.8])
@@ -120,7 +120,7 @@ def test_boundaries_with_and_without_are_joined() -> None:
 def test_residual_and_energy_freeze_the_law_at_the_state() -> None:
     law = ContactLaw(SurveyLaw(0.0, 2.0), Tresca(CoulombBound(0.5)))
     u, lam = np.array([0.5, 0.2]), np.array([[1.0, 0.5]])
-    problem = DiscreteProblem(np.eye(2), u + lam[0], np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+    problem = DiscreteProblem.of_arrays(np.eye(2), u + lam[0], np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
     assert residual(problem, u, lam).total < 1e-14
     assert residual(problem, u, np.array([[1.0, 0.6]])).total > 0.1
     expected = 0.5 * u @ u - problem.load @ u + 0.25 + 0.5 * 0.2

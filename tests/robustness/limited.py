@@ -86,10 +86,9 @@ def warm_up() -> None:
     import hemivar.branches
     import hemivar.certify
     import hemivar.cli
-    import hemivar.files.problem
+    import hemivar.files.problem_file
     import hemivar.files.results
-    import hemivar.report.figures
-    import hemivar.report.path
+    import hemivar.report
     import hemivar.solvers
     import hemivar.workflows
 

@@ -24,7 +24,7 @@ from hemivar.laws import (
     SurveyLaw,
     Tresca,
 )
-from hemivar.laws.contact import spread
+from hemivar.laws.vector_law import spread
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.solvers import ContactState, InnerSolver, NewtonKrylov, PrimalDualActiveSet, Status, solve, suited
 from hemivar.solvers.base import State
@@ -96,7 +96,7 @@ def test_a_third_direction_that_nothing_happens_in_changes_no_step(data: str) ->
     trace = sp.block_array([[plane.trace, None], [None, sp.eye_array(m)]], format="csr")
     order = np.stack([2 * np.arange(m), 2 * np.arange(m) + 1, 2 * m + np.arange(m)], axis=1).ravel()
     size = float(plane.stiffness.diagonal().min())
-    space = DiscreteProblem(
+    space = DiscreteProblem.of_arrays(
         sp.block_array([[plane.stiffness, None], [None, size * sp.eye_array(m) + zero]], format="csr"),
         np.concatenate([plane.load, np.zeros(m)]),
         trace[order],
@@ -172,7 +172,7 @@ def test_sets_that_come_back_without_progress_are_a_cycle() -> None:
 def test_units_do_not_matter() -> None:
     """Metres and pascals, or millimetres and megapascals."""
     problem = block("sticks in part")
-    scaled = DiscreteProblem(
+    scaled = DiscreteProblem.of_arrays(
         1e6 * problem.stiffness,
         1e9 * problem.load,
         problem.trace,

@@ -80,7 +80,7 @@ def test_condensed_energy_is_the_energy_of_the_recovered_displacement(quadrature
 
 def test_elasticity_without_contact_is_solved_as_well() -> None:
     problem = discrete_square(n=4)
-    free = DiscreteProblem(
+    free = DiscreteProblem.of_arrays(
         problem.stiffness,
         problem.load,
         sp.csr_array((0, problem.unknowns)),
@@ -100,7 +100,7 @@ def test_user_trace_that_is_no_selection() -> None:
     rng = np.random.default_rng(4)
     T = np.eye(problem.unknowns) + 0.1 * rng.normal(size=(problem.unknowns,) * 2)
     K = T.T @ problem.stiffness.toarray() @ T
-    other = DiscreteProblem(
+    other = DiscreteProblem.of_arrays(
         0.5 * (K + K.T), T.T @ problem.load, problem.trace @ T, problem.weights, problem.gap, problem.law
     )
     found = solve(other)
@@ -111,7 +111,7 @@ def test_user_trace_that_is_no_selection() -> None:
 def test_interior_that_hangs_on_nothing_is_reported() -> None:
     K = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     B = np.array([[0.0, 0.0, 1.0]])
-    problem = DiscreteProblem(K, np.ones(3), B, np.ones(1), np.zeros(1), ContactLaw(SurveyLaw(0.3)))
+    problem = DiscreteProblem.of_arrays(K, np.ones(3), B, np.ones(1), np.zeros(1), ContactLaw(SurveyLaw(0.3)))
     with pytest.raises(ProblemError, match="can move freely"):
         condense(problem)
 
@@ -119,7 +119,7 @@ def test_interior_that_hangs_on_nothing_is_reported() -> None:
 def test_contact_points_that_share_a_displacement_are_reported() -> None:
     K = np.eye(3)
     B = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    problem = DiscreteProblem(K, np.ones(3), B, np.ones(2), np.zeros(2), ContactLaw(SurveyLaw(0.3)))
+    problem = DiscreteProblem.of_arrays(K, np.ones(3), B, np.ones(2), np.zeros(2), ContactLaw(SurveyLaw(0.3)))
     with pytest.raises(ProblemError, match="depend on one another"):
         solve(problem)
 
@@ -129,7 +129,9 @@ def test_fixed_component_of_a_contact_point_stays_fixed() -> None:
     K = np.array([[2.0]])
     B = np.array([[1.0], [0.0]])
     law = ContactLaw(SurveyLaw(0.1, 2.0), Tresca(0.5))
-    problem = DiscreteProblem(K, np.array([0.5]), B, np.ones(1), np.zeros(1), law, slip_offset=np.array([[0.2]]))
+    problem = DiscreteProblem.of_arrays(
+        K, np.array([0.5]), B, np.ones(1), np.zeros(1), law, slip_offset=np.array([[0.2]])
+    )
     found = solve(problem)
     assert found.slip[0, 0] == pytest.approx(-0.2)
     assert found.penetration[0] == pytest.approx(0.1)  # 2 r + 0.1 + 2 r = 0.5
@@ -140,7 +142,7 @@ def test_fixed_slip_carries_the_friction_of_the_law() -> None:
     """The reaction of the support takes no part in the law: the friction of a point held at a slip is the bound."""
     law = ContactLaw(SurveyLaw(0.1, 2.0), Tresca(0.5))
     B = np.array([[1.0], [0.0]])
-    problem = DiscreteProblem(
+    problem = DiscreteProblem.of_arrays(
         np.array([[2.0]]), np.array([0.5]), B, np.ones(1), np.zeros(1), law, slip_offset=np.array([[0.2]])
     )
     for method in METHODS.values():

@@ -17,7 +17,7 @@ from hemivar.solvers import METHODS, Controls, Status, solve
 def free_bar(load: tuple[float, float], law: Superpotential) -> DiscreteProblem:
     """Two nodes and one spring, held by the foundation under the second node alone."""
     K = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    return DiscreteProblem(
+    return DiscreteProblem.of_arrays(
         K,
         np.array(load),
         np.array([[0.0, 1.0]]),
@@ -86,7 +86,7 @@ def test_load_beyond_what_the_foundation_can_carry_is_refused() -> None:
 
 def test_body_loaded_by_its_foundation_alone() -> None:
     """No load at all, but the body starts 0.1 deep in the foundation: r + 2 r = 0.1 - ... in closed form."""
-    problem = DiscreteProblem(
+    problem = DiscreteProblem.of_arrays(
         np.array([[1.0]]),
         np.zeros(1),
         np.array([[1.0]]),

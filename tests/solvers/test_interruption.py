@@ -35,7 +35,7 @@ from hemivar.solvers import (
 )
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
-from hemivar.systems import CondensedProblem, condense
+from hemivar.systems import CondensedProblem, Workspace, condense
 
 from ..problems import bar, discrete_square
 
@@ -113,7 +113,7 @@ def test_powell_keeps_the_best_point_of_its_only_step(monkeypatch: pytest.Monkey
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Budget, "check", check)  # Powell asks after a hundred evaluations
-    found = solve(problem, DirectOptimization(Powell()), condensed=system)
+    found = solve(problem, DirectOptimization(Powell()), workspace=Workspace.holding(system))
     assert found.status is Status.INTERRUPTED
     assert found.evaluations >= 100
     assert found.energy < rest
@@ -280,8 +280,9 @@ _BLOCK = """
     d = 3 if rest else 2
     B = sp.eye_array(d * m, n, format="csr")
     law = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.1))
-    problem = DiscreteProblem(K, np.cos(np.arange(n)), B, np.ones(m), np.zeros(m), law)
-    solve(DiscreteProblem(np.eye(2), np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law))  # everything is loaded
+    problem = DiscreteProblem.of_arrays(K, np.cos(np.arange(n)), B, np.ones(m), np.zeros(m), law)
+    # everything is loaded
+    solve(DiscreteProblem.of_arrays(np.eye(2), np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law))
 """
 
 

@@ -34,7 +34,7 @@ from hemivar.solvers import (
     solve,
     suited,
 )
-from hemivar.systems import condense
+from hemivar.systems import Workspace, condense
 
 from ..problems import bar, discrete_square, relative_difference
 
@@ -196,11 +196,11 @@ def two_springs(slope: float) -> DiscreteProblem:
     law = ContactLaw(
         PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]), Friction(PenetrationBound(lambda s: slope * np.maximum(s, 0.0)))
     )
-    return DiscreteProblem(K, np.array([1.0, 2.5]), np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+    return DiscreteProblem.of_arrays(K, np.array([1.0, 2.5]), np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
 
 
 def test_a_fixed_point_that_does_not_contract_says_so() -> None:
-    strong = DiscreteProblem(
+    strong = DiscreteProblem.of_arrays(
         np.array([[1.0, -0.9], [-0.9, 1.0]]),  # type: ignore[arg-type]
         np.array([0.1, 20.0]),
         np.eye(2),  # type: ignore[arg-type]
@@ -259,4 +259,4 @@ def test_a_condensation_serves_other_loads_and_gaps() -> None:
         shared, fresh = system.for_problem(other), condense(other)
         np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
         assert shared.constant == pytest.approx(fresh.constant)
-        assert solve(other, condensed=shared).energy == pytest.approx(solve(other).energy)
+        assert solve(other, workspace=Workspace.holding(shared)).energy == pytest.approx(solve(other).energy)

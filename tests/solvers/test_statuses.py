@@ -211,13 +211,11 @@ def test_bad_initial_guesses_are_named() -> None:
         solve(problem, initial=np.zeros(3))
     with pytest.raises(ProblemError, match="nan"):
         solve(problem, initial=np.full(problem.unknowns, np.nan))
-    with pytest.raises(ProblemError, match="another problem"):
-        solve(problem, condensed=condense(discrete_square(n=4)))
 
 
 def test_no_residual_is_hidden_by_a_kink_missed_by_rounding() -> None:
     """r = 1e-17 instead of 0 at a sticking point is a solution; a multiplier outside the law is not."""
-    problem = DiscreteProblem(
+    problem = DiscreteProblem.of_arrays(
         np.eye(2),
         np.array([0.0, 0.2]),
         np.eye(2),

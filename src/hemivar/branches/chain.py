@@ -175,7 +175,7 @@ class Chain:
         pieces[self.point, self.column] = piece
         values[self.point, self.column] = r
         slope, curvature = np.zeros((m, d)), np.zeros((m, d))
-        for c, law in enumerate(_laws(self.graph_law(self.system), d)):
+        for c, law in enumerate(self.graph_law(self.system).scalar_laws(d)):
             with np.errstate(all="ignore"):
                 slope[:, c] = law.piece_derivative(pieces[:, c], values[:, c])
                 curvature[:, c] = law.piece_curvature(pieces[:, c], values[:, c])
@@ -314,10 +314,6 @@ class Chain:
         return theta
 
 
-def _laws(law: ContactLaw, d: int) -> tuple[Superpotential, ...]:
-    return (law.normal,) if d == 1 else (law.normal, law.tangential)
-
-
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]
     """The curves of all free components of a condensed problem, of one kind or another.
 
@@ -329,7 +325,7 @@ def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # t
     m, d = system.shape
     if d > 2:
         raise MethodError("the graph of the law is a curve only in one and two dimensions; this problem has three")
-    tables = [_SegmentTable(law, m) for law in _laws(kind.graph_law(system), d)]
+    tables = [_SegmentTable(law, m) for law in kind.graph_law(system).scalar_laws(d)]
     point, column = np.divmod(system.free, d)
     tau = kind.lengths(system, point, column)
     rows = []
@@ -382,7 +378,7 @@ class _Segment:
 
 def segments_at_most(system: CondensedProblem) -> int:
     """Number of segments that :func:`chain_of` will lay out, at most."""
-    counts = [2 * law.knots.shape[-1] + 1 for law in _laws(system.law, system.shape[1])]
+    counts = [2 * law.knots.shape[-1] + 1 for law in system.law.scalar_laws(system.shape[1])]
     return int(np.bincount(system.free % system.shape[1], minlength=len(counts)) @ counts)
 
 

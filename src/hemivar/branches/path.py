@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
@@ -19,7 +20,7 @@ from hemivar.fem.posed import posed
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.systems import CondensedProblem, condense
-from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["Fold", "Jump", "Path", "follow_path", "trace"]
 
@@ -64,7 +65,7 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class Path(Portable):
+class Path(Portable, Displayed):
     """Equilibria in the order in which they are met.
 
     Attributes
@@ -212,7 +213,7 @@ def follow_path(
         raise ProblemError(f"largest_step is {largest_step}; it must be positive")
     if problem.contact_points == 0:
         raise ProblemError("a path needs contact points; without contact the solution is proportional to the load")
-    if depends_on_state(problem.law):
+    if problem.law.state_dependent:
         raise MethodError("path following needs a friction bound that does not depend on the solution")
     budget = Budget(max_time)
     line = LoadLine(problem, unloaded)
@@ -229,7 +230,7 @@ def follow_path(
         LoadStepping(steps=10 if low > 0.0 else 1) if guess is None else LoadStepping(steps=1).inner,
         Controls(rtol=1e-11, max_time=budget.left),
         initial=guess,
-        condensed=system.for_problem(at_start),
+        workspace=Workspace.holding(system),
     )
     if begun.status is Status.INTERRUPTED:
         raise KeyboardInterrupt

@@ -12,8 +12,10 @@ from hemivar.certify import trace_force
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
+from hemivar.systems.contact_moves import newton_components
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["Polished", "polish", "polish_by_solver"]
 
@@ -91,7 +93,9 @@ def polish_by_solver(
     """A solution, solved on from where it is as far as the arithmetic goes, and an estimate of its error (m, d)."""
     problem = system.problem
     tight = replace(controls, rtol=min(_TIGHT, controls.rtol), atol=0.0, max_time=budget.left, callback=None)
-    again = solve(problem, suited(NonsmoothNewton(), problem), tight, initial=solution, condensed=system)
+    again = solve(
+        problem, suited(NonsmoothNewton(), problem), tight, initial=solution, workspace=Workspace.holding(system)
+    )
     if again.residual.total < solution.residual.total:
         better = replace(again, status=solution.status, method=solution.method)
         if better.residual.below(controls.atol, controls.rtol):

@@ -16,9 +16,10 @@ from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.branches.state_chain import StateChain
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.solvers.controls import Budget, OutOfTime
-from hemivar.solvers.newton import newton_components, newton_system
+from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
-from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.contact_moves import newton_components
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["SolutionSearch"]
 
@@ -171,7 +172,9 @@ class SolutionSearch:
         self.starts += 1
         initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
         controls = replace(self.controls, max_time=max(self.budget.limit - self.budget.spent, 0.0))
-        found = solve(problem, suited(solver, problem), controls, initial=initial, condensed=self.system)
+        found = solve(
+            problem, suited(solver, problem), controls, initial=initial, workspace=Workspace.holding(self.system)
+        )
         self.add_solution(found)
         if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -185,7 +188,7 @@ class SolutionSearch:
         self.run(LoadStepping(), None)
         size = self.system.length_scale
         places = [np.full(m, far * size) for far in (-5.0, 5.0)]
-        if not depends_on_state(self.system.law):
+        if not self.system.law.state_dependent:
             knots = np.broadcast_to(self.system.law.normal.knots, (m, self.system.law.normal.knots.shape[-1]))
             ends = np.where(np.isfinite(knots), knots, np.nan)
             for k in range(min(ends.shape[1], 12)):

@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.deadline import Budget, limited
+from hemivar.basics.display import Displayed
 from hemivar.basics.types import Array
 from hemivar.branches.chain import Chain, chain_of, segments_at_most
 from hemivar.branches.enumeration import enumerate_points
@@ -29,7 +30,7 @@ _SEGMENTS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
-class SolutionSet(Sequence[Solution]):
+class SolutionSet(Sequence[Solution], Displayed):
     """The solutions that were found, ordered by energy.
 
     Attributes

@@ -13,6 +13,7 @@ import numpy as np
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.display import Displayed
 from hemivar.basics.types import Array
 from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify.kind import LocalStudy, PointKind, study
@@ -47,7 +48,7 @@ class Certifiable(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Certificate:
+class Certificate(Displayed):
     """What is known about a pair ``(u, lambda)``.
 
     Attributes

@@ -6,10 +6,9 @@ cycles where a factorisation would cost more than the solve.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, wraps
-from typing import Any, ClassVar, ParamSpec, TypeVar
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg as la
@@ -19,9 +18,10 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns, selects, sole_use
+from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns, selects
 from hemivar.linear.definite import free_unknowns, indefinite, lowest_quotient, positive_pivots, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.levels import Levels, Truncated
 
 __all__ = [
     "EnergyNorm",
@@ -34,9 +34,6 @@ __all__ = [
     "lift",
     "symmetric_inverse",
 ]
-
-_Arguments = ParamSpec("_Arguments")
-_Answer = TypeVar("_Answer")
 
 #: Unknowns up to which K is factorised, in two dimensions and in three: a moment's work.
 _FACTORISED = (30_000, 6_000)
@@ -207,28 +204,6 @@ class EnergyNorm:
         return Mode(float(top), float(top * (1.0 + _EIGEN_TOLERANCE)))
 
 
-def _alone(method: Callable[_Arguments, _Answer]) -> Callable[_Arguments, _Answer]:
-    """A method that no other thread disturbs at the levels of its problem."""
-
-    @wraps(method)
-    def run(*arguments: _Arguments.args, **options: _Arguments.kwargs) -> _Answer:
-        norm: Any = arguments[0]
-        with sole_use(norm.problem):
-            return method(*arguments, **options)
-
-    return run
-
-
-class _alone_once(cached_property[_Answer]):  # noqa: N801 - used as cached_property is
-    """A cached property that is computed while no other thread is at the levels; this lock is taken first of all."""
-
-    def __get__(self, instance: Any, owner: type | None = None) -> Any:
-        if instance is None:
-            return self
-        with sole_use(instance.problem):
-            return super().__get__(instance, owner)
-
-
 class MultigridNorm:
     """The same by multigrid: a few cycles for each question, to the accuracy that certificates need.
 
@@ -321,11 +296,10 @@ class MultigridNorm:
         """Bound of ``|b|_{K^-1}`` over all b with ``|D^-1/2 b|_2 <= weighted``, as good as :attr:`lowest` is."""
         return float(weighted / np.sqrt(self.lowest))
 
-    @_alone_once
+    @cached_property
     def lowest(self) -> float:
         """The smallest eigenvalue of K scaled to a unit diagonal, by half; from the coarser levels."""
         levels = self._levels
-        levels.release(self._top)
         roots = [sp.csr_array(sp.diags_array(np.sqrt(levels.diagonal(k)))) for k in range(self._top + 1)]
         X = self._coarsest(roots[0], 1)
         if X is None:
@@ -346,14 +320,13 @@ class MultigridNorm:
             X, lowest = subspace.X, 1.0 / (float(subspace.values[0]) + added)
         return _SAFETY * lowest
 
-    @_alone_once
+    @cached_property
     def quality(self) -> float:
         """The smallest eigenvalue of C K, by half: how good a cycle C is, on a coarser level.
 
         By half once more for each algebraic level above that one, for such cycles deteriorate with their number.
         """
         levels = self._levels
-        levels.release(self._top)
         k = max(k for k in range(self._top + 1) if self._cheap(k))
         A, factor = levels.matrix(k), 0.0
         x = levels.cycle(k, np.random.default_rng(7).standard_normal(A.shape[0]))
@@ -392,14 +365,12 @@ class MultigridNorm:
         """Whether work on a level is for nothing."""
         return k <= 1 or self._levels.sizes[k] <= _CHEAP * self._levels.sizes[self._top]
 
-    @_alone
     def _descend(self, k: int, b: Array, before: float = 0.0) -> tuple[Array, float, float]:
         """Conjugate gradients on a level: x near ``K^-1 b``, ``b'x``, and a bound of what ``b'K^-1 b`` has above it.
 
         They end once that is a small part of the whole, ``before`` included.
         """
         quality, levels = self.quality, self._levels
-        levels.release(self._top)
         found, left = 0.0, 0.0
 
         def precondition(rest: Array) -> Array:
@@ -410,15 +381,14 @@ class MultigridNorm:
             # A step of length one gains at most what is left.
             return np.zeros_like(z) if left <= _DUAL_ACCURACY * (found + before) else z
 
-        def gained(_: int, x: Array, __: Array) -> bool:
+        def gained(_: int, x: Array) -> Array:
             nonlocal found
             found = float(b @ x)
-            return False
+            return np.zeros(0)
 
         x = conjugate_gradients(levels.matrix(k), levels.diagonal(k), b, precondition, 0.0, _CYCLES, gained).solution
         return x, max(found, 0.0), left
 
-    @_alone
     def largest_eigenvalue(self, trace: sp.csr_array, weight: Array, near: float | None = None) -> Mode:
         """Largest eigenvalue of ``(B' diag(weight) B, K)``, by locally optimal conjugate gradients from coarse to fine.
 
@@ -435,7 +405,6 @@ class MultigridNorm:
             A value that the eigenvalue must be told apart from.
         """
         levels = self._levels
-        levels.release(self._top)
         parts = [_weighted(trace, weight)]
         if parts[0].shape[0] == 0:
             return Mode(0.0, 0.0)
@@ -454,7 +423,6 @@ class MultigridNorm:
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0])
 
-    @_alone
     def constrained_eigenvalue(self, rows: sp.csr_array, weight: Array, held: BoolArray) -> Mode | None:
         """Largest eigenvalue of ``(C' diag(weight) C, K)`` on the displacements that leave the held components at rest.
 
@@ -482,27 +450,21 @@ class MultigridNorm:
             prolongation = levels.transfers[k - 1].prolongation
             rest.insert(0, np.unique(prolongation[rest[0]].indices))
             parts.insert(0, sp.csr_array(parts[0] @ prolongation))
-        levels.change(self._top, held[active], sp.csr_array((unknown.size, unknown.size)))
-        try:
-            start = parts[0] @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal((levels.sizes[first], _BLOCK)))
-            X, gap, added = np.zeros((levels.sizes[first], 0)), np.inf, 0.0
-            for k, part, out in zip(range(first, self._top + 1), parts, rest, strict=True):
-                X = X if k == first else levels.transfers[k - 1].prolongation @ X
-                fresh = np.asarray(part.T @ start[:, : _BLOCK if k == first else 1])  # what was left out comes in again
-                fresh[out] = 0.0
-                count = _BLOCK if self._cheap(k) or k == first else 1
-                X = np.hstack([X, self._cycles(k, fresh)])
-                subspace = _Subspace(self, k, part, np.sign(weight), X, count, out)
-                added = subspace.improve(_STEPS, _EIGEN_ACCURACY, gap, near=1.0, floor=1.0)
-                X, gap = subspace.X, subspace.gap(gap)
-        finally:
-            levels.release(self._top)
+        truncated = Truncated(levels, self._top)
+        truncated.change(held[active], sp.csr_array((unknown.size, unknown.size)))
+        start = parts[0] @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal((levels.sizes[first], _BLOCK)))
+        X, gap, added = np.zeros((levels.sizes[first], 0)), np.inf, 0.0
+        for k, part, out in zip(range(first, self._top + 1), parts, rest, strict=True):
+            X = X if k == first else levels.transfers[k - 1].prolongation @ X
+            fresh = np.asarray(part.T @ start[:, : _BLOCK if k == first else 1])  # what was left out comes in again
+            fresh[out] = 0.0
+            count = _BLOCK if self._cheap(k) or k == first else 1
+            X = np.hstack([X, _cycles(truncated, k, fresh)])
+            subspace = _Subspace(self, k, part, np.sign(weight), X, count, out, truncated)
+            added = subspace.improve(_STEPS, _EIGEN_ACCURACY, gap, near=1.0, floor=1.0)
+            X, gap = subspace.X, subspace.gap(gap)
         top = float(subspace.values[0])
         return Mode(top, top + added, X[:, 0]) if top > 1.0 or top + added < 1.0 else None
-
-    def _cycles(self, k: int, right: Array) -> Array:
-        """A cycle on a level for each column."""
-        return np.stack([self._levels.cycle(k, b) for b in np.ascontiguousarray(right.T)], axis=1)
 
 
 Norm = EnergyNorm | MultigridNorm
@@ -521,6 +483,11 @@ def factorises(problem: DiscreteProblem) -> bool:
     return problem.unknowns <= _FACTORISED[problem.dim == 3]
 
 
+def _cycles(levels: Levels | Truncated, k: int, right: Array) -> Array:
+    """A cycle on a level for each column."""
+    return np.stack([levels.cycle(k, b) for b in np.ascontiguousarray(right.T)], axis=1)
+
+
 class _Subspace:
     """Vectors near the upper end of ``(S' diag(sign) S, K)`` on a level, and the best in the space that they span."""
 
@@ -533,9 +500,11 @@ class _Subspace:
         X: Array,
         count: int = 1,
         held: IntArray | None = None,
+        truncated: Truncated | None = None,
     ) -> None:
         self._norm, self._k, self._S, self._sign, self._held = norm, k, S, sign, held
-        self._A = norm._levels.matrix(k)
+        self._levels: Levels | Truncated = truncated or norm._levels
+        self._A = self._levels.matrix(k)
         #: A vector of the span along which K is not positive, where one was met.
         self.negative: Array | None = None
         self._pick(X, self._A @ X, S @ X, count)
@@ -575,7 +544,7 @@ class _Subspace:
             R = self._S.T @ (self._sign[:, None] * self._SX) - self._KX * self.values
             if self._held is not None:
                 R[self._held] = 0.0
-            Z = self._norm._cycles(self._k, R)
+            Z = _cycles(self._levels, self._k, R)
             gap = self.gap(gap)
             top = float(self.values[0])
             off = np.sqrt(max(float(R[:, 0] @ Z[:, 0]), 0.0) / quality)

@@ -15,7 +15,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
-from hemivar.discrete.problem import DiscreteProblem, FieldMap
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, region_masks, stiffness_matrix
 from hemivar.fem.discretize import discretize
@@ -159,9 +159,9 @@ def smallness(
 
 def with_survey(problem: DiscreteProblem, constants: Smallness, trace_constant: bool) -> Smallness:
     """The constants with those of the survey: m_A, and if asked for c_gamma and (H_s)."""
-    if problem.field is None or problem.field.material is None or not problem.contact_points:
+    if problem.origin is None or not problem.contact_points:
         return constants
-    m_a = ellipticity(problem.field)
+    m_a = ellipticity(problem.origin)
     if not trace_constant:
         return replace(constants, m_A=m_a)
     trace = _trace_eigenvalues(problem, parts=False)[0]
@@ -310,26 +310,20 @@ def _coupling(law: ContactLaw) -> Array:
     return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
 
 
-def ellipticity(field: FieldMap) -> float:
+def ellipticity(statement: ContactProblem) -> float:
     """m_A, the smallest eigenvalue of the elasticity tensor over the body: ``eps : C eps >= m_A eps : eps``.
 
     Varying materials are sampled at the quadrature points of the stiffness matrix.
 
-    Raises
-    ------
-    ProblemError
-        The field map carries no material.
     """
-    if field.material is None:
-        raise ProblemError("the field map carries no material; m_A needs one")
-    mesh, dim = field.mesh, field.dim
-    if field.material.homogeneous:
-        tensor = field.material.stiffness_tensor(mesh.points[:1])
+    mesh, dim = statement.mesh, statement.mesh.dim
+    if statement.material.homogeneous:
+        tensor = statement.material.stiffness_tensor(mesh.points[:1])
     else:
-        barycentric, weights = quadrature_rule(dim, 2 * field.order)
+        barycentric, weights = quadrature_rule(dim, 2 * statement.order)
         points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, dim)
         masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
-        tensor = field.material.stiffness_tensor(points, masks)
+        tensor = statement.material.stiffness_tensor(points, masks)
     scale = np.ones(tensor.shape[-1])
     scale[dim:] = np.sqrt(2.0)  # Mandel's form: shear strains as sqrt(2) eps_xy
     return float(np.linalg.eigvalsh(tensor * np.outer(scale, scale))[:, 0].min())

@@ -130,7 +130,7 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
 ) -> int:
     """Write a commented problem file that solves as it is."""
-    from hemivar.files.problem import SAMPLE
+    from hemivar.files.sample import SAMPLE
 
     if file.exists() and not file.is_dir() and not force:
         raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")

@@ -15,7 +15,7 @@ from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
 
 if TYPE_CHECKING:
-    from hemivar.files.problem import ProblemFile
+    from hemivar.files.problem_file import ProblemFile
     from hemivar.workflows import Attempt, Comparison, Event
 
 __all__ = ["compare"]
@@ -57,8 +57,10 @@ def compare(
         def show(event: Event) -> None:
             match event:
                 case Condensed(seconds, reason):
-                    shared = f"{seconds:.3g} s, shared by all methods, not in the times below"
-                    print(f"condensation      {f'none: {reason}' if seconds is None else shared}")
+                    if seconds is None:
+                        print(f"condensation      none: {reason}")
+                    else:
+                        print(f"condensation      {seconds:.3g} s, shared by all methods, not in the times below")
                     limits = f"{controls.max_time:g} s for each method, relative residual {controls.rtol:.0e}"
                     print(f"limits            {limits}\n")
                 case Stage():

@@ -101,7 +101,7 @@ def path(
 
     Exit code 0 if the path reaches an end of the range.
     """
-    from hemivar.report.path import QUANTITIES, path_record, plot_path
+    from hemivar.report.path_diagrams import QUANTITIES, path_record, plot_path
 
     for factor in load_factor:
         if not abs(factor) <= _LARGEST_FACTOR:
@@ -111,7 +111,7 @@ def path(
     session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time)
     writer = session.writer
     print_head(session.stated, session.discrete())
-    from hemivar.report.figures import save
+    from hemivar.report.saving import save
     from hemivar.workflows import PathOptions, result_of
     from hemivar.workflows import path as follow
 

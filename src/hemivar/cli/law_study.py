@@ -108,8 +108,8 @@ def _print_study(study: LawStudy, named: bool) -> None:
 
 
 def _draw(curve: Superpotential, reach: float | None, plot: Path, writer: Writer) -> None:
-    from hemivar.report.figures import save
-    from hemivar.report.laws import plot_law
+    from hemivar.report.law_figures import plot_law
+    from hemivar.report.saving import save
 
     writer.write("--plot", plot, lambda path: save(plot_law(curve, reach=reach), path), picture=True)
     writer.tell()

@@ -13,7 +13,7 @@ import typer
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.files.problem import ProblemFile
+    from hemivar.files.problem_file import ProblemFile
     from hemivar.solvers import Controls, Progress, Solver
 
 __all__ = [

@@ -55,7 +55,7 @@ class Session:
         max_steps: int | None = None,
         solution: Path | None = None,
     ) -> None:
-        from hemivar.files.problem import read_problem_file
+        from hemivar.files.problem_file import read_problem_file
 
         check_outputs(outputs, path)
         check_limits(rtol, max_time, max_steps)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from hemivar.certify import Certificate
     from hemivar.discrete.problem import DiscreteProblem
-    from hemivar.files.problem import ProblemFile
+    from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
     from hemivar.solvers import Progress, Solution
     from hemivar.workflows import Event, Stage

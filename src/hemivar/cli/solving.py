@@ -28,7 +28,7 @@ from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.certify import Certificate
-    from hemivar.files.problem import ProblemFile
+    from hemivar.files.problem_file import ProblemFile
     from hemivar.solvers import Controls, Progress, Solution
 
 __all__ = ["solve"]
@@ -169,12 +169,12 @@ def _write(session: Session, solution: Solution, certificate: Certificate | None
         return write_vtu(solution, path)
 
     def plot(path: Path) -> None:
-        from hemivar.report.figures import plot_solution, save
+        from hemivar.report import plot_solution, save
 
         save(plot_solution(solution, scale="auto", title=session.title), path)
 
     def plot_contact(path: Path) -> None:
-        from hemivar.report.figures import plot_contact, save
+        from hemivar.report import plot_contact, save
 
         save(plot_contact(solution, title=session.title), path)
 

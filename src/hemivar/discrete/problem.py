@@ -2,341 +2,205 @@
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass, fields
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.bulk import Bulk, Quadratic
+from hemivar.discrete.contact import ContactPoints, components_of
+from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 
 if TYPE_CHECKING:
-    from hemivar.mechanics.material import Material
     from hemivar.mechanics.statement import ContactProblem
-    from hemivar.mesh.mesh import Mesh
 
-__all__ = ["DiscreteProblem", "FieldMap", "friction_warning"]
-
-_SYMMETRY_TOLERANCE = 1e-10
-#: Contact points named in a warning.
-_SHOWN = 8
-#: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
-_LEAST_WORK = 1e-270
+__all__ = ["DiscreteProblem", "quadratic"]
 
 
 @dataclass(frozen=True, eq=False)
-class FieldMap(Portable):
-    """How the unknowns of a discrete problem become a displacement field.
-
-    The full vector of nodal displacements is ``U = P u + u0``: the columns of ``P`` are orthonormal and span
-    the free directions, ``u0`` holds the prescribed displacements. Entry ``node * d + component`` of ``U``
-    belongs to one node and one Cartesian component. Nodes of a quadratic field (``order == 2``) are the
-    vertices of the mesh followed by its edge midpoints, in the order of :attr:`Mesh.edges`.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        The mesh the field lives on.
-    order : int
-        Polynomial degree of the elements, 1 or 2.
-    basis : sparse array, shape (nodes * d, n)
-        ``P``.
-    prescribed : array, shape (nodes * d,)
-        ``u0``, orthogonal to the columns of ``P``.
-    material : Material or None
-        The material, needed for stresses only.
-    """
-
-    mesh: Mesh
-    order: int
-    basis: sp.csr_array
-    prescribed: Array
-    material: Material | None = None
-
-    def __post_init__(self) -> None:
-        basis = real_matrix(self.basis, "the basis of the field map")
-        prescribed = real_array(self.prescribed, "the prescribed displacements of the field map", 1)
-        if basis.shape[0] != prescribed.size:
-            raise ProblemError(
-                f"the basis of the field map has {basis.shape[0]} rows; it needs one for each of the "
-                f"{prescribed.size} prescribed displacements"
-            )
-        object.__setattr__(self, "basis", basis)
-        object.__setattr__(self, "prescribed", prescribed)
-
-    @property
-    def dim(self) -> int:
-        """Space dimension d."""
-        return self.mesh.dim
-
-    @property
-    def number_of_nodes(self) -> int:
-        """Number of displacement nodes (vertices, and edge midpoints if ``order == 2``)."""
-        return len(self.prescribed) // self.mesh.dim
-
-    @property
-    def nodes(self) -> Array:
-        """Coordinates of the displacement nodes, shape (nodes, d)."""
-        return self.mesh.nodes(self.order)
-
-    def displacement(self, unknowns: Array) -> Array:
-        """Nodal displacement field of a vector of unknowns.
-
-        Parameters
-        ----------
-        unknowns : array, shape (n,)
-
-        Returns
-        -------
-        array, shape (nodes, d)
-        """
-        vector = real_array(unknowns, "the unknowns", finite=False)
-        if vector.shape != (self.basis.shape[1],):
-            raise ProblemError(
-                f"the unknowns have shape {vector.shape}; this field map expects ({self.basis.shape[1]},)"
-            )
-        return np.asarray(self.basis @ vector + self.prescribed).reshape(-1, self.mesh.dim)
-
-    def restrict(self, displacement: Array) -> Array:
-        """Unknowns of a nodal displacement field: ``P' (U - u0)``.
-
-        The result reproduces the field if it fulfils the supports, and is its orthogonal projection
-        otherwise.
-
-        Parameters
-        ----------
-        displacement : array, shape (nodes, d)
-
-        Returns
-        -------
-        array, shape (n,)
-        """
-        field = real_array(displacement, "the displacement", finite=False)
-        if field.shape != (self.number_of_nodes, self.mesh.dim):
-            raise ProblemError(
-                f"the displacement has shape {field.shape}; "
-                f"this field map expects ({self.number_of_nodes}, {self.mesh.dim})"
-            )
-        return np.asarray(self.basis.T @ (field.ravel() - self.prescribed))
-
-
-@dataclass(frozen=True, eq=False)
-class DiscreteProblem(Portable):
+class DiscreteProblem(Portable, Displayed):
     """Energy of a discrete contact problem.
 
-    ``E(u) = 1/2 u'K u - f'u + sum_j w_j j_j(r_j) + constant``, ``r = (B u - offset)`` reshaped to (m, d):
-    column 0 is the penetration of contact point j, the other columns its slip. A solution is a pair
-    ``K u + B'W lambda = f``, ``lambda_j in dj_j(r_j)`` (Clarke subdifferential).
+    ``E(u) = bulk(u) + sum_j w_j j_j(r_j)``, ``r = B u - offset`` with shape (m, c): column 0 is the penetration of
+    contact point j, the other columns its slip. A solution is a pair ``bulk'(u) + B'W lambda = 0``,
+    ``lambda_j in dj_j(r_j)`` (Clarke subdifferential).  It is frozen: :meth:`with_` makes others of it.
 
-    Attributes
+    Parameters
     ----------
-    stiffness : sparse array, shape (n, n)
-        ``K``, symmetric with positive diagonal. A dense array or any scipy sparse matrix is converted.
-    load : array, shape (n,)
-        ``f``.
-    trace : sparse array, shape (d * m, n)
-        ``B``; row ``j * d`` is the normal component (penetration positive) of contact point j, rows
-        ``j * d + c``, c >= 1, its tangential components. Rows may be zero where a support fixes them.
-    weights : array, shape (m,)
-        Quadrature weights ``w_j > 0`` (lengths in 2D, areas in 3D).
-    gap : array, shape (m,)
-        Distance between body and foundation along the normal (less any prescribed displacement).
+    bulk : Bulk
+        The body under its load; :class:`Quadratic` where it is linear.
+    contact : ContactPoints
+        The contact points.
     law : ContactLaw
         The contact law with parameters resolved at the contact points.
-    constant : float
-        Energy that does not depend on the unknowns.
-    slip_offset : array, shape (m, d - 1), or None
-        Subtracted from the tangential components, as the gap is from the normal one.
-    points : array, shape (m, d), or None
-        Coordinates of the contact points.
-    frames : array, shape (m, d, d), or None
-        ``frames[j, c]`` is the unit vector of local component c; ``frames[j, 0]`` is the outward normal.
-    field : FieldMap or None
-        How to recover the displacement field.
-    statement : ContactProblem or None
+    space : Space or None
+        The fields that the unknowns describe.
+    origin : ContactProblem or None
         What was discretised; the same on a coarser mesh serves multigrid.
-    without_friction : bool array, shape (m,), or None
-        Where friction of the law is left out, in one direction at least: at sharp corners of two contact boundaries,
-        and where a support fixes a direction oblique to the contact normal.
+    warnings : tuple of str
+        Sentences on what results of this problem do not show by themselves; empty for most problems.
 
     Raises
     ------
     ProblemError
-        If shapes disagree, numbers are not finite, the stiffness is unsymmetric (relative to 1e-10) or has
-        a diagonal entry that is not positive, or a weight is not positive.
+        Bulk, contact points, law and space do not fit one another.
     """
 
-    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
-
-    stiffness: sp.csr_array
-    load: Array
-    trace: sp.csr_array
-    weights: Array
-    gap: Array
+    bulk: Bulk
+    contact: ContactPoints
     law: ContactLaw
-    constant: float = 0.0
-    slip_offset: Array | None = None
-    points: Array | None = None
-    frames: Array | None = None
-    field: FieldMap | None = None
-    statement: ContactProblem | None = None
-    without_friction: BoolArray | None = None
+    space: Space | None = None
+    origin: ContactProblem | None = None
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        stiffness = real_matrix(self.stiffness, "stiffness", own=True)
-        if stiffness.shape[0] != stiffness.shape[1]:
-            raise ProblemError(f"stiffness has shape {stiffness.shape}; it must be square")
-        _check_symmetry(stiffness)
-        object.__setattr__(self, "stiffness", stiffness)
-        self._check()
+        remedy = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
+        expect(self.bulk, Bulk, "the bulk of a discrete problem", remedy)
+        expect(self.contact, ContactPoints, "the contact of a discrete problem", remedy)
+        n = self.bulk.unknowns
+        if self.contact.unknowns != n:
+            raise ProblemError(f"trace has {self.contact.unknowns} columns; it needs one per unknown, {n}")
+        if self.space is not None and self.space.unknowns != n:
+            raise ProblemError(f"space has {self.space.unknowns} unknowns but load has {n}; they must agree")
+        _check_law(self.law, self.contact)
 
     @classmethod
-    def _assembled(cls, stiffness: sp.csr_array, load: Array, **rest: Any) -> DiscreteProblem:
-        """A problem whose stiffness is known to be finite and symmetric; the other data are checked."""
-        problem = object.__new__(cls)
-        for name, value in {"stiffness": stiffness, "load": load, **rest}.items():
-            object.__setattr__(problem, name, value)
-        problem._check(own=False)
-        return problem
+    def of_arrays(
+        cls,
+        stiffness: Any,
+        load: Array,
+        trace: Any,
+        weights: Array,
+        gap: Array,
+        law: ContactLaw,
+        constant: float = 0.0,
+        slip_offset: Array | None = None,
+        points: Array | None = None,
+        frames: Array | None = None,
+        field: Field | None = None,
+    ) -> DiscreteProblem:
+        """A problem made of the user's own arrays, which are copied.
 
-    def _check(self, own: bool = True) -> None:
-        """Check all but the symmetry of the stiffness, and store arrays of floats, read-only ones of its ``own``."""
-        load = real_array(self.load, "load", 1, own=own)
-        trace = real_matrix(self.trace, "trace", own=own)
-        weights = real_array(self.weights, "weights", 1, own=own)
-        gap = real_array(self.gap, "gap", 1, own=own)
-        constant = real_array(self.constant, "constant", 0, finite=False)
-        n, m = load.shape[0], weights.shape[0]
-        if self.stiffness.shape != (n, n):
-            raise ProblemError(
-                f"stiffness has shape {self.stiffness.shape} but load has {n} entries; "
-                f"give a stiffness of shape ({n}, {n})"
-            )
-        _check_diagonal(self.stiffness)
-        if trace.shape[1] != n:
-            raise ProblemError(f"trace has {trace.shape[1]} columns; it needs one per unknown, {n}")
-        if m == 0 and trace.shape[0] != 0:
-            raise ProblemError(f"trace has {trace.shape[0]} rows but weights is empty; give one weight per point")
-        if m > 0 and (trace.shape[0] == 0 or trace.shape[0] % m != 0 or trace.shape[0] // m > 3):
-            raise ProblemError(
-                f"trace has {trace.shape[0]} rows for {m} contact points (as many as weights); "
-                f"it needs d = 1, 2 or 3 rows per point: one normal, d - 1 tangential"
-            )
-        if not np.all(weights > 0):
-            bad = int(np.flatnonzero(weights <= 0)[0])
-            raise ProblemError(f"weights[{bad}] = {weights[bad]:g}; every weight must be positive")
-        if gap.shape != (m,):
-            raise ProblemError(f"gap has shape {gap.shape}; it needs one number per contact point, ({m},)")
-        if not np.isfinite(constant):
-            raise ProblemError(f"constant = {self.constant}; the constant part of the energy must be finite")
-        for name, value in (
-            ("load", load),
-            ("trace", trace),
-            ("weights", weights),
-            ("gap", gap),
-            ("constant", float(constant)),
-        ):
-            object.__setattr__(self, name, value)
-        _check_size(self.stiffness, load)
-        d = self.dim
-        for name, shape in (("slip_offset", (m, d - 1)), ("points", None), ("frames", (m, d, d))):
-            value = getattr(self, name)
-            if value is None:
-                continue
-            array = real_array(value, name, 2 if name != "frames" else 3, own=own)
-            if m > 0 and ((shape is not None and array.shape != shape) or array.shape[0] != m):
-                expected = shape if shape is not None else (m, d)
-                raise ProblemError(f"{name} has shape {array.shape}; it must be {expected}")
-            object.__setattr__(self, name, array)
-        if self.field is not None and self.field.basis.shape[1] != n:
-            raise ProblemError(f"field has {self.field.basis.shape[1]} unknowns but load has {n}; they must agree")
-        self._check_law(self.law)
+        Parameters
+        ----------
+        stiffness : array or sparse array, shape (n, n)
+            ``K``, symmetric with positive diagonal.
+        load : array, shape (n,)
+            ``f``.
+        trace : array or sparse array, shape (m * c, n)
+            ``B``; row ``j * c`` is the normal component of contact point j, the c - 1 rows after it its slip.
+        weights, gap : arrays, shape (m,)
+            Quadrature weights, and distances between body and foundation.
+        law : ContactLaw
+            Resolved at the contact points.
+        constant : float
+            Energy that does not depend on the unknowns.
+        slip_offset : array, shape (m, c - 1), optional
+            Subtracted from the slip, as the gap is from the penetration.
+        points, frames : arrays, shape (m, d) and (m, c, d), optional
+            Coordinates of the contact points, and unit vectors of their local components.
+        field : Field, optional
+            How to recover the displacement.
 
-    def _check_law(self, law: ContactLaw) -> None:
-        remedy = "pass ContactLaw(normal, friction), resolved at the contact points"
-        expect(law, ContactLaw, "the law of a discrete problem", remedy)
-        if self.contact_points == 0:
-            return
-        start = -self.offset.reshape(self.contact_points, self.dim)
-        with np.errstate(all="ignore"):
-            try:
-                value = np.asarray(law.frozen(start, np.zeros(start.shape)).value(start))
-            except (ValueError, IndexError, TypeError) as error:
-                if isinstance(error, ProblemError):
-                    raise
-                raise ProblemError(
-                    f"the law cannot be evaluated at the {self.contact_points} contact points ({error}); "
-                    f"resolve its parameters first: law.at(points)"
-                ) from error
-        if value.shape != (self.contact_points,):
-            raise ProblemError(
-                f"the law returns values of shape {value.shape} at {self.contact_points} contact points; "
-                f"resolve its parameters at these points: law.at(points)"
-            )
+        Raises
+        ------
+        ProblemError
+            If shapes disagree, numbers are not finite, the stiffness is unsymmetric (relative to 1e-10) or has
+            a diagonal entry that is not positive, or a weight is not positive.
+        """
+        bulk = Quadratic(stiffness, load, constant)
+        rows = real_matrix(trace, "trace", own=True)
+        own = real_array(weights, "weights", 1, own=True)
+        m, components = own.shape[0], components_of(rows.shape[0], own)
+        gaps = real_array(gap, "gap", 1)
+        if gaps.shape != (m,):
+            raise ProblemError(f"gap has shape {gaps.shape}; it needs one number per contact point, ({m},)")
+        found_field = None if field is None else expect(field, Field, "field", "give hemivar.discrete.Field")
+        place = None if points is None else real_array(points, "points", 2, own=True)
+        if not components:
+            given = (place.shape[1] if place is not None else None, found_field and found_field.mesh.dim)
+            components = next((d for d in given if d), 2)
+        offset = np.zeros((m, components))
+        offset[:, 0] = gaps
+        if slip_offset is not None:
+            slips = real_array(slip_offset, "slip_offset", 2)
+            if m > 0 and slips.shape != (m, components - 1):
+                raise ProblemError(f"slip_offset has shape {slips.shape}; it must be {(m, components - 1)}")
+            if m > 0:
+                offset[:, 1:] = slips
+        offset.flags.writeable = False
+        turned = None if frames is None else real_array(frames, "frames", 3, own=True)
+        contact = ContactPoints(rows, own, offset, place, turned)
+        return cls(bulk, contact, law, None if found_field is None else Space((found_field,)))
+
+    def with_(
+        self,
+        *,
+        load: Array | None = None,
+        offset: Array | None = None,
+        law: ContactLaw | None = None,
+        bulk: Bulk | None = None,
+    ) -> DiscreteProblem:
+        """The same body and contact points with another load, offset or law, or another bulk.
+
+        What is shared is not checked again, and a :class:`hemivar.systems.Workspace` knows it again: another load,
+        offset or law costs no new factorisation.
+
+        Parameters
+        ----------
+        load : array, shape (n,), optional
+            Of a quadratic bulk, whose constant stays.
+        offset : array, shape (m, c), optional
+            Gap in column 0, slip offset in the others.
+        law : ContactLaw, optional
+            Resolved at the same contact points.
+        bulk : Bulk, optional
+            With as many unknowns; not together with ``load``.
+
+        Raises
+        ------
+        ProblemError
+            As when the problem was made.
+        """
+        if bulk is not None and load is not None:
+            raise ProblemError("a bulk brings its own load; give one of load and bulk")
+        if load is not None:
+            bulk = quadratic(self.bulk, "another load").under(load)
+        contact = self.contact
+        if offset is not None:
+            contact = replace(contact, offset=real_array(offset, "offset", 2, own=True))
+        changed = replace(
+            self,
+            bulk=self.bulk if bulk is None else bulk,
+            contact=contact,
+            law=self.law if law is None else law,
+        )
+        if offset is not None and contact.components != self.contact.components:
+            raise ProblemError(f"offset has shape {contact.offset.shape}; it must be {self.contact.offset.shape}")
+        return changed
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        return int(self.load.shape[0])
+        return self.bulk.unknowns
 
     @property
     def contact_points(self) -> int:
         """Number of contact points m."""
-        return int(self.weights.shape[0])
+        return self.contact.count
 
     @property
-    def dim(self) -> int:
-        """Number d of local components per contact point: one normal and d - 1 tangential."""
-        if self.contact_points > 0:
-            return int(self.trace.shape[0]) // self.contact_points
-        if self.field is not None:
-            return self.field.dim
-        if self.points is not None and np.ndim(self.points) == 2:
-            return int(self.points.shape[1])
-        return 2
-
-    @cached_property
-    def diagonal(self) -> Array:
-        """Diagonal of the stiffness, shape (n,)."""
-        return np.asarray(self.stiffness.diagonal())
-
-    @cached_property
-    def row_sums(self) -> Array:
-        """Sums of the absolute entries of the rows of the stiffness, shape (n,)."""
-        K = self.stiffness
-        sums = np.zeros(K.shape[0])
-        for start in range(0, K.shape[0], 1 << 16):
-            bounds = K.indptr[start : start + (1 << 16) + 1]
-            part = np.abs(K.data[bounds[0] : bounds[-1]])
-            sums[start : start + len(bounds) - 1] = np.add.reduceat(part, bounds[:-1] - bounds[0])
-        return sums
-
-    @property
-    def offset(self) -> Array:
-        """Gap and slip offset in the order of the rows of the trace, shape (d * m,)."""
-        offset = np.zeros((self.contact_points, self.dim))
-        offset[:, 0] = self.gap
-        if self.slip_offset is not None and self.contact_points > 0:
-            offset[:, 1:] = self.slip_offset
-        return offset.ravel()
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences on what results of this problem do not show by themselves; empty for most problems."""
-        from hemivar.fem.locking import locking_warning
-
-        found = None if self.field is None else locking_warning(self.field)
-        left_out = None
-        if self.without_friction is not None and self.points is not None:
-            left_out = friction_warning(self.points[self.without_friction])
-        return tuple(sentence for sentence in (found, left_out) if sentence is not None)
+    def field(self) -> Field | None:
+        """The first field of the space, the displacement of the body; None for a problem made of arrays."""
+        return None if self.space is None else self.space.fields[0]
 
     def local(self, unknowns: Array) -> Array:
         """Penetration and slip at the contact points: ``r = B u - offset``.
@@ -347,36 +211,32 @@ class DiscreteProblem(Portable):
 
         Returns
         -------
-        array, shape (m, d)
+        array, shape (m, c)
             Column 0 penetration, columns 1.. slip.
         """
-        u = real_array(unknowns, "the unknowns", finite=False)
-        if u.shape != self.load.shape:
-            raise ProblemError(f"the unknowns have shape {u.shape}; this problem has {self.load.shape}")
-        return np.asarray(self.trace @ u - self.offset).reshape(self.contact_points, self.dim)
+        return self.contact.local(self._checked(unknowns))
 
     def energy(self, unknowns: Array, multiplier: Array | None = None) -> float:
         """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.
 
         A friction bound that depends on the state is taken at ``u`` itself and at the pressure of ``multiplier``,
-        shape (m, d); without a multiplier, at the pressure nearest to zero that the normal law allows at ``u``.
+        shape (m, c); without a multiplier, at the pressure nearest to zero that the normal law allows at ``u``.
 
         Where a law ends (a rigid foundation), a penetration beyond its end by rounding alone, 1e-12 of the largest
         displacement or gap, counts as being at the end; beyond that the energy is +inf.
         """
-        u = real_array(unknowns, "the unknowns", finite=False)
-        if u.shape != self.load.shape:
-            raise ProblemError(f"the unknowns have shape {u.shape}; this problem has {self.load.shape}")
-        energy = 0.5 * float(u @ (self.stiffness @ u)) - float(self.load @ u) + self.constant
+        u = self._checked(unknowns)
+        energy = self.bulk.value(u)
         if self.contact_points > 0:
-            r = self.local(u)
+            contact = self.contact
+            r = contact.local(u)
             domain = self.law.normal.domain
-            moved = np.abs(self.trace) @ np.abs(u)  # what may cancel in r
-            rounding = 1e-12 * max(float(moved.max()), float(np.abs(self.offset).max()))
+            moved = np.abs(contact.trace) @ np.abs(u)  # what may cancel in r
+            rounding = 1e-12 * max(float(moved.max()), float(np.abs(contact.offset).max()))
             inside = np.clip(r[:, 0], domain.lower, domain.upper)
             r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
-            energy += float(self.weights @ law.value(r))
+            energy += float(contact.weights @ law.value(r))
         return energy
 
     def contact_force(self, multiplier: Array) -> Array:
@@ -384,7 +244,7 @@ class DiscreteProblem(Portable):
 
         Parameters
         ----------
-        multiplier : array, shape (m, d)
+        multiplier : array, shape (m, c)
             Pressure (column 0) and friction (columns 1..) of the foundation on the body.
 
         Returns
@@ -392,74 +252,130 @@ class DiscreteProblem(Portable):
         array, shape (n,)
         """
         lam = real_array(multiplier, "the multiplier", finite=False)
-        if lam.shape != (self.contact_points, self.dim):
-            raise ProblemError(
-                f"the multiplier has shape {lam.shape}; this problem has ({self.contact_points}, {self.dim})"
-            )
-        scaled = self.weights[:, None] * lam
-        return np.asarray(self.trace.T @ scaled.ravel())
+        if lam.shape != self.contact.offset.shape:
+            raise ProblemError(f"the multiplier has shape {lam.shape}; this problem has {self.contact.offset.shape}")
+        return self.contact.force(lam)
+
+    def _checked(self, unknowns: Array) -> Array:
+        u = real_array(unknowns, "the unknowns", finite=False)
+        if u.shape != (self.unknowns,):
+            raise ProblemError(f"the unknowns have shape {u.shape}; this problem has {(self.unknowns,)}")
+        return u
+
+    # ---- views by their former names ----------------------------------------------------------------------
+
+    @property
+    def stiffness(self) -> sp.csr_array:
+        """Stiffness."""
+        return quadratic(self.bulk).stiffness
+
+    @property
+    def load(self) -> Array:
+        """Load."""
+        return quadratic(self.bulk).load
+
+    @property
+    def constant(self) -> float:
+        """Constant."""
+        return quadratic(self.bulk).constant
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal."""
+        return quadratic(self.bulk).diagonal
+
+    @property
+    def row_sums(self) -> Array:
+        """Row sums."""
+        return quadratic(self.bulk).row_sums
+
+    @property
+    def trace(self) -> sp.csr_array:
+        """Trace."""
+        return self.contact.trace
+
+    @property
+    def weights(self) -> Array:
+        """Weights."""
+        return self.contact.weights
+
+    @property
+    def gap(self) -> Array:
+        """Gap."""
+        return self.contact.gap
+
+    @property
+    def slip_offset(self) -> Array:
+        """Slip offset."""
+        return np.asarray(self.contact.offset[:, 1:])
+
+    @property
+    def offset(self) -> Array:
+        """Offset."""
+        return self.contact.offset.ravel()
+
+    @property
+    def points(self) -> Array | None:
+        """Points."""
+        return self.contact.points
+
+    @property
+    def frames(self) -> Array | None:
+        """Frames."""
+        return self.contact.frames
+
+    @property
+    def without_friction(self) -> BoolArray | None:
+        """Without friction."""
+        return self.contact.without_friction
+
+    @property
+    def dim(self) -> int:
+        """Components."""
+        return self.contact.components
+
+    @property
+    def statement(self) -> ContactProblem | None:
+        """Statement."""
+        return self.origin
 
     def with_law(self, law: ContactLaw) -> DiscreteProblem:
-        """The same problem with another law; matrices are shared and not checked again.
-
-        Parameters
-        ----------
-        law : ContactLaw
-            Resolved at the same contact points.
-        """
-        self._check_law(law)
-        other = copy.copy(self)
-        object.__setattr__(other, "law", law)
-        return other
-
-    def _with_data(self, load: Array, gap: Array, slip_offset: Array | None, law: ContactLaw) -> DiscreteProblem:
-        """The same body under another load, gap and law; matrices are shared, their symmetry is not checked again."""
-        parts = {part.name: getattr(self, part.name) for part in fields(self)}
-        parts |= {"load": load, "gap": gap, "slip_offset": slip_offset, "law": law}
-        return DiscreteProblem._assembled(**parts)
+        """Another law."""
+        return self.with_(law=law)
 
 
-def friction_warning(where: Array) -> str | None:
-    """That friction is left out at points (k, d), in words; None if there are none."""
-    if not len(where):
-        return None
-    places = ", ".join("(" + ", ".join(f"{x + 0.0:.6g}" for x in point) + ")" for point in where[:_SHOWN])
-    more = f" and {len(where) - _SHOWN} more" if len(where) > _SHOWN else ""
-    return (
-        f"friction is left out, in one direction at least, at {len(where)} contact point"
-        f"{'s' if len(where) > 1 else ''}, x = {places}{more}: two contact boundaries meet there at more than 45 "
-        "degrees, or a support fixes a direction oblique to the contact normal"
-    )
+def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:
+    """The bulk, if it is quadratic.
+
+    Raises
+    ------
+    ProblemError
+        It is not: what is asked for needs a linear body.
+    """
+    if not isinstance(bulk, Quadratic):
+        raise ProblemError(f"{what} needs a linear body; the bulk is a {type(bulk).__name__}: give a Quadratic")
+    return bulk
 
 
-def _check_diagonal(stiffness: sp.csr_array) -> None:
-    diagonal = stiffness.diagonal()
-    if not np.all(diagonal > 0):
-        bad = int(np.flatnonzero(~(diagonal > 0))[0])
-        raise ProblemError(
-            f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
-            f"remove unknowns that no element carries"
-        )
-
-
-def _check_size(stiffness: sp.csr_array, load: Array) -> None:
-    """Refuse a load whose work over- or underflows: no energy could be compared with another."""
-    with np.errstate(over="ignore", under="ignore"):
-        work = float(np.sum(np.abs(load) * (np.abs(load) / stiffness.diagonal())))
-    if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
-        raise ProblemError(
-            f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of "
-            f"{np.max(stiffness.diagonal()):.3g}: energies of that size {'over' if work > 1.0 else 'under'}flow; "
-            "state the problem in units that fit it"
-        )
-
-
-def _check_symmetry(stiffness: sp.csr_array) -> None:
-    if stiffness.nnz == 0:
+def _check_law(law: ContactLaw, contact: ContactPoints) -> None:
+    remedy = "pass ContactLaw(normal, friction), resolved at the contact points"
+    expect(law, ContactLaw, "the law of a discrete problem", remedy)
+    m = contact.count
+    if m == 0:
         return
-    skew = stiffness - stiffness.T
-    largest = float(np.max(np.abs(skew.data), initial=0.0))
-    if largest > _SYMMETRY_TOLERANCE * float(np.max(np.abs(stiffness.data))):
+    start = -contact.offset
+    with np.errstate(all="ignore"):
+        try:
+            value = np.asarray(law.frozen(start, np.zeros(start.shape)).value(start))
+        except (ValueError, IndexError, TypeError) as error:
+            if isinstance(error, ProblemError):
+                raise
+            raise ProblemError(
+                f"the law cannot be evaluated at the {m} contact points ({error}); "
+                f"resolve its parameters first: law.at(points)"
+            ) from error
+    if value.shape != (m,):
         raise ProblemError(
-            f"stiffness is not symmetric: max |K - K'| = {largest:.3g}; pass (K + K') / 2 if this is round-off"
+            f"the law returns values of shape {value.shape} at {m} contact points; "
+            f"resolve its parameters at these points: law.at(points)"
         )

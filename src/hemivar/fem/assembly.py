@@ -20,7 +20,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.elements import shape_values, voigt_index
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.material import Material
-from hemivar.mesh._keys import _EDGES
+from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["EdgeBlocks", "linear_stiffness", "load_vector", "quadrature_rule", "region_masks", "stiffness_matrix"]
@@ -280,7 +280,7 @@ def _components(mesh: Mesh, part: slice, tensor: Array | None) -> Iterator[tuple
     component : pair of ints
     values : array, shape (edges of a cell, k)
     """
-    dim, pairs = mesh.dim, _EDGES[mesh.dim]
+    dim, pairs = mesh.dim, EDGES[mesh.dim]
     cells = mesh.cells[part].T
     sides = _scaled_gradients(mesh, part)
     ahead = np.array([np.where(cells[a] < cells[b], 0.5, -0.5) for a, b in pairs])

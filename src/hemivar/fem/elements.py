@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.mesh._keys import _EDGES
+from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["barycentric_gradients", "shape_derivatives", "shape_values", "voigt_index"]
@@ -37,7 +37,7 @@ def barycentric_gradients(mesh: Mesh, cells: slice = slice(None)) -> Array:
 
 
 def _edge_pairs(corners: int) -> tuple[tuple[int, int], ...]:
-    return ((0, 1),) if corners == 2 else _EDGES[corners - 1]
+    return ((0, 1),) if corners == 2 else EDGES[corners - 1]
 
 
 def shape_values(order: int, barycentric: Array) -> Array:

@@ -6,19 +6,20 @@ from typing import Protocol
 
 import numpy as np
 
+from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, region_masks
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
-from hemivar.mechanics.material import Material
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FieldSource", "nodal_average", "strain", "stress", "v_norm", "von_mises"]
 
 
 class FieldSource(Protocol):
-    """What says where a field lives: a FieldMap or a ContactProblem."""
+    """What says where a field lives: a ContactProblem."""
 
     @property
     def mesh(self) -> Mesh:
@@ -28,17 +29,13 @@ class FieldSource(Protocol):
     def order(self) -> int:
         """Polynomial degree."""
 
-    @property
-    def material(self) -> Material | None:
-        """The material."""
-
 
 def strain(source: FieldSource | Mesh, displacement: Array) -> Array:
     """Linearised strain of each cell (at the centroid for order 2).
 
     Parameters
     ----------
-    source : FieldMap, ContactProblem or Mesh
+    source : Field, ContactProblem or Mesh
     displacement : array, shape (nodes, d)
 
     Returns
@@ -51,25 +48,26 @@ def strain(source: FieldSource | Mesh, displacement: Array) -> Array:
     return _strain_at(mesh, order, field, centroid)
 
 
-def stress(source: FieldSource, displacement: Array) -> Array:
+def stress(source: ContactProblem, displacement: Array) -> Array:
     """Stress ``C eps(u)`` in the plane (2D) or in space of each cell (at the centroid for order 2).
 
     Parameters
     ----------
-    source : FieldMap or ContactProblem
+    source : ContactProblem
     displacement : array, shape (nodes, d)
 
     Returns
     -------
     array, shape (M, d, d)
     """
+    expect(source, ContactProblem, "what the stress is taken of", "it needs the material: pass the ContactProblem")
     eps = strain(source, displacement)
     mesh, index = source.mesh, voigt_index(source.mesh.dim)
-    tensor = _material(source).stiffness_tensor(_centroids(mesh), region_masks(mesh))
+    tensor = source.material.stiffness_tensor(_centroids(mesh), region_masks(mesh))
     return np.asarray(np.einsum("mijkl,mkl->mij", tensor[:, index[:, :, None, None], index], eps))
 
 
-def von_mises(source: FieldSource, displacement: Array) -> Array:
+def von_mises(source: ContactProblem, displacement: Array) -> Array:
     """Von Mises stress of each cell, the out-of-plane stress of plane models included.
 
     ``sigma_zz`` is ``lam (eps_xx + eps_yy)`` in plane strain, 0 in plane stress; for a general tensor see
@@ -77,7 +75,7 @@ def von_mises(source: FieldSource, displacement: Array) -> Array:
 
     Parameters
     ----------
-    source : FieldMap or ContactProblem
+    source : ContactProblem
     displacement : array, shape (nodes, d)
 
     Returns
@@ -91,7 +89,7 @@ def von_mises(source: FieldSource, displacement: Array) -> Array:
     if mesh.dim == 2:
         eps = strain(source, displacement)
         masks = region_masks(mesh)
-        full[:, 2, 2] = _material(source).out_of_plane_stress(_centroids(mesh), eps, masks)
+        full[:, 2, 2] = source.material.out_of_plane_stress(_centroids(mesh), eps, masks)
     mean = np.einsum("mii->m", full) / 3.0
     deviator = full - mean[:, None, None] * np.eye(3)
     return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
@@ -102,7 +100,7 @@ def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:
 
     Parameters
     ----------
-    source : FieldMap, ContactProblem or Mesh
+    source : Field, ContactProblem or Mesh
         A mesh means its vertices.
     values : array, shape (M, ...)
 
@@ -133,7 +131,7 @@ def v_norm(source: FieldSource | Mesh, displacement: Array) -> float:
 
     Parameters
     ----------
-    source : FieldMap, ContactProblem or Mesh
+    source : Field, ContactProblem or Mesh
         For a mesh the order follows from the number of rows of ``displacement``.
     displacement : array, shape (nodes, d)
     """
@@ -169,12 +167,6 @@ def _mesh_and_order(source: FieldSource | Mesh, displacement: Array) -> tuple[Me
             f"the displacement has shape {shape}; a field of order {order} on this mesh has shape {expected}"
         )
     return mesh, order
-
-
-def _material(source: FieldSource) -> Material:
-    if source.material is None:
-        raise ProblemError("the field map carries no material, which stresses need; pass the ContactProblem instead")
-    return source.material
 
 
 def _centroids(mesh: Mesh) -> Array:

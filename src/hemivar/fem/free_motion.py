@@ -9,9 +9,10 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array
 from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_along
-from hemivar.discrete.problem import DiscreteProblem, FieldMap
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field
 from hemivar.errors import SupportError
-from hemivar.fem.parts import FreeMotions, MovingGroup, free_motions, rigid_basis
+from hemivar.fem.rigid import FreeMotions, MovingGroup, free_motions, rigid_basis
 
 __all__ = ["describe", "free_growth", "geometric_slack", "known_to_be_held", "refuse", "refuse_free_motion"]
 
@@ -31,7 +32,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> N
     SupportError
         Naming the part, the motion, and what would hold it.
     """
-    if problem.field is None:
+    if problem.field is None or not problem.field.moves:
         return
     motions = free_motions(problem.field)
     for group, growth in zip(motions.groups, free_growth(problem, motions, load), strict=True):
@@ -53,10 +54,10 @@ def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | No
     assert problem.field is not None
     if not motions.count:
         return []
-    basis = problem.field.basis
-    forces = basis @ problem.load if load is None else load
+    lift = problem.field.lift
+    forces = lift.T @ problem.load if load is None else load
     m, d = problem.contact_points, problem.dim
-    local = sp.csc_array(problem.trace @ (basis.T @ motions.motions))
+    local = sp.csc_array(problem.trace @ (lift @ motions.motions))
     slack = geometric_slack(problem.points, problem.weights)
     found = []
     for group in motions.groups:
@@ -149,7 +150,7 @@ def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup,
     raise AssertionError
 
 
-def _words(field: FieldMap, motions: FreeMotions, group: MovingGroup, part: int) -> tuple[str, str]:
+def _words(field: Field, motions: FreeMotions, group: MovingGroup, part: int) -> tuple[str, str]:
     """Who moves, and what would hold it."""
     if motions.parts.count == 1:
         return "the body", _REMEDY

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.spatial
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.problem import DiscreteProblem, FieldMap
+from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
-from hemivar.fem.parts import rigid_basis
+from hemivar.fem.rigid import rigid_basis
 
 __all__ = ["Coarser", "coarser", "rigid_motions"]
 
@@ -27,20 +28,31 @@ class Coarser:
     prolongation : sparse array, shape (n, n_coarse)
         ``U = P u + u0`` interpolated, without the prescribed displacements: what a change of the coarse unknowns
         changes in the fine ones.
-    field : FieldMap
+    field : Field
         Of the finer problem.
+    shared : int array
+        The contact point of the finer problem at the place of each contact point of the coarser one.
     """
 
     problem: DiscreteProblem
     prolongation: sp.csr_array
-    field: FieldMap
+    field: Field
+    shared: IntArray
+
+    def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
+        """The coarser problem with load, gap and law of another problem on the finer mesh."""
+        return self.problem.with_(
+            load=self.prolongation.T @ finer.load,
+            offset=finer.contact.offset[self.shared],
+            law=finer.law.take(self.shared),
+        )
 
     def interpolate(self, unknowns: Array) -> Array:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
         coarse = self.problem.field
         assert coarse is not None
         assert self.field.mesh.parent is not None
-        fine = self.field.mesh.parent.interpolation @ coarse.displacement(unknowns)
+        fine = self.field.mesh.parent.interpolation @ coarse.full(unknowns)
         return self.field.restrict(fine)
 
 
@@ -62,30 +74,27 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     parent = field.mesh.parent
     coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False)
     assert coarse.field is not None
-    nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.dim), format="csr"))
-    prolongation = sp.csr_array(field.basis.T @ nodal @ coarse.field.basis)
+    nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.components), format="csr"))
+    prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
     prolongation.eliminate_zeros()
-    shared = _shared_points(problem, coarse)
-    coarse = coarse._with_data(
-        prolongation.T @ problem.load,
-        problem.gap[shared],
-        None if problem.slip_offset is None else problem.slip_offset[shared],
-        problem.law.take(shared),
-    )
-    return Coarser(coarse, prolongation, field)
+    step = Coarser(coarse, prolongation, field, _shared_points(problem.contact, coarse.contact, parent.interpolation))
+    return replace(step, problem=step.posed(problem))
 
 
-def _shared_points(fine: DiscreteProblem, coarse: DiscreteProblem) -> IntArray:
-    """The contact point of the finer problem at the place of each contact point of the coarser one."""
-    assert fine.points is not None
-    assert coarse.points is not None
-    if not len(coarse.points):
-        return np.zeros(0, dtype=np.int64)
-    return np.asarray(scipy.spatial.cKDTree(fine.points).query(coarse.points)[1], dtype=np.int64)
+def _shared_points(fine: ContactPoints, coarse: ContactPoints, interpolation: sp.csr_array) -> IntArray:
+    """The finer contact point at the node and on the boundary of each coarser one."""
+    kept = np.flatnonzero(np.diff(interpolation.indptr) == 1)  # nodes that both meshes have
+    same = np.full(interpolation.shape[1], -1)
+    same[interpolation.indices[interpolation.indptr[kept]]] = kept
+    many = len(fine.names) + 1
+    keys = fine.node * many + fine.boundary
+    order = np.argsort(keys)
+    wanted = same[coarse.node] * many + coarse.boundary
+    return np.asarray(order[np.searchsorted(keys[order], wanted)], dtype=np.int64)
 
 
-def rigid_motions(field: FieldMap) -> Array:
+def rigid_motions(field: Field) -> Array:
     """Unknowns of the rigid translations and rotations, scaled to size one, shape (n, 3 or 6)."""
     motions, _ = rigid_basis(field.nodes)
-    return np.asarray(field.basis.T @ motions)
+    return np.asarray(field.lift @ motions)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.mechanics import ContactProblem, Fixed, Prescribed
@@ -59,22 +58,18 @@ class LoadLine:
         """The problem at load factor ``factor``; matrices are shared."""
         if factor == 1.0:
             return self.loaded
-        problem = copy.copy(self.loaded)
-        zero = self.unloaded
-        put = object.__setattr__
+        if not 0.0 <= abs(factor) < np.inf:
+            raise ProblemError(f"the load factor is {factor}; give a finite number")
+        loaded, zero = self.loaded, self.unloaded
         if zero is None:
-            put(problem, "load", factor * self.loaded.load)
-            return problem
-        put(problem, "load", (1.0 - factor) * zero.load + factor * self.loaded.load)
-        put(problem, "gap", (1.0 - factor) * zero.gap + factor * self.loaded.gap)
-        if self.loaded.slip_offset is not None or zero.slip_offset is not None:
-            none = np.zeros((self.loaded.contact_points, self.loaded.dim - 1))
-            first = none if zero.slip_offset is None else zero.slip_offset
-            last = none if self.loaded.slip_offset is None else self.loaded.slip_offset
-            put(problem, "slip_offset", (1.0 - factor) * first + factor * last)
+            return loaded.with_(load=factor * loaded.load)
+        load = (1.0 - factor) * zero.load + factor * loaded.load
         # The energy of prescribed displacements is quadratic in them.
-        put(problem, "constant", zero.constant + factor**2 * (self.loaded.constant - zero.constant))
-        return problem
+        constant = zero.constant + factor**2 * (loaded.constant - zero.constant)
+        return loaded.with_(
+            bulk=quadratic(loaded.bulk).under(load, constant),
+            offset=(1.0 - factor) * zero.contact.offset + factor * loaded.contact.offset,
+        )
 
 
 def _at_rest(support: Support, dim: int) -> Support:

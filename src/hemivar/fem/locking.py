@@ -6,7 +6,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.fem.assembly import region_masks
-from hemivar.fem.fields import FieldSource
+from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["LOCKING", "largest_poisson_ratio", "locking_warning"]
 
@@ -14,19 +14,17 @@ __all__ = ["LOCKING", "largest_poisson_ratio", "locking_warning"]
 LOCKING = 0.49
 
 
-def largest_poisson_ratio(field: FieldSource) -> float | None:
-    """Largest Poisson's ratio of the body, taken at the centres of its elements; None without a material.
+def largest_poisson_ratio(problem: ContactProblem) -> float:
+    """Largest Poisson's ratio of the body, taken at the centres of its elements.
 
     Of an anisotropic material, that of the isotropic one with the same volumetric and mean shear stiffness.  Plane
     stress leaves the thickness free: there it is at most 1/3, whatever the material.
     """
-    if field.material is None:
-        return None
-    mesh = field.mesh
-    if field.material.homogeneous:
-        tensor = field.material.stiffness_tensor(mesh.points[:1])
+    mesh = problem.mesh
+    if problem.material.homogeneous:
+        tensor = problem.material.stiffness_tensor(mesh.points[:1])
     else:
-        tensor = field.material.stiffness_tensor(mesh.points[mesh.cells].mean(axis=1), region_masks(mesh))
+        tensor = problem.material.stiffness_tensor(mesh.points[mesh.cells].mean(axis=1), region_masks(mesh))
     return float(_poisson_ratio(tensor, mesh.dim).max())
 
 
@@ -41,12 +39,12 @@ def _poisson_ratio(tensor: Array, dim: int) -> Array:
     return np.asarray(lam / (2.0 * lam + shear))
 
 
-def locking_warning(field: FieldSource) -> str | None:
+def locking_warning(problem: ContactProblem) -> str | None:
     """What to know and to do where linear elements meet a nearly incompressible material; None elsewhere."""
-    if field.order > 1:
+    if problem.order > 1:
         return None
-    ratio = largest_poisson_ratio(field)
-    if ratio is None or ratio < LOCKING:
+    ratio = largest_poisson_ratio(problem)
+    if ratio < LOCKING:
         return None
     return (
         f"Poisson's ratio is {ratio:.6g}: linear elements lock there and make the body too stiff, which neither "

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.problem import FieldMap
+from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.fem.elements import barycentric_gradients, shape_values
 from hemivar.mesh.mesh import Mesh
@@ -21,15 +21,15 @@ _INSIDE = -1e-10
 _CHUNK = 1 << 15
 
 
-def interpolate(source: FieldMap | Mesh, values: Array, target: FieldMap | Mesh | Array) -> Array:
+def interpolate(source: Field | Mesh, values: Array, target: Field | Mesh | Array) -> Array:
     """Values at other points of a field given by its nodal values.
 
     Parameters
     ----------
-    source : FieldMap or Mesh
+    source : Field or Mesh
         Where the field lives; for a mesh the order follows from the number of rows of ``values``.
     values : array, shape (nodes, ...)
-    target : FieldMap, Mesh or array, shape (k, d)
+    target : Field, Mesh or array, shape (k, d)
         The nodes of the field map, the vertices of the mesh, or the points.
 
     Returns
@@ -50,7 +50,7 @@ def interpolate(source: FieldMap | Mesh, values: Array, target: FieldMap | Mesh 
     expected = mesh.number_of_nodes if order == 1 else mesh.number_of_nodes + len(mesh.edges)
     if rows != expected:
         raise ProblemError(f"values has {rows} rows; a field of order {order} on this mesh has {expected} nodes")
-    if isinstance(target, FieldMap):
+    if isinstance(target, Field):
         points = target.nodes
     elif isinstance(target, Mesh):
         points = target.points

@@ -22,8 +22,9 @@ from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, strain, stress, von_mises
 from hemivar.fem.assembly import region_masks
-from hemivar.fem.fields import FieldSource
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import ContactState, Progress, Solution
 
 __all__ = [
@@ -274,11 +275,11 @@ def _unknowns(displacement: Array, problem: DiscreteProblem, path: Path) -> Arra
         if displacement.shape != problem.load.shape:
             raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {problem.load.shape}")
         return displacement
-    expected = (field.number_of_nodes, field.dim)
+    expected = (field.number_of_nodes, field.components)
     if displacement.shape != expected:
         raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {expected}")
     unknowns = field.restrict(displacement)
-    moved = float(np.abs(field.displacement(unknowns) - displacement).max(initial=0.0))
+    moved = float(np.abs(field.full(unknowns) - displacement).max(initial=0.0))
     if moved > 1e-6 * float(np.abs(displacement).max(initial=0.0)):
         raise ProblemError(
             f"result file '{path}': the displacement misses the supports of this problem by {moved:.3g}; "
@@ -335,7 +336,7 @@ def _vtu_displacement(path: Path, problem: DiscreteProblem) -> Array:
         raise ProblemError(f"result file '{path}' is not a readable VTU file ({reason})") from error
     if "displacement" not in grid.point_data:
         raise ProblemError(f"result file '{path}' has no point data 'displacement'; write it by 'hemivar solve --vtu'")
-    points, nodes, d = np.asarray(grid.points, dtype=float), field.nodes, field.dim
+    points, nodes, d = np.asarray(grid.points, dtype=float), field.nodes, field.mesh.dim
     if points.ndim != 2 or len(points) != len(nodes) or points.shape[1] < d:
         raise _other_mesh(path, f"it has {len(points)} nodes, not {len(nodes)}")
     if not _same_points(points[:, :d], nodes):
@@ -449,11 +450,11 @@ def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
     boundaries = contact_boundaries(problem)
     nodes = field.nodes
     point_data: dict[str, Array] = {"displacement": _three(solution.displacement)}
-    cell_data: dict[str, Array] = {"region": _region_numbers(field)}
-    if field.material is not None:
-        tensor = _symmetric_stress(field, solution.displacement)
-        point_data["stress"] = nodal_average(field, tensor)
-        cell_data |= {"stress": tensor, "von_mises": von_mises(field, solution.displacement)}
+    cell_data: dict[str, Array] = {"region": _region_numbers(mesh)}
+    if problem.origin is not None:
+        tensor = _symmetric_stress(problem.origin, solution.displacement)
+        point_data["stress"] = nodal_average(problem.origin, tensor)
+        cell_data |= {"stress": tensor, "von_mises": von_mises(problem.origin, solution.displacement)}
     quantities = _contact_quantities(solution)
     for name, (_, fill) in quantities.items():
         point_data[name] = np.full((len(nodes), *quantities[name][0].shape[1:]), fill)
@@ -493,7 +494,7 @@ def _contact_quantities(solution: Solution) -> dict[str, tuple[Array, float]]:
 def _write_contact(path: Path, solution: Solution, blocks: list[tuple[ContactBoundary, dict[str, Array]]]) -> None:
     field = solution.problem.field
     assert field is not None
-    kind = _FACET_TYPES[field.dim, field.order]
+    kind = _FACET_TYPES[field.mesh.dim, field.order]
     cells, numbers, start = [], [], 0
     for number, (boundary, _) in enumerate(blocks):
         cells.append(start + np.searchsorted(boundary.used_nodes, boundary.members))
@@ -521,7 +522,7 @@ def _write_grid(
         grid.write(name, file_format="vtu")
 
 
-def _symmetric_stress(field: FieldSource, displacement: Array) -> Array:
+def _symmetric_stress(field: ContactProblem, displacement: Array) -> Array:
     """Stress of each cell as xx, yy, zz, xy, yz, xz, shape (M, 6)."""
     sigma = stress(field, displacement)
     out = np.zeros((len(sigma), 6))
@@ -530,15 +531,14 @@ def _symmetric_stress(field: FieldSource, displacement: Array) -> Array:
     if mesh.dim == 3:
         out[:, 2], out[:, 4], out[:, 5] = sigma[:, 2, 2], sigma[:, 1, 2], sigma[:, 0, 2]
     else:
-        assert field.material is not None
         centroids = mesh.points[mesh.cells].mean(axis=1)
         out[:, 2] = field.material.out_of_plane_stress(centroids, strain(field, displacement), region_masks(mesh))
     return out
 
 
-def _region_numbers(field: FieldSource) -> Array:
-    numbers = np.full(field.mesh.number_of_cells, -1, dtype=np.int32)
-    for number, cells in enumerate(field.mesh.regions.values()):
+def _region_numbers(mesh: Mesh) -> Array:
+    numbers = np.full(mesh.number_of_cells, -1, dtype=np.int32)
+    for number, cells in enumerate(mesh.regions.values()):
         numbers[cells] = number
     return np.asarray(numbers)
 

@@ -254,7 +254,7 @@ def elastic_bar(
     forces = np.full(elements, load * h)
     forces[-1] *= 0.5
     end = np.array([[length]])
-    return DiscreteProblem(
+    return DiscreteProblem.of_arrays(
         stiffness=sp.csr_array(stiffness),
         load=forces,
         trace=sp.csr_array(([1.0], ([0], [elements - 1])), shape=(1, elements)),
@@ -641,7 +641,7 @@ def shear_column(
     forces[0] *= 0.5
     foot = np.zeros((1, 2))
     law = ContactLaw(Bilateral(), SlipWeakening(bound, static, kinetic, rate))
-    return DiscreteProblem(
+    return DiscreteProblem.of_arrays(
         stiffness=sp.csr_array(stiffness),
         load=forces,
         trace=sp.csr_array(([1.0], ([1], [0])), shape=(2, elements)),

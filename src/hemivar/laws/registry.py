@@ -12,24 +12,32 @@ from typing import Any
 
 from hemivar.basics.types import Parameter
 from hemivar.errors import ProblemError
-from hemivar.laws.analytic import FormulaLaw
-from hemivar.laws.base import Superpotential
-from hemivar.laws.bounds import CoulombBound, StateBound
-from hemivar.laws.friction import Friction, NoFriction, Tresca
-from hemivar.laws.named import Bilateral, Compliance, NoContact, Signorini, SurveyLaw
-from hemivar.laws.nonmonotone import (
-    Adhesive,
-    Capped,
-    FinitePenetration,
-    Layered,
+from hemivar.laws.friction import (
+    CoulombBound,
+    Friction,
     Logarithmic,
-    SawTooth,
+    NoFriction,
     SlipTable,
     SlipWeakening,
-    Softening,
+    StateBound,
     StaticKinetic,
+    Tresca,
 )
-from hemivar.laws.tables import read_law_table
+from hemivar.laws.normal import (
+    Adhesive,
+    Bilateral,
+    Capped,
+    Compliance,
+    FinitePenetration,
+    Layered,
+    NoContact,
+    SawTooth,
+    Signorini,
+    Softening,
+    SurveyLaw,
+)
+from hemivar.laws.own import FormulaLaw, read_law_table
+from hemivar.laws.superpotential import Superpotential
 
 __all__ = [
     "FRICTION_LAWS",

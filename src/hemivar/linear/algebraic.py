@@ -42,7 +42,8 @@ def algebraic_levels(problem: DiscreteProblem) -> list[tuple[sp.csr_array, Trans
     mean = float(problem.stiffness.diagonal().mean())
     filled = place @ problem.stiffness @ place.T + sp.diags_array(mean * empty)
     blocks = sp.csr_array(filled).tobsr((size, size))
-    near = np.ones((problem.unknowns, 1)) if problem.field is None else rigid_motions(problem.field)
+    field = problem.field
+    near = np.ones((problem.unknowns, 1)) if field is None or not field.moves else rigid_motions(field)
     candidates = np.zeros((count, near.shape[1]))
     candidates[slots] = near
     found: list[tuple[sp.csr_array, Transfer]] = []
@@ -106,7 +107,7 @@ def _slots(problem: DiscreteProblem) -> tuple[IntArray, int, int]:
     """Where each unknown goes in a vector with the same number of entries for every node; that number; its length."""
     if problem.field is None:
         return np.arange(problem.unknowns), 1, problem.unknowns
-    basis, size = problem.field.basis.tocsc(), problem.field.dim
+    basis, size = problem.field.basis.tocsc(), problem.field.components
     node = basis.indices[basis.indptr[:-1]] // size
     first = np.concatenate([[True], np.diff(node) != 0])
     start = np.maximum.accumulate(np.where(first, np.arange(node.size), 0))

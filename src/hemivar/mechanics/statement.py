@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -25,12 +26,12 @@ from hemivar.mechanics.conditions import (
     Support,
     Traction,
     VectorData,
+    check_finite,
     plain_data,
 )
-from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle
-from hemivar.mesh._keys import _facet_keys
+from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
@@ -110,7 +111,7 @@ class Contact(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem(Portable):
+class ContactProblem(Portable, Displayed):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes
@@ -232,7 +233,7 @@ class ContactProblem(Portable):
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
-            name: _facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
+            name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
         }
         names = list(self.contact)
         for i, first in enumerate(names):

@@ -15,6 +15,7 @@ import numpy as np
 
 from hemivar.basics.disk import shown, whole_file
 from hemivar.basics.types import Array, IntArray
+from hemivar.certify import Certificate
 from hemivar.engines.petsc import DistributedSolution, Ranks
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
@@ -36,7 +37,7 @@ __all__ = ["pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
 _NODES_AT_A_TIME = 1 << 17
 
 
-def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: dict[str, Any] | None) -> Path:
+def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: Certificate | None) -> Path:
     """Write the record of :func:`hemivar.files.results.solution_record`; all ranks call this, rank 0 writes.
 
     Contact points and nodes are in the order of the serial run. Rank 0 holds the contact points, and the
@@ -68,7 +69,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
         "contact": contact,
     }
     if certificate is not None:
-        record["certificate"] = certificate
+        record["certificate"] = certificate.record()
 
     owned = body.piece.owned(ranks)
     numbers, values = body.piece.numbers[owned], solution.displacement[owned]
@@ -95,14 +96,16 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
     """Contact points of all ranks in the order of the serial run, on rank 0; None elsewhere."""
     body, ranks = solution.body, solution.body.ranks
     d, contact = body.dim, body.contact
+    assert contact.points is not None
+    assert contact.frames is not None
     table = np.column_stack(
         [
-            body.contact_boundaries,
-            body.piece.numbers[body.contact_nodes],
+            contact.boundary,
+            body.piece.numbers[contact.node],
             contact.points,
             contact.frames[:, 0],
-            contact.weights,
-            contact.offset[:, 0],
+            body.weights,
+            body.offset[:, 0],
             solution.local,
             solution.multiplier,
             solution.state,
@@ -249,7 +252,7 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     piece, mesh, statement = body.piece, body.piece.mesh, body.statement
     nodes = mesh.number_of_nodes
     point_data = {"displacement": _three(solution.displacement)}
-    cell_data: dict[str, Array] = {"region": _region_numbers(statement)}
+    cell_data: dict[str, Array] = {"region": _region_numbers(statement.mesh)}
     tensor, mises = np.zeros((0, 6)), np.zeros(0)
     size: Array = np.zeros(nodes)
     average = np.zeros((nodes, 6))
@@ -265,18 +268,18 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     cell_data |= {"stress": tensor, "von_mises": mises}
     if not statement.contact:
         return point_data, cell_data
-    frames, lam, r = body.contact.frames, solution.multiplier, solution.local
-    friction = np.einsum("mc,mcd->md", lam[:, 1:], frames[:, 1:])
+    contact, lam, r = body.contact, solution.multiplier, solution.local
+    tangential = np.arange(body.dim) > 0
     values = [
-        lam[:, :1], body.contact.offset[:, :1], r[:, :1], _three(friction),
-        _three(np.einsum("mc,mcd->md", r[:, 1:], frames[:, 1:])),
-        _three(-np.einsum("mc,mcd->md", lam, frames)), solution.state[:, None],
+        lam[:, :1], body.offset[:, :1], r[:, :1], _three(contact.global_vectors(lam * tangential)),
+        _three(contact.global_vectors(r * tangential)),
+        _three(-contact.global_vectors(lam)), solution.state[:, None],
     ]  # fmt: skip
     table = np.zeros((nodes, 13))
     table[:, 12] = -1.0
     # a node of two contact boundaries carries the values of the first
-    order = np.argsort(-body.contact_boundaries, kind="stable")
-    table[body.contact_nodes[order]] = np.column_stack(values)[order]
+    order = np.argsort(-contact.boundary, kind="stable")
+    table[contact.node[order]] = np.column_stack(values)[order]
     table = piece.of_owners(ranks, table)
     names = ("pressure", "gap", "penetration", "friction", "slip", "contact_force", "state")
     for name, part in zip(names, np.split(table, [1, 2, 3, 6, 9, 12], axis=1), strict=True):

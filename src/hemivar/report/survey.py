@@ -24,7 +24,10 @@ from hemivar.basics.generators import result_of
 from hemivar.errors import FileError, HemivarError
 from hemivar.files.results import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA
-from hemivar.report.figures import plot_contact, plot_errors, plot_solution, save
+from hemivar.report.bodies import plot_solution
+from hemivar.report.contact_curves import plot_contact
+from hemivar.report.histories import plot_errors
+from hemivar.report.saving import save
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 from hemivar.solvers import Solution, Status
 from hemivar.workflows.comparison import energy_norm_difference

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -34,7 +35,7 @@ class ContactState(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Portable):
+class Solution(Portable, Displayed):
     """Displacement and multiplier of a discrete problem, with how they were obtained.
 
     Attributes
@@ -83,7 +84,7 @@ class Solution(Portable):
     @cached_property
     def displacement(self) -> Array:
         """Nodal displacement (nodes, d) of the mesh, or the unknowns (n,) of a problem made of arrays."""
-        return self.unknowns if self.problem.field is None else self.problem.field.displacement(self.unknowns)
+        return self.unknowns if self.problem.field is None else self.problem.field.full(self.unknowns)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import posed
 from hemivar.mechanics import ContactProblem
 from hemivar.solvers import METHODS, Controls, Solution, Solver, Status, solving, suited
-from hemivar.systems import CondensedProblem, condense
+from hemivar.systems import Workspace
 from hemivar.workflows.events import Notice, Stage, Work
 
 __all__ = ["Attempt", "CompareOptions", "Comparison", "Condensed", "compare", "energy_norm_difference"]
@@ -105,12 +105,12 @@ def compare(problem: DiscreteProblem | ContactProblem, options: CompareOptions |
     """
     options = CompareOptions() if options is None else options
     problem = posed(problem, "compare")
-    first, condensed = _REFERENCE, None
+    first, shared = _REFERENCE, None
     try:
-        condensed = condense(problem)
-        yield Condensed(condensed.seconds)
+        shared = Workspace()
+        yield Condensed(shared.condensed(problem).seconds)
     except MethodError as error:
-        first = _REFERENCE_IF_LARGE
+        first, shared = _REFERENCE_IF_LARGE, None
         yield Condensed(None, str(error))
     methods = {first: options.methods.get(first, METHODS[first]), **options.methods}
     attempts: list[Attempt] = []
@@ -119,7 +119,7 @@ def compare(problem: DiscreteProblem | ContactProblem, options: CompareOptions |
     try:
         for number, (name, solver) in enumerate(methods.items()):
             yield Stage(name, number, len(methods))
-            tried = yield from attempt(name, solver, problem, options.controls, condensed, reference)
+            tried = yield from attempt(name, solver, problem, options.controls, shared, reference)
             reference = tried if reference is None and tried.solution is not None else reference
             attempts.append(tried)
             yield tried
@@ -136,19 +136,19 @@ def attempt(
     solver: Solver,
     problem: DiscreteProblem,
     controls: Controls,
-    condensed: CondensedProblem | None,
+    shared: Workspace | None,
     reference: Attempt | None,
 ) -> Work[Attempt]:
     """Try a method; a refusal or a failure is an outcome."""
     try:
-        solution = yield from solving(problem, suited(solver, problem), controls, condensed=condensed)
+        solution = yield from solving(problem, suited(solver, problem), controls, workspace=shared)
     except MethodError as error:
         return Attempt(name, "refused", str(error))
     except Exception as error:
         reason = " ".join(str(error).split()) or "no message"
         return Attempt(name, "failed", f"{type(error).__name__}: {reason}")
     note = "" if solution.status is Status.CONVERGED else solution.status.remedy
-    seconds = sum(value for stage, value in solution.timings.items() if stage != "condense" or condensed is None)
+    seconds = sum(value for stage, value in solution.timings.items() if stage != "condense" or shared is None)
     other = solution if reference is None or reference.solution is None else reference.solution
     return Attempt(name, solution.status.value, note, solution, seconds, energy_norm_difference(solution, other))
 

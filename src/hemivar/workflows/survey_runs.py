@@ -17,7 +17,7 @@ from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import survey as survey_problem
 from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, Controls, Solution, Status, solving, transfer_solution
-from hemivar.systems import CondensedProblem, condense
+from hemivar.systems import Workspace
 from hemivar.workflows.events import Notice, Stage, Work
 
 __all__ = [
@@ -226,10 +226,10 @@ def _halved(last: int) -> list[int]:
 
 
 def _solved(
-    problem: DiscreteProblem, condensed: CondensedProblem, method: str, coarser: Solution | None, controls: Controls
+    problem: DiscreteProblem, workspace: Workspace, method: str, coarser: Solution | None, controls: Controls
 ) -> Work[Solution]:
     guess = None if coarser is None else transfer_solution(coarser, problem)
-    solution = yield from solving(problem, METHODS[method], controls, initial=guess, condensed=condensed)
+    solution = yield from solving(problem, METHODS[method], controls, initial=guess, workspace=workspace)
     if solution.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return solution
@@ -240,11 +240,11 @@ def _figure(key: str, controls: Controls) -> Work[dict[str, Solution]]:
     solutions: dict[str, Solution] = {}
     for n in _halved(FIGURE_CELLS):
         problem = discretize(survey_problem(key, n))
-        condensed = condense(problem)
+        workspace = Workspace()
         finer: dict[str, Solution] = {}
         for name, method in METHODS.items():
             if method.refuse(problem) is None:
-                finer[name] = yield from _solved(problem, condensed, name, solutions.get(name), controls)
+                finer[name] = yield from _solved(problem, workspace, name, solutions.get(name), controls)
         solutions = finer
     return solutions
 
@@ -257,18 +257,18 @@ def _friction(solution: Solution, max_n: int, controls: Controls) -> Work[dict[i
             break
         if n > FIGURE_CELLS:
             problem = discretize(survey_problem("figure3", n))
-            solution = yield from _solved(problem, condense(problem), DEFAULT, solution, controls)
+            solution = yield from _solved(problem, Workspace(), DEFAULT, solution, controls)
         found[n] = float(np.abs(solution.friction).max())
     return found
 
 
 def _level(n: int, names: tuple[str, ...], runs: SurveyRuns, controls: Controls) -> Work[MeshRuns]:
     problem = discretize(survey_problem(DATA, n))
-    condensed = condense(problem)
+    workspace = Workspace()
     coarser: Mapping[str, Solution] = runs.meshes[-1].solutions if runs.meshes else {}
     solutions: dict[str, Solution] = {}
     for name in names:
-        solutions[name] = yield from _solved(problem, condensed, name, coarser.get(name), controls)
+        solutions[name] = yield from _solved(problem, workspace, name, coarser.get(name), controls)
     return MeshRuns(n, problem, solutions)
 
 

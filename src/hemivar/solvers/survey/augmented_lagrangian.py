@@ -14,7 +14,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws.contact import spread
+from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.newton import lower_energy

@@ -13,9 +13,9 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.newton import majorant
 from hemivar.solvers.survey.direct import Optimizer
 from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.contact_moves import majorant
 
 __all__ = ["LBFGS"]
 

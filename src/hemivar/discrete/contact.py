@@ -1,0 +1,182 @@
+"""Contact points: where they lie, what they see of the unknowns, and the boundary each belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+
+__all__ = ["ContactPoints", "components_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints(Portable):
+    """The contact points of a discrete problem, j = 1..m, with c local components each.
+
+    Local component 0 is normal (penetration positive), the others are tangential; a scalar law has the first alone.
+    The number c is that of the foundation's answer, not the dimension of the mesh.
+
+    Parameters
+    ----------
+    trace : sparse array, shape (m * c, n)
+        ``B``; row ``j * c + i`` is local component i of contact point j. Rows may be zero where a support fixes them.
+    weights : array, shape (m,)
+        Quadrature weights ``w_j > 0`` (lengths in 2D, areas in 3D).
+    offset : array, shape (m, c)
+        Subtracted from ``B u``: column 0 is the gap between body and foundation along the normal, less any prescribed
+        displacement, the others a slip that is there already.
+    points : array, shape (m, d), or None
+        Coordinates.
+    frames : array, shape (m, c, d), or None
+        ``frames[j, i]`` is the unit vector of local component i; ``frames[j, 0]`` is the outward normal.
+    node : int array, shape (m,), optional
+        The node of the field that is the contact point; -1 where it is none.
+    facet : int array, shape (m,), optional
+        The facet of its boundary whose middle it is; -1 where it is none.
+    boundary : int array, shape (m,), optional
+        Place in ``names`` of the boundary that it belongs to; -1 where it is not known.
+    names : tuple of str
+        The contact boundaries.
+    without_friction : bool array, shape (m,), optional
+        Where friction of the law is left out, in one direction at least: at sharp corners of two contact boundaries,
+        and where a support fixes a direction oblique to the contact normal.
+
+    Raises
+    ------
+    ProblemError
+        Shapes disagree, numbers are not finite, or a weight is not positive.
+    """
+
+    trace: sp.csr_array
+    weights: Array
+    offset: Array
+    points: Array | None = None
+    frames: Array | None = None
+    node: IntArray = None  # type: ignore[assignment]
+    facet: IntArray = None  # type: ignore[assignment]
+    boundary: IntArray = None  # type: ignore[assignment]
+    names: tuple[str, ...] = ()
+    without_friction: BoolArray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        trace = real_matrix(self.trace, "trace")
+        weights = real_array(self.weights, "weights", 1)
+        m = weights.shape[0]
+        components = components_of(trace.shape[0], weights)
+        offset = real_array(self.offset, "offset", 2)
+        if offset.shape[0] != m or (m > 0 and offset.shape[1] != components):
+            raise ProblemError(
+                f"offset has shape {offset.shape}; it needs a row for each contact point with one number for each of "
+                f"its local components, ({m}, {components or 'any'})"
+            )
+        object.__setattr__(self, "trace", trace)
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "offset", offset)
+        for name, ndim in (("points", 2), ("frames", 3)):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = real_array(value, name, ndim)
+            if m > 0 and array.shape[: ndim - 1] != ((m,) if ndim == 2 else (m, offset.shape[1])):
+                expected = f"({m}, d)" if ndim == 2 else f"({m}, {offset.shape[1]}, d)"
+                raise ProblemError(f"{name} has shape {array.shape}; it must be {expected}")
+            object.__setattr__(self, name, array)
+        for name, unknown in (("node", -1), ("facet", -1), ("boundary", -1), ("without_friction", False)):
+            value = getattr(self, name)
+            value = np.full(m, unknown) if value is None else np.asarray(value)
+            if value.shape != (m,):
+                raise ProblemError(f"{name} has shape {value.shape}; it needs one entry per contact point, ({m},)")
+            object.__setattr__(self, name, value)
+        if m and not (self.boundary.min() >= -1 and self.boundary.max() < len(self.names)):
+            raise ProblemError("boundary holds numbers that are no places in names; give the name of every boundary")
+
+    @property
+    def count(self) -> int:
+        """Number of contact points m."""
+        return int(self.weights.shape[0])
+
+    @property
+    def components(self) -> int:
+        """Number c of local components per contact point."""
+        return int(self.offset.shape[1])
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return int(self.trace.shape[1])
+
+    @property
+    def gap(self) -> Array:
+        """Distance between body and foundation along the normal, shape (m,)."""
+        return np.asarray(self.offset[:, 0])
+
+    def local(self, u: Array) -> Array:
+        """Penetration and slip ``r = B u - offset`` of unknowns (n,), shape (m, c)."""
+        return np.asarray(self.trace @ u).reshape(self.offset.shape) - self.offset
+
+    def force(self, lam: Array) -> Array:
+        """Forces ``B'W lam`` on the unknowns, shape (n,), of a multiplier (m, c)."""
+        return np.asarray(self.trace.T @ (self.weights[:, None] * lam).ravel())
+
+    def take(self, index: IntArray) -> ContactPoints:
+        """The contact points of the given numbers, in their order."""
+        rows = (np.asarray(index)[:, None] * self.components + np.arange(self.components)).ravel()
+        return ContactPoints(
+            sp.csr_array(self.trace[rows]),
+            self.weights[index],
+            self.offset[index],
+            None if self.points is None else self.points[index],
+            None if self.frames is None else self.frames[index],
+            self.node[index],
+            self.facet[index],
+            self.boundary[index],
+            self.names,
+            self.without_friction[index],
+        )
+
+    def on(self, name: str) -> IntArray:
+        """Numbers of the contact points of a boundary.
+
+        Raises
+        ------
+        ProblemError
+            There is no contact boundary of that name.
+        """
+        if name not in self.names:
+            known = ", ".join(f"'{known}'" for known in self.names) or "none"
+            raise ProblemError(f"there is no contact boundary '{name}' (known: {known})")
+        return np.flatnonzero(self.boundary == self.names.index(name))
+
+    def global_vectors(self, local: Array) -> Array:
+        """Vectors (m, d) in the coordinates of the mesh of local ones (m, c)."""
+        if self.frames is None:
+            raise ProblemError("these contact points have no frames: local components cannot be turned into vectors")
+        return np.asarray(np.einsum("mc,mcd->md", local, self.frames))
+
+
+def components_of(rows: int, weights: Array) -> int:
+    """Local components of contact points whose trace has so many rows; 0 if there are no points.
+
+    Raises
+    ------
+    ProblemError
+        The numbers of rows and of weights do not fit, or a weight is not positive.
+    """
+    m = len(weights)
+    if m == 0 and rows != 0:
+        raise ProblemError(f"trace has {rows} rows but weights is empty; give one weight per point")
+    if m > 0 and (rows == 0 or rows % m != 0 or rows // m > 3):
+        raise ProblemError(
+            f"trace has {rows} rows for {m} contact points (as many as weights); "
+            f"it needs 1, 2 or 3 rows per point: one normal, the others tangential"
+        )
+    if not np.all(weights > 0):
+        bad = int(np.flatnonzero(weights <= 0)[0])
+        raise ProblemError(f"weights[{bad}] = {weights[bad]:g}; every weight must be positive")
+    return rows // m if m else 0

@@ -1,0 +1,312 @@
+"""From the contact boundaries of a statement to contact points in terms of the unknowns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.contact import ContactPoints
+from hemivar.errors import ProblemError, SupportError
+from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
+from hemivar.laws import ContactLaw, NoContact
+from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.obstacles import obstacle_contact
+from hemivar.mechanics.statement import ContactProblem, Quadrature
+
+__all__ = ["BoundaryContact", "boundary_contact", "join", "local_components", "merge_corners", "refuse_dependent"]
+
+#: Entries of the trace below this are rounding.
+_ZERO = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryContact:
+    """Contact points of one boundary with their law, before the supports take effect.
+
+    Attributes
+    ----------
+    points : ContactPoints
+        With the trace of nodal displacements (nodes * d,).
+    law : ContactLaw
+    blocked : bool array, shape (m, d)
+        Rows that supports or another boundary make dependent on a row before.
+    """
+
+    points: ContactPoints
+    law: ContactLaw
+    blocked: BoolArray
+
+    def take(self, index: IntArray) -> BoundaryContact:
+        """The contact points of the given numbers."""
+        return BoundaryContact(self.points.take(index), self.law.take(index), self.blocked[index])
+
+
+def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
+    """The contact points of a boundary; rows of their trace are taken of nodal displacements (nodes * d,)."""
+    mesh, order, contact = problem.mesh, problem.order, problem.contact[name]
+    facets = mesh.boundaries[name]
+    members = mesh.facet_nodes(facets, order)
+    normals, measures = mesh.facet_normals(facets)
+    count, dim = supports.nodes.shape
+    weights: Array
+    share = np.array([1 / 6, 1 / 6, 4 / 6]) if order == 2 else np.full(dim, 1 / dim)
+    if problem.quadrature is Quadrature.NODAL:
+        nodes, place = np.unique(members.ravel(), return_inverse=True)
+        place = place.ravel()
+        weights = np.asarray(np.bincount(place, weights=np.outer(measures, share).ravel()), dtype=float)
+        summed = sum_by(place, np.repeat(normals * measures[:, None], members.shape[1], axis=0), len(nodes))
+        around = np.bincount(place, weights=np.repeat(measures, members.shape[1]))
+        fold = np.linalg.norm(summed, axis=1) <= 1e-8 * around
+        if fold.any():
+            bad = int(nodes[np.flatnonzero(fold)[0]])
+            raise ProblemError(
+                f"contact boundary '{name}' folds back on itself at node {bad}, x = "
+                f"{in_words(supports.nodes[bad])}, so it has no normal there; split it into two boundaries"
+            )
+        average, facet = _selection(nodes, count), np.full(len(nodes), -1)
+        normal, points = unit(summed), supports.nodes[nodes]
+    else:
+        rows = np.repeat(np.arange(len(facets)), members.shape[1])
+        nodes, facet = np.full(len(facets), -1), np.arange(len(facets))
+        average = sp.csr_array((np.tile(share, len(facets)), (rows, members.ravel())), shape=(len(facets), count))
+        normal, weights, points = unit(normals), measures, mesh.points[facets].mean(axis=1)
+    if contact.obstacle is None:
+        gap = evaluate_scalar(contact.gap, points, f"gap of contact '{name}'")
+        if not (np.abs(gap) < LARGEST).all():
+            raise ProblemError(
+                f"gap of contact '{name}': {gap[np.argmax(np.abs(gap))]:g} is beyond the range of numbers"
+            )
+    else:
+        assert contact.normals is not None
+        normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
+        meets = np.isfinite(gap)
+        if not meets.all():
+            _check_never_touching(contact.law, name, points[~meets])
+            average, normal, points = sp.csr_array(average[meets]), normal[meets], points[meets]
+            weights, gap, nodes, facet = weights[meets], gap[meets], nodes[meets], facet[meets]
+    frames = _frames(normal)
+    blocked = np.zeros((len(points), dim), dtype=bool)
+    if problem.quadrature is Quadrature.NODAL:
+        frames, blocked = _adapt(frames, supports, nodes)
+    names = tuple(problem.contact)
+    boundary = np.full(len(points), names.index(name))
+    offset = np.zeros((len(points), dim))
+    offset[:, 0] = gap
+    found = ContactPoints(
+        local_components(average, frames), weights, offset, points, frames, nodes, facet, boundary, names
+    )
+    return BoundaryContact(found, contact.law.at(points), blocked)
+
+
+def _check_never_touching(law: ContactLaw, name: str, points: Array) -> None:
+    """Refuse laws without opening where the body's normal misses the obstacle."""
+    held = np.broadcast_to(np.isfinite(law.at(points).normal.domain.lower), len(points))
+    if held.any():
+        place = in_words(points[int(np.flatnonzero(held)[0])])
+        raise ProblemError(
+            f"contact '{name}': its law allows no opening, but the body's normal at x = {place} misses the obstacle; "
+            f"take normals = 'obstacle' or a smaller contact boundary"
+        )
+
+
+def merge_corners(groups: list[BoundaryContact], supports: Supports) -> list[BoundaryContact]:
+    """Make the displacements of contact points independent at nodes of two boundaries (nodal quadrature)."""
+    for later in range(1, len(groups)):
+        for earlier in range(later):
+            first, second = groups[earlier].points, groups[later].points
+            assert first.frames is not None
+            assert second.frames is not None
+            _, mine, theirs = np.intersect1d(first.node, second.node, assume_unique=True, return_indices=True)
+            if mine.size == 0:
+                continue
+            alike = np.einsum("kd,kd->k", first.frames[mine, 0], second.frames[theirs, 0]) > SHARP
+            # A sharp corner touches both foundations with its normals; two frictions would share its unknowns.
+            blocked, other_blocked = groups[earlier].blocked.copy(), groups[later].blocked.copy()
+            blocked[mine[~alike], 1:] = True
+            other_blocked[theirs[~alike], 1:] = True
+            mine, theirs = mine[alike], theirs[alike]
+            if mine.size:
+                weights, frames = first.weights.copy(), first.frames.copy()
+                normal = first.frames[mine, 0] * first.weights[mine, None]
+                normal += second.frames[theirs, 0] * second.weights[theirs, None]
+                weights[mine] += second.weights[theirs]
+                frames[mine], blocked[mine] = _adapt(_frames(unit(normal)), supports, first.node[mine])
+                trace = local_components(_selection(first.node, len(supports.nodes)), frames)
+                first = replace(first, trace=trace, weights=weights, frames=frames)
+            groups[earlier] = replace(groups[earlier], points=first, blocked=blocked)
+            rest = np.setdiff1d(np.arange(second.count), theirs)
+            if rest.size == 0:
+                raise ProblemError("every node of a contact boundary belongs to another one; join the two")
+            groups[later] = replace(groups[later], blocked=other_blocked).take(rest)
+    return groups
+
+
+def _selection(nodes: IntArray, count: int) -> sp.csr_array:
+    """The matrix (k, count) that picks the values at k of the nodes."""
+    return sp.csr_array((np.ones(len(nodes)), nodes, np.arange(len(nodes) + 1)), shape=(len(nodes), count))
+
+
+def _frames(normal: Array) -> Array:
+    """Normal and tangents, shape (k, d, d): in 2D the tangent is the normal turned by +90 degrees."""
+    if normal.shape[1] == 2:
+        return np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=1)
+    axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+    first = unit(np.cross(axis, normal))
+    return np.stack([normal, first, unit(np.cross(normal, first))], axis=1)
+
+
+def _adapt(frames: Array, supports: Supports, nodes: IntArray) -> tuple[Array, BoolArray]:
+    """Turn tangents to what the supports leave free, and mark rows that depend on a row before them."""
+    frames = frames.copy()
+    held, count = supports.directions[nodes], supports.count[nodes]
+    normal = frames[:, 0]
+    if frames.shape[1] == 3:
+        across = np.cross(held[:, 0], normal)
+        single = (count == 1) & (np.linalg.norm(across, axis=1) > DEPENDENT)
+        last = unit(across[single])
+        frames[single, 1:] = np.stack([np.cross(last, normal[single]), last], axis=1)
+        way = np.cross(held[:, 0], held[:, 1])
+        double = (count == 2) & (np.abs(np.einsum("kd,kd->k", way, normal)) <= DEPENDENT)
+        first = unit(way[double])
+        frames[double, 1:] = np.stack([first, np.cross(normal[double], first)], axis=1)
+    free = movable(frames, held)
+    rest = free.copy()
+    blocked = np.zeros(frames.shape[:2], dtype=bool)
+    for c in range(frames.shape[1]):
+        size = np.linalg.norm(rest[:, c], axis=1)
+        independent = size > DEPENDENT
+        blocked[:, c] = ~independent & (np.linalg.norm(free[:, c], axis=1) > DEPENDENT)
+        along = np.where(independent[:, None], rest[:, c] / np.where(independent, size, 1.0)[:, None], 0.0)
+        rest -= np.einsum("kcd,kd->kc", rest, along)[:, :, None] * along[:, None, :]
+    return frames, blocked
+
+
+def join(
+    groups: list[BoundaryContact], basis: sp.csr_array, prescribed: Array, dim: int
+) -> tuple[ContactPoints, ContactLaw, float]:
+    """Contact points of all boundaries in terms of the unknowns; points held entirely are dropped.
+
+    Parameters
+    ----------
+    groups : list of BoundaryContact
+    basis : sparse array, shape (nodes * d, n)
+    prescribed : array, shape (nodes * d,)
+    dim : int
+        Space dimension d.
+
+    Returns
+    -------
+    contact : ContactPoints
+    law : ContactLaw
+        At these points.
+    energy : float
+        That of the points that supports hold.
+    """
+    if not groups:
+        return _no_points(basis.shape[1], dim), ContactLaw(NoContact()).at(None), 0.0
+    blocked = np.concatenate([group.blocked for group in groups])
+    rough = np.concatenate([_rough(group.law, group.points.count) for group in groups])
+    law = ContactLaw.concatenate([(group.law, group.points.count) for group in groups])
+    full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
+    offset = np.concatenate([group.points.offset for group in groups]) - (full @ prescribed).reshape(-1, dim)
+    offset[blocked] = 0.0
+
+    trace = sp.csr_array(full @ basis)
+    rows = np.repeat(np.arange(trace.shape[0]), np.diff(trace.indptr))
+    trace.data[(np.abs(trace.data) < _ZERO) | blocked.ravel()[rows]] = 0.0
+    whole = np.abs(np.abs(trace.data) - 1.0) < 1e-14
+    trace.data[whole] = np.sign(trace.data[whole])
+    trace.eliminate_zeros()
+    trace.sort_indices()
+
+    contact = ContactPoints(
+        trace,
+        np.concatenate([group.points.weights for group in groups]),
+        offset,
+        **{
+            name: np.concatenate([getattr(group.points, name) for group in groups])
+            for name in ("points", "frames", "node", "facet", "boundary")
+        },
+        names=groups[0].points.names,
+        without_friction=rough & blocked[:, 1:].any(axis=1),
+    )
+    moving = np.diff(trace.indptr).reshape(-1, dim).any(axis=1)
+    if moving.all():
+        return contact, law, 0.0
+    held = np.flatnonzero(~moving)
+    values = law.take(held).frozen_at(-offset[held]).value(-offset[held])
+    if not np.all(np.isfinite(values)):
+        bad = int(held[np.flatnonzero(~np.isfinite(values))[0]])
+        assert contact.points is not None
+        raise SupportError(
+            f"the supports hold the contact point x = {in_words(contact.points[bad])} at penetration "
+            f"{-offset[bad, 0]:.3g}, which its law forbids; change the support or the gap"
+        )
+    energy = float(contact.weights[held] @ np.broadcast_to(values, held.shape))
+    keep = np.flatnonzero(moving)
+    if not len(keep):
+        return _no_points(basis.shape[1], dim), ContactLaw(NoContact()).at(None), energy
+    return contact.take(keep), law.take(keep), energy
+
+
+def _no_points(unknowns: int, dim: int) -> ContactPoints:
+    none = np.zeros(0, dtype=np.int64)
+    place, turned = np.zeros((0, dim)), np.zeros((0, dim, dim))
+    flags = np.zeros(0, dtype=bool)
+    return ContactPoints(
+        sp.csr_array((0, unknowns)), np.zeros(0), place, place, turned, none, none, none, without_friction=flags
+    )
+
+
+def _rough(law: ContactLaw, count: int) -> BoolArray:
+    """Where a law has friction, or may have it in some state."""
+    if law.state_dependent:
+        return np.ones(count, dtype=bool)
+    return np.broadcast_to(law.friction.bounds > 0.0, (count,))
+
+
+def refuse_dependent(contact: ContactPoints) -> None:
+    """Refuse contact points whose displacements depend on one another, as midpoints between held ends do."""
+    rows = np.flatnonzero(np.diff(contact.trace.indptr))
+    if not rows.size:
+        return
+    trace = sp.csr_array(contact.trace[rows])
+    _, part = sp.csgraph.connected_components(sp.csr_array(abs(trace) @ abs(trace).T), directed=False)
+    count = np.bincount(part)
+    used = sp.csc_array(trace)
+    owner = part[used.indices[used.indptr[:-1][np.diff(used.indptr) > 0]]]
+    short = np.bincount(owner, minlength=len(count)) < count
+    first = int(np.argmax(short[part])) if short.any() else _singular_row(sp.csc_array(trace @ trace.T))
+    if first < 0:
+        return
+    name = contact.names[int(contact.boundary[rows[first] // contact.components])]
+    raise ProblemError(
+        f"contact '{name}': its midpoints have more pressures than displacements can tell apart, for both ends "
+        f"of the boundary are held, or it is closed; take quadrature 'nodal', or leave the facets at one end out"
+    )
+
+
+def _singular_row(gram: sp.csc_array) -> int:
+    """A row at which a Gram matrix is singular, -1 if it is not."""
+    from scipy.sparse.linalg import splu
+
+    try:
+        pivots = np.abs(splu(gram, diag_pivot_thresh=0.0, options={"SymmetricMode": True}).U.diagonal())
+    except RuntimeError:
+        return 0
+    return int(np.argmin(pivots)) if pivots.min() <= 1e-12 * pivots.max() else -1
+
+
+def local_components(average: sp.csr_array, frames: Array) -> sp.csr_array:
+    """Local components of the averaged displacement: rows ``j d + c``, columns ``node d + i``."""
+    count, dim = frames.shape[:2]
+    entries = average.tocoo()
+    component, axis = np.meshgrid(np.arange(dim), np.arange(dim), indexing="ij")
+    rows = entries.row[:, None, None] * dim + component
+    columns = entries.col[:, None, None].astype(np.int64) * dim + axis
+    data = entries.data[:, None, None] * frames[entries.row]
+    shape = (count * dim, average.shape[1] * dim)
+    return sp.csr_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=shape)

@@ -1,0 +1,139 @@
+"""Supports: fixed directions and prescribed displacements of the nodes, and the unknowns they leave."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import SupportError
+from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller, Support, evaluate_scalar, evaluate_vector
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["DEPENDENT", "SHARP", "Supports", "impose", "in_words", "movable", "sum_by", "unit"]
+
+#: Part of a unit vector below which it depends on others.
+DEPENDENT = 1e-8
+#: Cosine of the angle from which facets or boundaries meet sharply.
+SHARP = np.cos(np.pi / 4)
+
+
+class Supports:
+    """Fixed directions and prescribed displacements at every node, accumulated support by support."""
+
+    def __init__(self, nodes: Array) -> None:
+        count, dim = nodes.shape
+        self.nodes = nodes
+        self.directions = np.zeros((count, dim, dim))
+        self.count = np.zeros(count, dtype=np.int64)
+        self.value = np.zeros((count, dim))
+        self.owner = np.full((count, dim), -1)
+        self.names: list[str] = []
+
+    def fix(self, name: str, nodes: IntArray, directions: Array, values: Array) -> None:
+        """Demand ``directions . u = values`` at (distinct) nodes; directions (k, d) are unit vectors."""
+        if name not in self.names:
+            self.names.append(name)
+        known = self.directions[nodes]
+        along = np.einsum("kqd,kd->kq", known, directions)
+        rest = directions - np.einsum("kq,kqd->kd", along, known)
+        size = np.linalg.norm(rest, axis=1)
+        missing = values - np.einsum("kd,kd->k", directions, self.value[nodes])
+        independent = size > DEPENDENT
+        tolerance = 1e-9 * max(float(np.abs(values).max()), float(np.abs(self.value).max()))
+        conflict = ~independent & (np.abs(missing) > tolerance)
+        if conflict.any():
+            bad = int(np.flatnonzero(conflict)[0])
+            node = int(nodes[bad])
+            other = self.names[int(self.owner[node, int(np.argmax(np.abs(along[bad])))])]
+            raise SupportError(
+                f"supports '{other}' and '{name}' prescribe different displacements at node {node}, "
+                f"x = {in_words(self.nodes[node])}: they differ by {missing[bad]:.3g} along "
+                f"{in_words(directions[bad])}; make them agree there or free one of them"
+            )
+        nodes, rest, size, missing = (
+            nodes[independent],
+            rest[independent],
+            size[independent],
+            missing[independent],
+        )
+        unit = rest / size[:, None]
+        unit[np.abs(unit) < 1e-15] = 0.0
+        slot = self.count[nodes]
+        self.directions[nodes, slot] = unit
+        self.owner[nodes, slot] = self.names.index(name)
+        self.value[nodes] += unit * (missing / size)[:, None]
+        self.count[nodes] += 1
+
+
+def impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support) -> None:
+    """Demand what a support demands at the nodes of its boundary."""
+    facets = mesh.boundaries[name]
+    ids = np.unique(mesh.facet_nodes(facets, order))
+    points, dim = supports.nodes[ids], mesh.dim
+    what = f"supports['{name}']"
+    if isinstance(support, Roller):
+        for members, normals in _smooth_normals(mesh, facets, order):
+            supports.fix(name, members, normals, np.zeros(len(members)))
+        return
+    if isinstance(support, Fixed):
+        columns = {
+            axis: evaluate_scalar(value, points, f"{what}, {'xyz'[axis]}")
+            for axis, value in enumerate((support.x, support.y, support.z))
+            if value is not None
+        }
+    else:
+        values = np.zeros(points.shape) if isinstance(support, Clamped) else _prescribed(support, points, what)
+        columns = {axis: values[:, axis] for axis in range(dim)}
+    for axis, column in columns.items():
+        supports.fix(name, ids, np.broadcast_to(np.eye(dim)[axis], points.shape), column)
+
+
+def _prescribed(support: Prescribed, points: Array, what: str) -> Array:
+    return evaluate_vector(support.value, points, what)
+
+
+def _smooth_normals(mesh: Mesh, facets: IntArray, order: int) -> list[tuple[IntArray, Array]]:
+    """Averaged facet normals at the nodes of a boundary; facets that meet sharply are averaged separately.
+
+    Returns up to d pairs of nodes (distinct in each pair) and unit normals.
+    """
+    members = mesh.facet_nodes(facets, order)
+    normals, measures = mesh.facet_normals(facets)
+    ids = members.ravel()
+    normal = np.repeat(normals, members.shape[1], axis=0)
+    weight = np.repeat(measures, members.shape[1])
+    remaining = np.arange(len(ids))
+    found = []
+    for _ in range(mesh.dim):
+        if len(remaining) == 0:
+            break
+        nodes, first, place = np.unique(ids[remaining], return_index=True, return_inverse=True)
+        seed = normal[remaining[first]]
+        alike = np.einsum("kd,kd->k", normal[remaining], seed[place]) > SHARP
+        chosen = remaining[alike]
+        found.append((nodes, unit(sum_by(place[alike], normal[chosen] * weight[chosen, None], len(nodes)))))
+        remaining = remaining[~alike]
+    return found
+
+
+def sum_by(index: IntArray, values: Array, count: int) -> Array:
+    """Sums (count, d) of the rows of values (k, d) with the same index (k,)."""
+    return np.column_stack([np.bincount(index, weights=column, minlength=count) for column in values.T])
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors of length one in the same directions; components that are rounding become zero."""
+    scaled = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    scaled[np.abs(scaled) < 1e-15] = 0.0
+    return np.asarray(scaled)
+
+
+def movable(vectors: Array, held: Array) -> Array:
+    """Part of vectors (k, c, d) orthogonal to the orthonormal rows of held (k, q, d), which may be zero."""
+    along = np.einsum("kcd,kqd->kcq", vectors, held)
+    return np.asarray(vectors - np.einsum("kcq,kqd->kcd", along, held))
+
+
+def in_words(values: Array) -> str:
+    """A place or a direction for a message."""
+    return "(" + ", ".join(f"{value + 0.0:.6g}" for value in values) + ")"

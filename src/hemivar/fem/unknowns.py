@@ -1,0 +1,131 @@
+"""The unknowns of a displacement: which directions supports and contact leave free at the nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.contact import ContactPoints
+from hemivar.fem.contact_points import BoundaryContact, boundary_contact, join, merge_corners
+from hemivar.fem.supports import Supports, impose, movable, unit
+from hemivar.laws import ContactLaw
+from hemivar.mechanics.statement import ContactProblem, Quadrature
+
+__all__ = ["NodalConditions", "basis_of", "nodal_conditions", "reduced"]
+
+
+@dataclass(frozen=True, eq=False)
+class NodalConditions:
+    """What supports and contact make of the nodes of the boundaries; no cell takes part in it.
+
+    Attributes
+    ----------
+    supports
+        Fixed directions and prescribed displacements at every node.
+    groups
+        Contact points of each boundary, before the supports take effect.
+    directions : array, shape (nodes, d, d)
+        Orthonormal directions of the unknowns at every node.
+    free : bool array, shape (nodes, d)
+        Which of them are unknowns.
+    """
+
+    supports: Supports
+    groups: list[BoundaryContact]
+    directions: Array
+    free: BoolArray
+
+    @cached_property
+    def basis(self) -> sp.csr_array:
+        """The matrix P, shape (nodes * d, n)."""
+        return basis_of(self.directions, self.free)
+
+    @property
+    def prescribed(self) -> Array:
+        """The prescribed displacements u0, shape (nodes * d,)."""
+        return self.supports.value.ravel()
+
+    def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, ContactLaw, float]:
+        """Contact points, all or those at the nodes where the mask, shape (nodes,), holds; see :func:`join`."""
+        groups = self.groups
+        if nodes is not None:
+            chosen = ((group, np.flatnonzero(nodes[group.points.node])) for group in groups)
+            groups = [group.take(rows) for group, rows in chosen if rows.size]
+        return join(groups, self.basis, self.prescribed, self.free.shape[1])
+
+
+def nodal_conditions(problem: ContactProblem) -> NodalConditions:
+    """Supports and contact at the nodes of a problem."""
+    mesh, order = problem.mesh, problem.order
+    supports = Supports(mesh.nodes(order))
+    for name, support in problem.supports.items():
+        impose(supports, mesh, order, name, support)
+    groups = [boundary_contact(problem, name, supports) for name in problem.contact]
+    if problem.quadrature is Quadrature.NODAL:
+        groups = merge_corners(groups, supports)
+    directions, free = _free_directions(supports, groups)
+    return NodalConditions(supports, groups, directions, free)
+
+
+def _free_directions(supports: Supports, groups: list[BoundaryContact]) -> tuple[Array, BoolArray]:
+    """Orthonormal directions at every node, shape (nodes, d, d), and which of them are free, shape (nodes, d)."""
+    count, dim = supports.nodes.shape
+    directions = np.broadcast_to(np.eye(dim), (count, dim, dim)).copy()
+    taken = np.zeros(count, dtype=bool)
+    for group in groups:
+        nodes, frames = group.points.node, group.points.frames
+        if frames is not None and (nodes >= 0).all():
+            new = ~taken[nodes]
+            directions[nodes[new]] = frames[new]
+            taken[nodes] = True
+    free = np.broadcast_to((supports.count == 0)[:, None], (count, dim)).copy()
+    partly = np.flatnonzero((supports.count > 0) & (supports.count < dim))
+    if len(partly):
+        rest = movable(directions[partly], supports.directions[partly])
+        wanted = dim - supports.count[partly]
+        chosen = np.zeros(rest.shape)
+        used = np.zeros((len(partly), dim), dtype=bool)
+        every = np.arange(len(partly))
+        for step in range(dim - 1):
+            size = np.where(used, -1.0, np.linalg.norm(rest, axis=2))
+            pick = np.argmax(size >= (1 - 1e-9) * size.max(axis=1, keepdims=True), axis=1)
+            active = step < wanted
+            along = np.zeros((len(partly), dim))
+            along[active] = unit(rest[every[active], pick[active]])
+            chosen[every[active], pick[active]] = along[active]
+            used[every[active], pick[active]] = True
+            rest -= np.einsum("kcd,kd->kc", rest, along)[:, :, None] * along[:, None, :]
+        directions[partly], free[partly] = chosen, used
+    return directions, free
+
+
+def basis_of(directions: Array, free: BoolArray) -> sp.csr_array:
+    """The matrix P, shape (nodes * d, n); its columns are the free directions, node by node."""
+    count, dim = free.shape
+    node, slot = np.nonzero(free)
+    data = directions[node, slot]
+    rows = node[:, None] * dim + np.arange(dim)
+    columns = np.broadcast_to(np.arange(len(node))[:, None], rows.shape)
+    keep = data != 0.0
+    return sp.csr_array((data[keep], (rows[keep], columns[keep])), shape=(count * dim, len(node)))
+
+
+def reduced(matrix: sp.csr_array, basis: sp.csr_array) -> sp.csr_array:
+    """``P' K P``; where every column of P has one entry, rows and columns are picked instead."""
+    size = basis.shape[1]
+    if basis.nnz == size:
+        picked = basis.tocoo()
+        dof, sign = np.empty(size, dtype=np.int64), np.empty(size)
+        dof[picked.col], sign[picked.col] = picked.row, picked.data
+        picked_out = matrix[dof][:, dof].tocsr()
+        if np.any(sign != 1.0):
+            rows = np.repeat(np.arange(size), np.diff(picked_out.indptr))
+            picked_out.data *= sign[rows] * sign[picked_out.indices]
+    else:
+        picked_out = (basis.T @ matrix @ basis).tocsr()
+    picked_out.sort_indices()
+    return sp.csr_array(picked_out)
