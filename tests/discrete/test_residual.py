@@ -120,3 +120,18 @@ def test_tolerances_that_would_accept_anything_are_refused(change: dict[str, flo
     problem = discrete_square()
     with pytest.raises(ProblemError, match="tolerance of a certificate is 1"):
         certify(problem, np.zeros(problem.unknowns), tolerance=1e10)
+
+
+def test_what_the_arithmetic_may_leave_is_a_few_roundings() -> None:
+    """|K| |u| + |f|, entry by entry, in roundings: a pair that is off by more than that is off."""
+    problem = spring(0.5, Compliance(3.0), stiffness=2.0)  # 2 u + 3 u = 0.5
+    u, lam = np.array([0.1]), np.array([[0.3]])
+    eps = float(np.finfo(float).eps)
+    found = residual(problem, u, lam)
+    assert found.noise == pytest.approx(8.0 * eps * (2.0 * 0.1 + 0.5), rel=1e-12)
+    assert found.rounding == found.noise
+    assert found.below(0.0, 0.0)
+    off = residual(problem, u, lam + 100.0 * eps)
+    assert off.equilibrium == pytest.approx(100.0 * eps, rel=0.02)
+    assert not off.below(0.0, 0.0)
+    assert Residual(0.0, 0.0, 2.0, 1e-3).rounding == 2e-6
