@@ -73,8 +73,8 @@ _EXPORTS = {
         "Sphere",
     ),
     "hemivar.fem": ("discretize",),
-    "hemivar.systems": ("condense",),
-    "hemivar.files": ("read_problem",),
+    "hemivar.systems": ("Workspace", "condense"),
+    "hemivar.files": ("read_problem", "write_problem"),
     "hemivar.solvers": (
         "LBFGS",
         "METHODS",
@@ -82,7 +82,6 @@ _EXPORTS = {
         "AugmentedLagrangianNewton",
         "ContactState",
         "Controls",
-        "DirectOptimization",
         "ExactInner",
         "FixedPoint",
         "LoadStepping",
@@ -134,7 +133,7 @@ if TYPE_CHECKING:
     from hemivar.discrete import DiscreteProblem, residual
     from hemivar.errors import HemivarError, MethodError, ProblemError
     from hemivar.fem import discretize
-    from hemivar.files import read_problem
+    from hemivar.files import read_problem, write_problem
     from hemivar.laws import (
         Adhesive,
         Bilateral,
@@ -188,7 +187,6 @@ if TYPE_CHECKING:
         AugmentedLagrangianNewton,
         ContactState,
         Controls,
-        DirectOptimization,
         ExactInner,
         FixedPoint,
         LoadStepping,
@@ -203,4 +201,4 @@ if TYPE_CHECKING:
         solve,
         solve_nested,
     )
-    from hemivar.systems import condense
+    from hemivar.systems import Workspace, condense

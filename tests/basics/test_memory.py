@@ -9,7 +9,7 @@ import pytest
 import hemivar.basics.memory as machine
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.files.problem import parse_problem_file
+from hemivar.files.problem_file import parse_problem_file
 from hemivar.laws import Signorini
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import Mesh, box, rectangle

@@ -142,7 +142,7 @@ def test_condensed_problems(trip: str) -> None:
     problem = there.problem
     if pair:
         assert problem is pair[0]
-    found = hv.solve(problem, condensed=there)
+    found = hv.solve(problem, workspace=hv.Workspace.holding(there))
     np.testing.assert_array_equal(found.unknowns, hv.solve(discrete).unknowns)
 
 

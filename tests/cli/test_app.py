@@ -16,7 +16,7 @@ import pytest
 
 import hemivar
 from hemivar import cli
-from hemivar.files.problem import SAMPLE
+from hemivar.files.sample import SAMPLE
 
 BASE = """\
 title = "block"

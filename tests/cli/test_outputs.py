@@ -135,7 +135,7 @@ def test_no_input_is_overwritten(
 
 def test_the_mesh_of_a_problem_is_noted(folder: Path) -> None:
     from hemivar.basics.disk import noting_files_read
-    from hemivar.files.problem import read_problem_file
+    from hemivar.files.problem_file import read_problem_file
 
     with noting_files_read() as files:
         read_problem_file("m.toml")

@@ -124,7 +124,7 @@ def test_the_same_run_twice_gives_the_same_bits(tmp_path: Path) -> None:
 def test_both_energies_are_one(tmp_path: Path) -> None:
     """With Coulomb's bound the energy takes it at the pair's own state, as in serial."""
     from hemivar.fem import discretize
-    from hemivar.files.problem import read_problem
+    from hemivar.files.problem_file import read_problem
 
     text = _TEXT.replace('"logarithmic", bound = 0.5', '"coulomb", coefficient = 0.2')
     text = text.replace('"survey", q_max = 0.3, p_const = 2.0', '"compliance", stiffness = 20.0')
@@ -152,8 +152,13 @@ def test_claims_of_the_certificate(tmp_path: Path) -> None:
     # the very same margin is an estimate where no factorisation shows it, and claims nothing
     for key in ("large", "sampled", "no time"):
         assert said[key]["unique"] is None, key
-        assert said[key]["kind"] is None, key
+        assert said[key]["kind"] == "stationary", key
         assert said[key]["error_bound"] is None, key
+        assert {"kind", "error bound"} <= set(said[key]["left_out"]), key
+    assert said["shown"]["kind"] == "unique minimiser"
+    assert said["shown"]["left_out"] == ["equilibrium", "trace constant"]
+    assert said["no time"]["margin"] is None
+    assert "margin" in said["no time"]["left_out"]
     assert "estimate" in said["large"]["method"]
     assert said["large"]["margin"] == pytest.approx(said["shown"]["margin"], abs=1e-3)
     assert said["sampled"]["alpha_sampled"] is True

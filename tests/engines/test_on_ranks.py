@@ -14,7 +14,7 @@ import pytest
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import discretize
-from hemivar.files.problem import read_problem
+from hemivar.files.problem_file import read_problem
 from hemivar.solvers import Controls, Solution, Status, solve
 from tests.engines.running import mpirun
 

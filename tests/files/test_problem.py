@@ -12,7 +12,9 @@ import pytest
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.files.problem import KEYS, SAMPLE, parse_problem, parse_problem_file, read_problem
+from hemivar.files.problem_file import parse_problem, parse_problem_file, read_problem
+from hemivar.files.sample import SAMPLE
+from hemivar.files.toml import KEYS
 from hemivar.laws import (
     Adhesive,
     Bilateral,

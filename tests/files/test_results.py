@@ -99,9 +99,9 @@ def test_vtu_can_be_read(body, tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
     field = solution.problem.field
     grid, skin = meshio.read(path), meshio.read(contact)
-    assert np.allclose(grid.points[:, : field.dim], field.nodes, atol=1e-15)
+    assert np.allclose(grid.points[:, : field.mesh.dim], field.nodes, atol=1e-15)
     (block,) = grid.cells
-    assert block.type == {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra"}[field.dim, field.order]
+    assert block.type == {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra"}[field.mesh.dim, field.order]
     assert np.array_equal(grid.point_data["displacement"][:, : field.dim], solution.displacement)
     assert np.allclose(grid.cell_data["von_mises"][0], von_mises(field, solution.displacement))
     stress = grid.cell_data["stress"][0]

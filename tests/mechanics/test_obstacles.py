@@ -10,7 +10,7 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.files.problem import parse_problem
+from hemivar.files.problem_file import parse_problem
 from hemivar.laws import Bilateral, Compliance, Signorini, Tresca
 from hemivar.mechanics import (
     Clamped,
@@ -337,3 +337,11 @@ def test_cylinder_in_a_problem_file(tmp_path) -> None:
     )
     x = found.points[:, 0] - 0.5
     np.testing.assert_allclose(found.gap, np.hypot(x, 2.0) - 1.99, atol=1e-14)
+
+
+@pytest.mark.parametrize("normals", ["body", "obstacle"])
+def test_supports_may_hold_every_point_that_could_touch(normals: str) -> None:
+    for obstacle in (SignedDistance(lambda x: x[:, 1] + 0.1), Plane((0.0, -0.1), (0.0, 1.0)), Sphere((0.5, -2.0), 1.9)):
+        problem = block(obstacle, normals, mesh=rectangle((1.0, 1.0), 1, "cross"))
+        problem = replace(problem, supports={"left": Clamped(), "right": Clamped()})
+        assert discretize(problem).contact_points == 0

@@ -9,7 +9,7 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.files.problem import parse_problem_file
+from hemivar.files.problem_file import parse_problem_file
 from hemivar.laws import Bilateral, Compliance, Signorini
 from hemivar.mechanics import (
     Clamped,

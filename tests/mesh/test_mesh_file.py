@@ -12,7 +12,7 @@ import pytest
 
 import hemivar.basics.memory as machine
 from hemivar.errors import ProblemError
-from hemivar.files.problem import parse_problem_file, read_problem
+from hemivar.files.problem_file import parse_problem_file, read_problem
 from hemivar.mesh import read_mesh
 
 SQUARE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])

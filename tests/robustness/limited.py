@@ -90,10 +90,9 @@ def warm_up() -> None:
     import hemivar.cli.laws
     import hemivar.cli.path
     import hemivar.cli.solutions
-    import hemivar.files.problem
+    import hemivar.files.problem_file
     import hemivar.files.results
-    import hemivar.report.figures
-    import hemivar.report.path
+    import hemivar.report
     import hemivar.solvers
 
     _ = (matplotlib.pyplot, meshio, skfem, hemivar.solvers)

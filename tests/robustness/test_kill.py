@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from hemivar import cli
-from hemivar.files.problem import SAMPLE
+from hemivar.files.sample import SAMPLE
 
 PROBLEM = """\
 title = "block"

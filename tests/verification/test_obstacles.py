@@ -12,7 +12,7 @@ import pytest
 
 from hemivar.fem import discretize
 from hemivar.files.boundary import contact_boundaries
-from hemivar.files.problem import read_problem
+from hemivar.files.problem_file import read_problem
 from hemivar.laws import Bilateral
 from hemivar.mechanics import Contact, ContactProblem, Fixed, Material, Prescribed, Quadrature
 from hemivar.mesh import box

@@ -95,7 +95,7 @@ Support = Clamped | Roller | Fixed | Prescribed
 Traction = VectorData | Pressure
 
 
-def _check_finite(value: Any, name: str, most: float = np.inf) -> Array:
+def check_finite(value: Any, name: str, most: float = np.inf) -> Array:
     array = real_array(value, name, finite=False)
     if not np.all(np.isfinite(array)):
         raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
@@ -108,7 +108,7 @@ def plain_data(value: Any, name: str, vector: bool = True, most: float = np.inf)
     """A callable as it is; numbers as floats of the condition's own, which compare and do not change with an array."""
     if callable(value):
         return value
-    array = _check_finite(value, name, most)
+    array = check_finite(value, name, most)
     if array.ndim == 0:
         return float(array)
     if not vector:
@@ -120,7 +120,7 @@ def evaluate_vector(value: Any, points: Array, name: str) -> Array:
     """A vector or a callable at points, shape (k, d); checked, shape (k, d). The number 0 means no vector."""
     shape = points.shape
     if not callable(value):
-        array = _check_finite(value, name)
+        array = check_finite(value, name)
         if array.ndim == 0 and array == 0.0:
             return np.zeros(shape)
         if array.shape != (shape[1],):
@@ -133,7 +133,7 @@ def evaluate_scalar(value: Any, points: Array, name: str) -> Array:
     """A number or a callable at points, shape (k, d); checked, shape (k,)."""
     shape = points.shape[:1]
     if not callable(value):
-        array = _check_finite(value, name)
+        array = check_finite(value, name)
         if array.ndim != 0:
             raise ProblemError(f"{name} has shape {array.shape}; it must be one number or a callable")
         return np.full(shape, float(array))

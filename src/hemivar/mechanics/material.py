@@ -17,7 +17,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
 
-__all__ = ["Material", "PlaneState"]
+__all__ = ["Anisotropic", "ByRegion", "Isotropic", "Material", "PlaneState"]
 
 #: The largest lam / mu that leaves digits for mu.
 _STIFF = 1e13
@@ -53,7 +53,7 @@ class Material(Portable):
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``.
         """
-        return _Isotropic(lam, mu, _plane(plane), technical=False)
+        return Isotropic(lam, mu, plane, technical=False)  # type: ignore[arg-type]
 
     @staticmethod
     def young(E: Number, nu: Number, plane: PlaneState | str = PlaneState.STRAIN) -> Material:
@@ -66,7 +66,7 @@ class Material(Portable):
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``; plane strain is what 3D bodies long in z do.
         """
-        return _Isotropic(E, nu, _plane(plane), technical=True)
+        return Isotropic(E, nu, plane, technical=True)  # type: ignore[arg-type]
 
     @staticmethod
     def tensor(C: Any, out_of_plane: Any = None) -> Material:
@@ -81,14 +81,12 @@ class Material(Portable):
             In 2D the row ``c`` of ``sigma_zz = c . (eps_xx, eps_yy, gamma_xy)``. ``None`` means
             ``sigma_zz = 0`` (plane stress); it matters for von Mises stresses only.
         """
-        return _General(C, out_of_plane)
+        return Anisotropic(C, out_of_plane)
 
     @staticmethod
     def by_region(materials: Mapping[str, Material]) -> Material:
         """Different materials in the named regions of the mesh, which must cover it without overlap."""
-        if not isinstance(materials, Mapping):
-            raise ProblemError(f"by_region takes a mapping of region names to materials, not {described(materials)}")
-        return _ByRegion(MappingProxyType(dict(materials)))
+        return ByRegion(materials)
 
     @property
     def homogeneous(self) -> bool:
@@ -124,13 +122,27 @@ class Material(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class _Isotropic(Material):
+class Isotropic(Material):
+    """What :meth:`Material.lame` and :meth:`Material.young` make.
+
+    Attributes
+    ----------
+    first, second : float or callable
+        Lame's constants, or Young's modulus and Poisson's ratio if ``technical``.
+    plane : PlaneState
+    technical : bool
+    """
+
     first: Number
     second: Number
     plane: PlaneState
     technical: bool
 
     def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "plane", PlaneState(self.plane))
+        except ValueError as error:
+            raise ProblemError(f"plane = {self.plane!r}; choose 'strain' or 'stress'") from error
         if self.homogeneous:
             self._parameters(np.zeros((1, 2)), "")
 
@@ -138,9 +150,14 @@ class _Isotropic(Material):
     def homogeneous(self) -> bool:
         return not callable(self.first) and not callable(self.second)
 
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the two constants."""
+        return ("E", "nu") if self.technical else ("lam", "mu")
+
     def _parameters(self, points: Array, where: str | None = None) -> tuple[Array, Array]:
         """Lame's constants at points, checked for what holds in every dimension."""
-        names = ("E", "nu") if self.technical else ("lam", "mu")
+        names = self.names
         first = evaluate_scalar(self.first, points, f"material constant {names[0]}")
         second = evaluate_scalar(self.second, points, f"material constant {names[1]}")
         scale = first if self.technical else second
@@ -191,7 +208,17 @@ class _Isotropic(Material):
 
 
 @dataclass(frozen=True, eq=False)
-class _General(Material):
+class Anisotropic(Material):
+    """What :meth:`Material.tensor` makes.
+
+    Attributes
+    ----------
+    matrix : array (v, v) or callable
+        The elasticity matrix.
+    out_of_plane : array (3,) or None
+        Row of the stress across the plane.
+    """
+
     matrix: Any
     out_of_plane: Any
 
@@ -203,11 +230,13 @@ class _General(Material):
                     f"the elasticity matrix has shape {matrix.shape}; it must be (3, 3) in 2D or (6, 6) in 3D"
                 )
             _check_matrices(matrix[None], np.zeros((1, 2)), "")
+            matrix.setflags(write=False)
             object.__setattr__(self, "matrix", matrix)
         if self.out_of_plane is not None:
             row = np.array(real_array(self.out_of_plane, "out_of_plane", finite=False))
             if row.shape != (3,) or not np.all(np.isfinite(row)):
                 raise ProblemError(f"out_of_plane = {self.out_of_plane!r}; it must be three finite numbers")
+            row.setflags(write=False)
             object.__setattr__(self, "out_of_plane", row)
 
     @property
@@ -239,10 +268,20 @@ class _General(Material):
 
 
 @dataclass(frozen=True, eq=False)
-class _ByRegion(Material):
+class ByRegion(Material):
+    """What :meth:`Material.by_region` makes.
+
+    Attributes
+    ----------
+    parts : mapping of region to Material
+    """
+
     parts: Mapping[str, Material]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.parts, Mapping):
+            raise ProblemError(f"by_region takes a mapping of region names to materials, not {described(self.parts)}")
+        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
         if not self.parts:
             raise ProblemError("Material.by_region needs at least one region")
         for name, part in self.parts.items():
@@ -286,13 +325,6 @@ class _ByRegion(Material):
             inner = {key: value[mask] for key, value in (regions or {}).items()}
             result[mask] = self.parts[name].out_of_plane_stress(points[mask], strain[mask], inner)
         return result
-
-
-def _plane(value: PlaneState | str) -> PlaneState:
-    try:
-        return PlaneState(value)
-    except ValueError as error:
-        raise ProblemError(f"plane = {value!r}; choose 'strain' or 'stress'") from error
 
 
 def _require(ok: Any, points: Array, value: Array, name: str, what: str, where: str | None) -> None:

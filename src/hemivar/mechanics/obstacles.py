@@ -18,12 +18,12 @@ import numpy as np
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar, evaluate_vector
-from hemivar.mechanics.conditions import _check_finite as check_finite
+from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar, evaluate_vector
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Cylinder", "Normals", "Obstacle", "Plane", "SignedDistance", "Sphere"]
 
+_UNIT = 1e-15  # by how much the square of a unit vector's length may differ from 1
 _ON_SURFACE = 1e-12  # relative to the radius: closer points count as outside
 _NEAR = 0.1  # of the extent of the points: closer than that a user's distance is checked
 _LENGTH = 0.02  # by how much the gradient of a user's distance may differ from 1 there
@@ -397,8 +397,10 @@ def _check_reach(obstacle: Obstacle, points: Array, what: str) -> None:
 
 
 def _extent(points: Array) -> float:
-    """Largest extent of points along an axis; their distance from the origin if it is a single place."""
-    extent = float(np.ptp(points, axis=0).max(initial=0.0))
+    """Largest extent of points along an axis; their distance from the origin if it is a single place; 1 for none."""
+    if not len(points):
+        return 1.0
+    extent = float(np.ptp(points, axis=0).max())
     return extent if extent > 0.0 else max(float(np.abs(points).max(initial=0.0)), 1e-300)
 
 
@@ -438,21 +440,27 @@ def _round_along(arm: Array, directions: Array, radius: float, inside: bool) -> 
 
 
 def _vector(value: Any, name: str) -> Array:
-    array = check_finite(value, name, LARGEST)
+    """A vector of the obstacle's own, which does not change with the array it came from."""
+    array = check_finite(value, name, LARGEST).copy()
     if array.ndim != 1 or len(array) not in (2, 3):
         raise ProblemError(f"{name} has shape {array.shape}; give 2 or 3 numbers")
+    array.setflags(write=False)
     return array
 
 
 def _direction(value: Any, dim: int, name: str) -> Array:
-    array = _vector(value, name)
-    array = array / max(float(np.abs(array).max()), 1e-300)
+    given = _vector(value, name)
+    if len(given) != dim:
+        raise ProblemError(f"{name} has {len(given)} components but its point has {dim}; give equally many")
+    if abs(float(given @ given) - 1.0) <= _UNIT:  # a unit vector stays what it is, to the last digit
+        return given
+    array = given / max(float(np.abs(given).max()), 1e-300)
     size = float(np.linalg.norm(array))
-    if len(array) != dim:
-        raise ProblemError(f"{name} has {len(array)} components but its point has {dim}; give equally many")
     if size == 0.0:
         raise ProblemError(f"{name} is zero; give a direction")
-    return np.asarray(array / size)
+    array /= size
+    array.setflags(write=False)
+    return array
 
 
 def _radius(value: Any, name: str) -> float:

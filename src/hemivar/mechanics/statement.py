@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -25,9 +26,9 @@ from hemivar.mechanics.conditions import (
     Support,
     Traction,
     VectorData,
+    check_finite,
     plain_data,
 )
-from hemivar.mechanics.conditions import _check_finite as check_finite
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle
 from hemivar.mesh.keys import facet_keys
@@ -110,7 +111,7 @@ class Contact(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem(Portable):
+class ContactProblem(Portable, Displayed):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes
@@ -186,6 +187,13 @@ class ContactProblem(Portable):
         }
         object.__setattr__(self, "tractions", MappingProxyType(forces))
         self._check_overlaps()
+
+    def __repr__(self) -> str:
+        parts = [repr(self.title)] if self.title else []
+        parts += [repr(self.mesh), type(self.material).__name__.lstrip("_").lower() + " material"]
+        parts += [f"contact on {name}: {contact.law.normal.name}" for name, contact in self.contact.items()]
+        parts += [f"{type(support).__name__} on {name}" for name, support in self.supports.items()]
+        return f"ContactProblem({', '.join(parts)})"
 
     def on(self, mesh: Mesh) -> ContactProblem:
         """The same problem on another mesh, which must have the same boundary names."""

@@ -3,6 +3,8 @@
 from hemivar.mesh.build import box, rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.read import read_mesh
+from hemivar.mesh.recipe import Grid, MeshRecipe
 from hemivar.mesh.refine import Refinement
+from hemivar.mesh.write import msh_text
 
-__all__ = ["Mesh", "Refinement", "box", "read_mesh", "rectangle"]
+__all__ = ["Grid", "Mesh", "MeshRecipe", "Refinement", "box", "msh_text", "read_mesh", "rectangle"]

@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.mesh.checks import check_grid, is_whole
 from hemivar.mesh.keys import frozen
 from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.recipe import Grid, MeshRecipe
 from hemivar.mesh.refine import Refinement
 
 __all__ = ["box", "rectangle"]
@@ -86,7 +87,8 @@ def rectangle(
         "top": np.column_stack([top[1:], top[:-1]]),
     }
     parent = _rectangle_parent((width, height), (nx, ny), pattern, (x0, y0))
-    return Mesh.trusted(points, connectivity, boundaries, {}, parent)
+    recipe = MeshRecipe(Grid((width, height), (nx, ny), pattern, (x0, y0)))
+    return Mesh.trusted(points, connectivity, boundaries, {}, parent, recipe)
 
 
 def box(
@@ -139,7 +141,8 @@ def box(
         "top": _split_squares(nodes[-1]),
     }
     parent = _box_parent(extent, (nx, ny, nz), lowest)
-    return Mesh.trusted(points.reshape(-1, 3), connectivity.reshape(-1, 4), boundaries, {}, parent)
+    recipe = MeshRecipe(Grid(extent, (nx, ny, nz), "right", lowest))
+    return Mesh.trusted(points.reshape(-1, 3), connectivity.reshape(-1, 4), boundaries, {}, parent, recipe)
 
 
 def _split_squares(nodes: IntArray) -> IntArray:

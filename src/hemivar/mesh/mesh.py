@@ -28,6 +28,7 @@ from hemivar.mesh.checks import (
 )
 from hemivar.mesh.keys import EDGES, cell_facets, distinct_pairs, frozen, pair_keys, signed_volumes
 from hemivar.mesh.parts import Parts, parts_of
+from hemivar.mesh.recipe import MeshRecipe
 from hemivar.mesh.refine import Refinement, check_refines, halved
 
 __all__ = ["Mesh"]
@@ -51,6 +52,9 @@ class Mesh(Portable):
     parent : Refinement, optional
         What this mesh is known to be the refinement of: refined meshes, and built-in ones with even numbers of cells,
         know.  The names of boundaries and regions are handed down to the coarser meshes.
+    recipe : MeshRecipe or None
+        How the mesh was made, where a problem file can say it: built-in or from a file, then scaled and refined. A mesh
+        changed otherwise has none.
 
     Raises
     ------
@@ -67,6 +71,7 @@ class Mesh(Portable):
     boundaries: Mapping[str, IntArray] = field(default_factory=dict)
     regions: Mapping[str, IntArray] = field(default_factory=dict)
     parent: Refinement | None = None
+    recipe: MeshRecipe | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         points, cells = checked_arrays(self.points, self.cells)
@@ -92,6 +97,7 @@ class Mesh(Portable):
         boundaries: Mapping[str, IntArray],
         regions: Mapping[str, IntArray],
         parent: Refinement | None,
+        recipe: MeshRecipe | None = None,
     ) -> None:
         put = object.__setattr__
         put(self, "points", frozen(points))
@@ -99,6 +105,7 @@ class Mesh(Portable):
         put(self, "boundaries", MappingProxyType({name: frozen(facets) for name, facets in boundaries.items()}))
         put(self, "regions", MappingProxyType({name: frozen(ids) for name, ids in regions.items()}))
         put(self, "parent", parent)
+        put(self, "recipe", recipe)
 
     @classmethod
     def oriented(
@@ -127,14 +134,22 @@ class Mesh(Portable):
         boundaries: Mapping[str, IntArray],
         regions: Mapping[str, IntArray],
         parent: Refinement | None = None,
+        recipe: MeshRecipe | None = None,
     ) -> Mesh:
         """A mesh from arrays known to be valid, which are neither checked nor copied.
 
         Parameters are those of :class:`Mesh`, the facets being outward oriented and each there once.
         """
         mesh = object.__new__(cls)
-        mesh._set(points, cells, boundaries, regions, parent)
+        mesh._set(points, cells, boundaries, regions, parent, recipe)
         return mesh
+
+    def __repr__(self) -> str:
+        cells = f"{len(self.cells)} {'triangles' if self.dim == 2 else 'tetrahedra'}"
+        named = [
+            f"{what} {', '.join(of)}" for what, of in (("boundaries", self.boundaries), ("regions", self.regions)) if of
+        ]
+        return f"Mesh({'; '.join([f'{len(self.points)} nodes, {cells}', *named])})"
 
     @property
     def dim(self) -> int:
@@ -287,7 +302,12 @@ class Mesh(Portable):
         """The mesh with all coordinates multiplied by ``factor > 0``."""
         if isinstance(factor, complex) or not (np.isfinite(factor) and factor > 0):
             raise ProblemError(f"factor = {factor}; a mesh is scaled by a positive number")
-        return self.moved(factor * np.eye(self.dim))
+        mesh = self.moved(factor * np.eye(self.dim))
+        return mesh if self.recipe is None else mesh.made_by(self.recipe.scaled(factor))
+
+    def made_by(self, recipe: MeshRecipe | None) -> Mesh:
+        """The mesh with another word on how it was made, which is not checked."""
+        return Mesh.trusted(self.points, self.cells, self.boundaries, self.regions, self.parent, recipe)
 
     def moved(self, matrix: ArrayLike, shift: ArrayLike = 0.0) -> Mesh:
         """The image of the mesh under ``x -> matrix x + shift``.

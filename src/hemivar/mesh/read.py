@@ -16,6 +16,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
 from hemivar.mesh.raw import RawMesh
+from hemivar.mesh.recipe import MeshRecipe
 
 __all__ = ["read_mesh"]
 
@@ -61,7 +62,7 @@ def read_mesh(path: str | Path) -> Mesh:
     else:
         raw = _by_meshio(name)
     try:
-        return _mesh(raw)
+        return _mesh(raw).made_by(MeshRecipe(Path(path).absolute()))
     except ProblemError as error:
         raise ProblemError(f"{_named(path)}: {error}") from error
 

@@ -136,7 +136,8 @@ def halved(mesh: Mesh) -> Mesh:
     own = np.repeat(np.arange(count)[:, None], 2, axis=1)
     parents = np.tile(np.arange(mesh.number_of_cells), 2**mesh.dim)
     parent = Refinement(mesh, frozen(np.vstack([own, mesh.edges])), frozen(parents))
-    return mesh.trusted(points, cells, boundaries, regions, parent)
+    recipe = None if mesh.recipe is None else mesh.recipe.refined()
+    return mesh.trusted(points, cells, boundaries, regions, parent, recipe)
 
 
 def _refined_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:

@@ -1,0 +1,303 @@
+"""The tables [contact.NAME] of a problem file, read and written: laws, friction bounds, gaps and obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from hemivar.basics.types import Array, Parameter
+from hemivar.files.body_table import check_boundary, quantity_record
+from hemivar.files.mesh_table import file_name
+from hemivar.files.toml import KEYS, Table, context, hint, kind, listed
+from hemivar.files.unsaid import unsaid
+from hemivar.formula import Formula, ScalarFormula
+from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
+from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
+from hemivar.mechanics.statement import Contact
+from hemivar.mesh import Mesh
+
+__all__ = ["Aside", "contact_record", "read_contacts"]
+
+_OBSTACLES = {
+    "plane": ("point", "normal"),
+    "sphere": ("center", "radius", "inside"),
+    "cylinder": ("point", "axis", "radius", "inside"),
+    "distance": (),
+}
+_VECTORS = ("point", "normal", "center", "axis")
+
+_KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION}
+
+
+def read_contacts(table: Table, mesh: Mesh, folder: Path) -> dict[str, Contact]:
+    """Contacts by boundary; tables of laws are looked for in a folder."""
+    reader = _Reader(mesh.dim, folder)
+    found: dict[str, Contact] = {}
+    for name in table.data:
+        check_boundary(mesh, table, name)
+        found[name] = reader.contact(table.table(name, KEYS["contact.*"]))
+    return found
+
+
+class _Reader:
+    """Reads what stands in a table of one contact boundary."""
+
+    def __init__(self, dim: int, folder: Path) -> None:
+        self.dim = dim
+        self.folder = folder
+
+    def contact(self, one: Table) -> Contact:
+        if "normal" not in one:
+            raise one.error("normal", f"is missing; name a normal law ({', '.join(NORMAL_LAWS)})")
+        normal, friction = self.law(one, "normal", NORMAL_LAWS), self.law(one, "friction", FRICTION_LAWS)
+        assert isinstance(normal, Superpotential)
+        assert isinstance(friction, Friction)
+        gap = one.quantity("gap", one.data.get("gap", 0.0), self.dim)
+        obstacle = self.obstacle(one) if "obstacle" in one else None
+        normals = None
+        if obstacle is None and "normals" in one:
+            raise one.error("normals", "says whose normals contact with an obstacle has; add obstacle or remove it")
+        if obstacle is not None:
+            if "gap" in one:
+                raise one.error("gap", "follows from the obstacle; give one of the two")
+            normals = Normals(one.text("normals", Normals.OBSTACLE, [way.value for way in Normals]))
+        with context(f"{one.where('normal')}:"):
+            return Contact(normal, friction, gap, obstacle, normals)
+
+    def obstacle(self, table: Table) -> Obstacle:
+        """A rigid obstacle: a table with one of plane, sphere, cylinder and distance."""
+        given = table.table("obstacle", tuple(_OBSTACLES), inline=True)
+        if len(given.data) != 1:
+            ways = "{ plane = ... }, { sphere = ... }, { cylinder = ... } or { distance = FORMULA }"
+            raise table.error("obstacle", f"give one of {ways}")
+        shape = next(iter(given.data))
+        if shape == "distance":
+            distance = given.quantity(shape, given.data[shape], self.dim)
+            if not isinstance(distance, Formula):
+                raise given.error(shape, f"is {distance:g} everywhere; give a formula of the coordinates in quotes")
+            return SignedDistance(distance)
+        if shape == "cylinder" and self.dim == 2:
+            raise given.error(shape, "in the plane it is a circle; write sphere = { center = ..., radius = ... }")
+        one = given.table(shape, _OBSTACLES[shape], inline=True)
+        missing = [key for key in _OBSTACLES[shape] if key not in one and key != "inside"]
+        if missing:
+            raise one.error(missing[0], f"is missing; write {shape} = {{ {' = ..., '.join(missing)} = ... }}")
+        what = f"a list of {self.dim} numbers"
+        vectors = {key: one.numbers(key, self.dim, what) for key in _OBSTACLES[shape] if key in _VECTORS}
+        with context(f"{given.where(shape)}:"):
+            if shape == "plane":
+                return Plane(**vectors)
+            inside = one.data.get("inside", False)
+            if not isinstance(inside, bool):
+                raise one.error("inside", f"must be true or false, not {kind(inside)}")
+            if shape == "sphere":
+                return Sphere(vectors["center"], one.positive("radius"), inside)
+            return Cylinder(vectors["point"], vectors["axis"], one.positive("radius"), inside)
+
+    def law(self, table: Table, key: str, laws: Mapping[str, LawEntry]) -> Superpotential | Friction:
+        value = table.data.get(key, "none")
+        if isinstance(value, str):
+            value = {"law": value}
+        if not isinstance(value, dict):
+            example = f'{{ law = "{next(iter(laws))}", ... }}'
+            raise table.error(key, f"must be a law such as {example}, not {kind(value)}")
+        given = Table(value, table.source, table.name, None, f"{table.prefix}{key}.")
+        if "law" not in given:
+            raise table.error(key, f"does not name a law; add law = one of {listed(list(laws))}")
+        name = value["law"]
+        if not isinstance(name, str):
+            raise given.error("law", f"must be one of {listed(list(laws))}, not {kind(name)}")
+        if name not in laws:
+            other = FRICTION_LAWS if laws is NORMAL_LAWS else NORMAL_LAWS
+            if name in other:
+                kind_of = other[name].kind
+                raise given.error(
+                    "law", f"'{name}' is a {kind_of} law; use it under {kind_of} (known here: {', '.join(laws)})"
+                )
+            raise given.error("law", f"'{name}' is not a {_KIND[key]} law{hint(name, list(laws))}")
+        entry = laws[name]
+        given.only(("law", *(p.name for p in entry.parameters)))
+        parameters: dict[str, object] = {}
+        for parameter in entry.parameters:
+            if parameter.name in given:
+                parameters[parameter.name] = self.parameter(given, parameter)
+            elif parameter.required:
+                example = ", ".join(f"{p} = ..." for p in entry.required)
+                raise given.error(
+                    parameter.name,
+                    f'is missing ({parameter.meaning}); write {key} = {{ law = "{name}", {example} }}',
+                )
+        if "potential" in parameters:
+            parameters["where"] = given.where("potential")
+        with context(f"{table.where(key)}:"):
+            made: Superpotential | Friction = entry.make(**parameters)
+            return made
+
+    def parameter(self, given: Table, parameter: LawParameter) -> object:
+        """The value of a law parameter, in whatever form it is written."""
+        name, value = parameter.name, given.data[parameter.name]
+        match parameter.form:
+            case ParameterForm.NUMBER:
+                return given.quantity(name, value, self.dim, parameter.minimum)
+            case ParameterForm.BOUND:
+                return self.bound(given, parameter)
+            case ParameterForm.FILE:
+                return self.file(given, name)
+            case ParameterForm.TEXT:
+                return given.text(name, None, parameter.choices or None)
+        if not isinstance(value, list) or not value:
+            raise given.error(name, f"must be a list of numbers, not {kind(value)}")
+        return [given.number(name, number) for number in value]
+
+    def file(self, given: Table, name: str) -> Path:
+        path = Path(given.text(name))
+        return path if path.is_absolute() else self.folder / path
+
+    def bound(self, given: Table, parameter: LawParameter) -> Parameter | StateBound:
+        """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
+        name, value = parameter.name, given.data[parameter.name]
+        if not isinstance(value, dict):
+            return given.quantity(name, value, self.dim, parameter.minimum)
+        ways = ("table", "formula", "coulomb")
+        inner = given.table(name, ways, inline=True)
+        if len(inner.data) != 1:
+            raise given.error(name, "give one of { table = FILE }, { formula = ... } of s and { coulomb = ... }")
+        if "coulomb" in inner:
+            return CoulombBound(inner.quantity("coulomb", value["coulomb"], self.dim, 0.0))
+        if "formula" in inner:
+            text = str(value["formula"]) if isinstance(value["formula"], int | float) else inner.text("formula")
+            formula = ScalarFormula(text, "s", inner.where("formula"))
+            with context(f"{inner.where('formula')}:"):
+                return PenetrationBound(formula)
+        with context(f"{inner.where('table')}:"):
+            path = self.file(inner, "table")
+            return PenetrationBound(read_columns(path, BOUND_COLUMNS), file=path)
+
+
+# ---- writing ------------------------------------------------------------------------------------------------
+
+
+class Aside:
+    """Where tables go that come from no file: beside the problem file if that is wanted, else nowhere.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the problem file.
+    put : callable or None
+        Gets a name for the table and its lines of CSV, and returns the file's name for the problem file.
+    """
+
+    def __init__(self, folder: Path, put: Callable[[str, str], str] | None) -> None:
+        self.folder = folder
+        self.put = put
+
+    def table(self, where: str, name: str, rows: tuple[Array, Array], heads: tuple[str, str]) -> str:
+        """Name of the file in which a table without one was put."""
+        if self.put is None:
+            raise unsaid(where, "a table of numbers that come from no file", "tables by file: beside=True writes them")
+        pairs = zip(*(np.asarray(column, dtype=float).tolist() for column in rows), strict=True)
+        lines = [f"{first!r},{second!r}\n" for first, second in pairs]
+        return self.put(name, f"{heads[0]},{heads[1]}\n{''.join(lines)}")
+
+
+def contact_record(name: str, contact: Contact, aside: Aside) -> dict[str, object]:
+    """The table [contact.NAME] of a contact."""
+    where = f"contact['{name}']"
+    record: dict[str, object] = {"normal": _law_record(contact.normal, f"{where}.normal", name, aside, NORMAL_LAWS)}
+    if not _is_none(contact.friction):
+        record["friction"] = _friction_record(contact.friction, f"{where}.friction", name, aside)
+    if contact.obstacle is not None:
+        record["obstacle"] = _obstacle_record(contact.obstacle, f"{where}.obstacle")
+        if contact.normals is Normals.BODY:
+            record["normals"] = Normals.BODY.value
+    elif callable(contact.gap) or contact.gap != 0.0:
+        record["gap"] = quantity_record(contact.gap, f"{where}.gap")
+    return record
+
+
+def _is_none(friction: Friction) -> bool:
+    """Whether there is no friction at all."""
+    bound, none = friction.bound, NoFriction()
+    plain = not callable(bound) and not isinstance(bound, StateBound) and np.ndim(bound) == 0
+    return plain and bound == none.bound and friction.profile is none.profile
+
+
+def _law_record(
+    law: Superpotential, where: str, name: str, aside: Aside, laws: Mapping[str, LawEntry], bound: object = None
+) -> object:
+    """A law as a file states it: its name, or a table with its parameters."""
+    stated = law.stated
+    if stated is None or stated["law"] not in laws:
+        own = "the laws that 'hemivar laws' lists, tables (table_law) and potentials as text (FormulaLaw)"
+        raise unsaid(where, law, own)
+    entry = laws[str(stated["law"])]
+    record: dict[str, object] = {"law": entry.name}
+    for parameter in entry.parameters:
+        value = bound if parameter.form is ParameterForm.BOUND else stated.get(parameter.name)
+        place = f"{where}.{parameter.name}"
+        if parameter.form is ParameterForm.FILE:
+            side = where.rpartition(".")[2]
+            record[parameter.name] = (
+                file_name(value, aside.folder)
+                if isinstance(value, Path)
+                else aside.table(where, f"{name}-{side}", stated["rows"], (LAW_COLUMNS[0][0], LAW_COLUMNS[1][0]))  # type: ignore[arg-type]
+            )
+        elif value is None or (isinstance(value, tuple | list) and not value):
+            continue
+        elif parameter.form is ParameterForm.NUMBERS:
+            record[parameter.name] = np.asarray(value, dtype=float).ravel().tolist()
+        elif parameter.form is ParameterForm.NUMBER:
+            record[parameter.name] = quantity_record(value, place)
+        else:
+            record[parameter.name] = value
+        if parameter.default is not None and record.get(parameter.name) == parameter.default:
+            del record[parameter.name]
+    return record if len(record) > 1 else entry.name
+
+
+def _friction_record(friction: Friction, where: str, name: str, aside: Aside) -> object:
+    bound: object
+    match friction.bound:
+        case CoulombBound(coefficient=coefficient) if friction.profile is NoFriction().profile:
+            return {"law": "coulomb", "coefficient": quantity_record(coefficient, f"{where}.coefficient")}
+        case CoulombBound(coefficient=coefficient):
+            bound = {"coulomb": quantity_record(coefficient, f"{where}.coefficient")}
+        case PenetrationBound(source=ScalarFormula(text=text)):
+            bound = {"formula": text}
+        case PenetrationBound(source=source, file=file):
+            if callable(source):
+                raise unsaid(f"{where}.bound", source, "formulas of s as text, and tables")
+            heads = (BOUND_COLUMNS[0][0], BOUND_COLUMNS[1][0])
+            bound = {
+                "table": aside.table(f"{where}.bound", f"{name}-bound", source, heads)
+                if file is None
+                else file_name(file, aside.folder)
+            }
+        case StateBound() as other:
+            raise unsaid(f"{where}.bound", other, "numbers, formulas, and bounds by penetration or pressure")
+        case plain:
+            bound = quantity_record(plain, f"{where}.bound")
+    return _law_record(friction.profile, where, name, aside, FRICTION_LAWS, bound)
+
+
+def _obstacle_record(obstacle: Obstacle, where: str) -> dict[str, object]:
+    match obstacle:
+        case Plane() | Sphere() | Cylinder():
+            shape = type(obstacle).__name__.lower()
+            record: dict[str, object] = {}
+            for key in _OBSTACLES[shape]:
+                value = getattr(obstacle, key)
+                if key != "inside" or value:
+                    record[key] = np.asarray(value, dtype=float).tolist() if key in _VECTORS else value
+            return {shape: record}
+        case SignedDistance(function=Formula(text=text), gradient=None):
+            return {"distance": text}
+        case SignedDistance(gradient=None):
+            raise unsaid(f"{where}.function", obstacle.function)
+    raise unsaid(where, obstacle, "planes, spheres, cylinders, and signed distances as text, without gradient")

@@ -1,0 +1,343 @@
+"""Problem files: a contact problem stated in TOML, read and written back.
+
+Every key is documented in ``docs/problem-file.md``.  Reading is strict: a key that is not known, a value of
+the wrong type or shape, a name that the mesh does not have, are reported in one line that names file, table
+and key.  Writing is honest: what is written is read again, and what would come back otherwise is refused in one
+sentence.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hemivar.basics import disk
+from hemivar.errors import FileError, ProblemError
+from hemivar.files.body_table import (
+    loads_record,
+    material_record,
+    read_loads,
+    read_material,
+    read_supports,
+    supports_record,
+)
+from hemivar.files.contact_table import Aside, contact_record, read_contacts
+from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
+from hemivar.files.toml import KEYS, Table, context, printable, text_of
+from hemivar.files.unsaid import difference, unsaid
+from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mesh import Mesh, MeshRecipe, msh_text
+from hemivar.solvers import METHODS, Controls, Solver
+
+__all__ = [
+    "ProblemFile",
+    "SolverSettings",
+    "parse_problem",
+    "parse_problem_file",
+    "read_problem",
+    "read_problem_file",
+    "read_text",
+    "write_problem",
+]
+
+#: Bytes of a problem file.
+_MOST_BYTES = 16 * 2**20
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """What the ``[solver]`` table of a problem file asks for; ``None`` where it says nothing.
+
+    Attributes
+    ----------
+    method : str or None
+        Name of a method, as in :data:`hemivar.solvers.METHODS`.
+    rtol : float or None
+        Relative tolerance of the residual.
+    max_steps : int or None
+    max_time : float or None
+        Seconds.
+    """
+
+    method: str | None = None
+    rtol: float | None = None
+    max_steps: int | None = None
+    max_time: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemFile:
+    """A problem file that has been read.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+    solver : SolverSettings
+    name : str
+        The file, as it is named in messages.
+    levels : int
+        How many coarser meshes of the same body it describes: those that ``refine`` starts from, and built-in ones
+        with half the numbers of cells.
+    """
+
+    problem: ContactProblem
+    solver: SolverSettings = field(default_factory=SolverSettings)
+    name: str = "problem"
+    levels: int = 0
+
+    def coarser_meshes(self) -> list[Mesh]:
+        """The coarser meshes of the same body, coarsest first, for a warm start; empty if there are none."""
+        meshes: list[Mesh] = []
+        mesh = self.problem.mesh
+        while len(meshes) < self.levels and mesh.parent is not None:
+            mesh = mesh.parent.mesh
+            meshes.insert(0, mesh)
+        return meshes
+
+
+def read_problem(path: str | Path) -> ContactProblem:
+    """Read a contact problem from a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Mesh files named in it are looked for in its folder.
+
+    Raises
+    ------
+    ProblemError
+        If the file cannot be read or does not state a problem; one line that names file, table and key.
+    """
+    return read_problem_file(path).problem
+
+
+def read_problem_file(path: str | Path) -> ProblemFile:
+    """Like :func:`read_problem`, with the settings for the solver and the hierarchy of meshes."""
+    return parse_problem_file(read_text(path), Path(path).parent, str(path))
+
+
+def read_text(path: str | Path) -> str:
+    """The text of a problem file, which is a regular file of at most 16 MiB."""
+    try:
+        return disk.read_text(path, "problem file", _MOST_BYTES)
+    except FileError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            what = "the problem file does not exist; check the path, or write one with 'hemivar new'"
+            raise FileError(f"{printable(path)}: {what}") from error
+        if os.path.isdir(path):
+            raise FileError(f"{printable(path)}: this is a folder; name the problem file in it") from error
+        raise
+
+
+def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:
+    """A contact problem from the text of a problem file.
+
+    Parameters
+    ----------
+    text : str
+        TOML.
+    base_dir : str or Path
+        Where mesh files are looked for.
+    name : str
+        What messages call the file.
+
+    Raises
+    ------
+    ProblemError
+    """
+    return parse_problem_file(text, base_dir, name).problem
+
+
+def parse_problem_file(
+    text: str,
+    base_dir: str | Path = ".",
+    name: str = "problem",
+    place: Callable[[StatedMesh], Mesh] | None = None,
+) -> ProblemFile:
+    """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
+
+    ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ProblemError(f"{name}: not valid TOML: {error}; mend that line") from None
+    except RecursionError:
+        raise ProblemError(f"{name}: brackets or tables are nested too deeply for a problem file; mend it") from None
+    except ValueError as error:
+        raise ProblemError(f"{name}: not valid TOML ({error}); mend it") from None
+    top = Table(data, name, "", KEYS[""])
+    for key in ("mesh", "material"):
+        if key not in data:
+            raise ProblemError(f"{name}: the table [{key}] is missing; add it")
+    solver = _solver(top.table("solver", KEYS["solver"]))
+    folder, table = Path(base_dir), top.table("mesh", KEYS["mesh"])
+    stated = read_mesh_table(table, folder)
+    mesh = stated.build() if place is None else place(stated)
+    material = read_material(top.table("material", KEYS["material"]), mesh)
+    body, tractions = read_loads(top.table("loads", KEYS["loads"]), mesh)
+    supports = read_supports(top.table("supports", None), mesh)
+    contact = read_contacts(top.table("contact", None), mesh, folder)
+    if stated.order == 2 and mesh.dim == 3 and contact:
+        raise table.error("order", "contact in 3D needs elements of order 1; write order = 1")
+    if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
+        raise table.error(
+            "quadrature",
+            "midpoints are for plane bodies: in 3D there are about twice as many facets as nodes, more pressures than "
+            'displacements can tell apart; write quadrature = "nodal"',
+        )
+    with context(f"{name}: [contact]"):
+        problem = ContactProblem(
+            mesh=mesh,
+            material=material,
+            contact=contact,
+            supports=supports,
+            body_force=body,
+            tractions=tractions,
+            title=top.text("title", ""),
+            order=stated.order,
+            quadrature=stated.quadrature,
+        )
+    return ProblemFile(problem, solver, name, stated.recipe.halvings + stated.recipe.refine)
+
+
+def _solver(table: Table) -> SolverSettings:
+    return SolverSettings(
+        method=table.text("method", None, list(METHODS)) if "method" in table else None,
+        rtol=table.positive("rtol") if "rtol" in table else None,
+        max_steps=table.whole("max_steps", table.data["max_steps"], 1) if "max_steps" in table else None,
+        max_time=table.positive("max_time") if "max_time" in table else None,
+    )
+
+
+# ---- writing ----------------------------------------------------------------------------------------------
+
+
+def write_problem(
+    problem: ContactProblem | ProblemFile,
+    path: str | Path,
+    *,
+    method: str | Solver | None = None,
+    controls: Controls | None = None,
+    beside: bool = False,
+) -> Path:
+    """Write a problem file that states a problem: :func:`read_problem` gives the same statement back.
+
+    What is written is read again before the file takes its name. Meshes are written by how they were made (rectangle,
+    box or file, scaled, refined), laws by name with their parameters, quantities as numbers or as the text of
+    formulas, files by their way from the folder of ``path``.
+
+    Parameters
+    ----------
+    problem : ContactProblem or ProblemFile
+        A file that was read keeps its settings for the solver.
+    path : str or Path
+        The file; its folder must be there.
+    method : str or Solver, optional
+        A method with its standard options, for the table ``[solver]``.
+    controls : Controls, optional
+        Relative tolerance and limits, for the same table.
+    beside : bool
+        Whether meshes and tables that come from no file are written too, as files beside it that begin with its name.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ProblemError
+        If the problem holds what a problem file cannot say (a Python function, a mesh of one's own without
+        ``beside``, an option of a method, ...); one sentence that names it. Nothing is written then.
+    FileError
+        If a file cannot be written, or a file beside it would take the place of another one.
+    """
+    path = Path(path)
+    stated = problem if isinstance(problem, ProblemFile) else ProblemFile(problem)
+    settings = _settings(stated.solver, method, controls)
+    with contextlib.ExitStack() as undone:
+        files = _Beside(path, undone) if beside else None
+        text = _text(stated.problem, settings, path.parent, files)
+        found = parse_problem_file(text, path.parent, str(path))
+        place = difference(stated.problem, found.problem) or difference(settings, found.solver, "solver")
+        if place is not None:
+            raise ProblemError(
+                f"{place} would come back otherwise from a problem file, which cannot say it; state it by numbers, "
+                f"formulas as text, and the laws that 'hemivar laws' lists"
+            )
+        disk.write_text(path, text)
+        undone.pop_all()
+    return path
+
+
+def _settings(given: SolverSettings, method: str | Solver | None, controls: Controls | None) -> SolverSettings:
+    """The settings with a method and limits in place of their own."""
+    name = given.method if method is None else method if isinstance(method, str) else method.name
+    if name is not None and name not in METHODS:
+        raise unsaid("method", name, f"one of {', '.join(METHODS)}")
+    if isinstance(method, Solver) and METHODS[method.name] != method:
+        raise unsaid("method", f"'{method.name}' with options of its own", "methods with their standard options")
+    if controls is None:
+        return SolverSettings(name, given.rtol, given.max_steps, given.max_time)
+    for option in ("atol", "callback"):
+        if getattr(controls, option) != getattr(Controls(), option):
+            raise unsaid(f"controls.{option}", getattr(controls, option), "rtol, max_steps and max_time")
+    return SolverSettings(
+        name, controls.rtol, controls.max_steps, None if controls.max_time == math.inf else controls.max_time
+    )
+
+
+def _text(problem: ContactProblem, settings: SolverSettings, folder: Path, files: _Beside | None) -> str:
+    """The text of the file, with meshes and tables without a file put beside it."""
+    recipe = problem.mesh.recipe
+    if recipe is None:
+        if files is None:
+            can = "rectangles, boxes and mesh files, scaled and then refined: beside=True writes the mesh as a file"
+            raise unsaid("mesh", "made of arrays, or changed after it was made", can)
+        recipe = MeshRecipe(files.put("mesh.msh", msh_text(problem.mesh)))
+    aside = Aside(folder, None if files is None else files.table)
+    data: dict[str, object] = {"title": problem.title} if problem.title else {}
+    data["mesh"] = mesh_record(recipe, problem.order, problem.quadrature, folder)
+    data["material"] = material_record(problem.material)
+    data["loads"] = loads_record(problem.body_force, problem.tractions, problem.mesh.dim)
+    data["supports"] = supports_record(problem.supports)
+    data["contact"] = {name: contact_record(name, contact, aside) for name, contact in problem.contact.items()}
+    data["solver"] = {key: value for key, value in vars(settings).items() if value is not None}
+    text = text_of(data)
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ProblemError("a title, a name or a path of the problem is no text of Unicode; rename it") from None
+    return text
+
+
+class _Beside:
+    """Files beside a problem file, which go again unless all is well."""
+
+    def __init__(self, path: Path, undone: contextlib.ExitStack) -> None:
+        self.path = path
+        self.undone = undone
+
+    def put(self, name: str, text: str) -> Path:
+        """Write a file; one that is there already must hold the same."""
+        path = self.path.with_name(f"{self.path.stem}.{name}")
+        if os.path.lexists(path):
+            if disk.read_text(path, "file") != text:
+                raise FileError(
+                    f"cannot write {disk.shown(path)}: another file has that name; move it, or rename {self.path.name}"
+                )
+            return path
+        disk.write_text(path, text)
+        self.undone.callback(path.unlink, missing_ok=True)
+        return path
+
+    def table(self, name: str, text: str) -> str:
+        """Write a table of a law; returns its name for the problem file."""
+        plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+        return self.put(f"{plain}.csv", text).name

@@ -1,0 +1,309 @@
+"""Tables of a TOML file: typed values with errors that say where they stand, and the text of what is written."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from types import MappingProxyType
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.formula import VARIABLES, Formula, FormulaArray
+
+__all__ = ["KEYS", "Quantity", "Table", "array", "context", "hint", "kind", "listed", "printable", "text_of"]
+
+#: Keys of each table; tables named after boundaries or regions are written with a star.
+KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "": ("title", "mesh", "material", "loads", "supports", "contact", "solver"),
+        "mesh": (
+            "rectangle",
+            "box",
+            "cells",
+            "pattern",
+            "origin",
+            "file",
+            "scale",
+            "refine",
+            "order",
+            "quadrature",
+        ),
+        "material": ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "regions"),
+        "material.regions.*": ("lame", "young", "poisson", "tensor", "out_of_plane", "plane"),
+        "loads": ("body", "traction", "pressure"),
+        "contact.*": ("normal", "friction", "gap", "obstacle", "normals"),
+        "solver": ("method", "rtol", "max_steps", "max_time"),
+    }
+)
+
+#: Tables that get a heading of their own when they are written; all others stand in one line.
+_HEADED = (*KEYS, "supports", "contact", "material.regions")
+
+#: Characters of a value that a message repeats.
+_SHOWN = 60
+
+#: What is written as a number or as a formula of the coordinates.
+Quantity = float | Formula
+
+
+class Table:
+    """A table of a file that knows where it stands; every accessor raises an error that says so.
+
+    Parameters
+    ----------
+    data : mapping
+        As TOML gives it.
+    source : str
+        What messages call the file.
+    name : str
+        Of the table, empty for the top of the file.
+    keys : iterable of str or None
+        Keys that are known; others are refused. ``None``: any.
+    prefix : str
+        Path of an inline table within the named one, ending in a dot.
+    """
+
+    def __init__(
+        self,
+        data: Mapping[str, object],
+        source: str,
+        name: str,
+        keys: Iterable[str] | None,
+        prefix: str = "",
+    ) -> None:
+        self.data = data
+        self.source = source
+        self.name = name
+        self.prefix = prefix
+        if keys is not None:
+            self.only(tuple(keys))
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.data
+
+    def where(self, key: str) -> str:
+        """File, table and key, as messages begin."""
+        table = f"[{self.name}] " if self.name else ""
+        return f"{self.source}: {table}{self.prefix}{key}"
+
+    def error(self, key: str, what: str) -> ProblemError:
+        """The error to raise about a key."""
+        return ProblemError(f"{self.where(key)}: {what}")
+
+    def only(self, keys: tuple[str, ...]) -> None:
+        """Refuse keys that are not known."""
+        for key in self.data:
+            if key in keys:
+                continue
+            what = "table" if isinstance(self.data[key], dict) and not self.name else "key"
+            elsewhere = [
+                f"[{table}]" if table else "the top of the file"
+                for table, known in KEYS.items()
+                if key in known and not self.prefix
+            ]
+            close = difflib.get_close_matches(key, keys, n=1)
+            if close:
+                advice = f"did you mean '{close[0]}'?"
+            elif elsewhere:
+                advice = f"it belongs in {elsewhere[0].replace('*', 'NAME')}"
+            else:
+                advice = "remove it"
+            raise self.error(key, f"unknown {what}; {advice} (known here: {', '.join(keys) or 'none'})")
+
+    def table(self, key: str, keys: Iterable[str] | None, inline: bool = False) -> Table:
+        """The table under a key, empty if it is missing."""
+        value = self.data.get(key, {})
+        if not isinstance(value, dict):
+            raise self.error(key, f"must be a table, not {kind(value)}; write [{self._path(key)}]")
+        if inline:
+            return Table(value, self.source, self.name, keys, f"{self.prefix}{key}.")
+        return Table(value, self.source, self._path(key), keys)
+
+    def _path(self, key: str) -> str:
+        return f"{self.name}.{key}" if self.name else key
+
+    def text(self, key: str, default: str | None = None, choices: Sequence[str] | None = None) -> str:
+        """A text, one of the choices if there are any."""
+        value = self.data.get(key, default)
+        if not isinstance(value, str):
+            quoted = f"; write one of {listed(choices)}" if choices else "; put it in quotes"
+            raise self.error(key, f"must be a text, not {kind(value)}{quoted}")
+        if choices is not None and value not in choices:
+            raise self.error(key, f"'{value}' is not known{hint(value, choices)}")
+        return value
+
+    def number(self, key: str, value: object, what: str = "a number") -> float:
+        """A finite number."""
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error(key, f"must be {what}, not {kind(value)}")
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise self.error(key, f"is {number}; give a finite number")
+        return number
+
+    def positive(self, key: str) -> float:
+        """A positive number."""
+        number = self.number(key, self.data[key])
+        if not number > 0:
+            raise self.error(key, f"is {number:g}; it must be positive")
+        return number
+
+    def whole(self, key: str, value: object, minimum: int) -> int:
+        """A whole number of at least a minimum."""
+        number = self.number(key, value, "a whole number")
+        if number != int(number) or number < minimum:
+            raise self.error(key, f"is {_shown(value)}; give a whole number of at least {minimum}")
+        return int(number)
+
+    def items(self, key: str, value: object, lengths: tuple[int, ...], what: str) -> list[object]:
+        """A list of one of the lengths."""
+        if not isinstance(value, list):
+            raise self.error(key, f"must be {what}, not {kind(value)}")
+        if len(value) not in lengths:
+            raise self.error(key, f"has {len(value)} entries; it must be {what}")
+        return value
+
+    def numbers(self, key: str, length: int, what: str) -> tuple[float, ...]:
+        """A list of so many numbers."""
+        return tuple(self.number(key, v) for v in self.items(key, self.data[key], (length,), what))
+
+    def quantity(
+        self, key: str, value: object, dim: int, minimum: float = -math.inf, above: float | None = None
+    ) -> Quantity:
+        """A number, or a formula of the coordinates."""
+        if isinstance(value, str):
+            formula = Formula(value, self.where(key), minimum if minimum > -math.inf else None)
+            foreign = sorted(formula.variables - set(VARIABLES[:dim]))
+            if foreign:
+                raise self.error(key, f"formula '{value}' uses {foreign[0]}, but the mesh is plane; use x and y")
+            if formula.variables:
+                return formula
+            number = float(Formula(value, self.where(key))(np.zeros((1, dim)))[0])
+        else:
+            number = self.number(key, value, "a number or a formula in quotes")
+        if number < minimum:
+            raise self.error(key, f"is {number:g}; it must be at least {minimum:g}")
+        if above is not None and not number > above:
+            raise self.error(key, f"is {number:g}; it must be greater than {above:g}")
+        return number
+
+    def vector(self, key: str, value: object, dim: int) -> Array | FormulaArray:
+        """A vector of numbers, or a function of the coordinates."""
+        what = f"a list of {dim} numbers or formulas, one for each direction"
+        return array([self.quantity(key, v, dim) for v in self.items(key, value, (dim,), what)], (dim,))
+
+
+def array(entries: list[Quantity], shape: tuple[int, ...]) -> Array | FormulaArray:
+    """Numbers as an array, or a function of the coordinates if there is a formula among them."""
+    if any(isinstance(entry, Formula) for entry in entries):
+        return FormulaArray(tuple(entries), shape)
+    return np.array(entries, dtype=float).reshape(shape)
+
+
+# ---- words of messages ------------------------------------------------------------------------------------
+
+
+def kind(value: object) -> str:
+    """What a value of TOML is, in words."""
+    match value:
+        case None:
+            return "missing"
+        case bool():
+            return str(value).lower()
+        case str():
+            return f"the text '{_shown(value)}'"
+        case list():
+            return "a list"
+        case dict():
+            return "a table"
+        case int() | float():
+            return f"the number {_shown(value)}"
+    return _shown(value)
+
+
+def _shown(value: object) -> str:
+    """A value as a message repeats it: in one line that is not too long."""
+    text = printable(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+
+
+def printable(value: object) -> str:
+    """A value as text, with control characters and the like escaped."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(value))
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in quotes."""
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def hint(name: str, known: Sequence[str], what: str = "known") -> str:
+    """The name that was perhaps meant, and all that are known."""
+    close = difflib.get_close_matches(name, known, n=1)
+    guess = f"; did you mean '{close[0]}'?" if close else ""
+    return f"{guess} ({what}: {', '.join(known) or 'none'})"
+
+
+@contextmanager
+def context(where: str) -> Iterator[None]:
+    """Put a place before the message of an error, unless it names its file."""
+    try:
+        yield
+    except ProblemError as error:
+        message = str(error)
+        placed = message.startswith(where.split(": ")[0] + ": ")
+        raise ProblemError(message if placed else f"{where} {message}") from error
+
+
+# ---- writing ----------------------------------------------------------------------------------------------
+
+
+def text_of(data: Mapping[str, object]) -> str:
+    """The TOML text of a problem file's tables: texts, numbers, truth values, lists and mappings of these."""
+    blocks: list[str] = []
+    _headed(data, "", "", blocks)
+    return "\n".join(blocks)
+
+
+def _headed(data: Mapping[str, object], path: str, pattern: str, blocks: list[str]) -> None:
+    """A table with a heading, and those below it."""
+    inner, lines = {}, []
+    for key, value in data.items():
+        below = f"{pattern}.{key}".lstrip(".")
+        starred = f"{pattern}.*".lstrip(".")
+        if isinstance(value, Mapping) and (below in _HEADED or starred in _HEADED):
+            inner[key] = (value, below if below in _HEADED else starred)
+        else:
+            lines.append(f"{_key(key)} = {_value(value)}\n")
+    if lines:
+        blocks.append((f"[{path}]\n" if path else "") + "".join(lines))
+    for key, (value, name) in inner.items():
+        _headed(value, f"{path}.{_key(key)}".lstrip("."), name, blocks)
+
+
+def _key(name: str) -> str:
+    plain = name != "" and all(c.isascii() and (c.isalnum() or c in "-_") for c in name)
+    return name if plain else _value(name)
+
+
+def _value(value: object) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        case int() | float():
+            return repr(value)
+        case Mapping():
+            return "{ " + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + " }"
+        case Sequence():
+            return f"[{', '.join(_value(item) for item in value)}]"
+    raise TypeError(f"{value!r} is no value of TOML")  # pragma: no cover
