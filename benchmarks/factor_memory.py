@@ -72,7 +72,7 @@ def _row(shape: str, dim: int, cells: int, layers: int) -> dict[str, Any]:
     condensed = condense(discrete)
     seconds = time.perf_counter() - began
     condensing = _status("VmHWM") - base
-    hv.solve(discrete, condensed=condensed)
+    hv.solve(discrete, workspace=hv.Workspace.holding(condensed))
     solving = _status("VmHWM") - base
     factor = condensed._body.factor
     fill = factor._factor.nnz if isinstance(factor, SuperLUFactorisation) else 0

@@ -114,7 +114,7 @@ def one(
     system, unique, seconds = context
     try:
         solver = suited(hv.METHODS[name], problem)
-        found = hv.solve(problem, solver, hv.Controls(max_time=seconds), condensed=system)
+        found = hv.solve(problem, solver, hv.Controls(max_time=seconds), workspace=hv.Workspace.holding(system))
     except hv.MethodError as error:
         words = str(error).split("cannot solve this problem: ")[-1]
         return Run(*where, name, "refuses", words, None, None, unique, False)
@@ -137,7 +137,7 @@ def run_all(n: int, seconds: float) -> list[Run]:
     for body, normal, friction, problem in bodies(n):
         system = condense(problem)
         margin = smallness(problem, trace_constant=False).margin
-        reference = hv.solve(problem, None, hv.Controls(rtol=1e-13), condensed=system)
+        reference = hv.solve(problem, None, hv.Controls(rtol=1e-13), workspace=hv.Workspace.holding(system))
         context = (system, bool(margin > 0.0), seconds)
         for name in hv.METHODS:
             runs.append(one((body, normal, friction), problem, name, reference, context))

@@ -28,7 +28,7 @@ from common import peak_mib, show
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.linear.cycle import ElasticMultigrid
+from hemivar.systems.body import levels_of
 
 TOLERANCE = 1e-10
 PROBLEMS = {
@@ -45,7 +45,8 @@ def measure(dim: int, law: str, n: int, repeats: int) -> tuple[dict[str, Any], h
     statement = PROBLEMS[dim, law](n)
     problem = hv.discretize(statement)
     assembled = time.perf_counter()
-    hierarchy = ElasticMultigrid.of(problem)
+    workspace = hv.Workspace()
+    hierarchy = levels_of(problem, workspace)
     method, controls = hv.NonsmoothMultigrid(tolerance=TOLERANCE / 2), hv.Controls(rtol=TOLERANCE)
     linear, contact = [], []
     for _ in range(repeats):
@@ -53,7 +54,7 @@ def measure(dim: int, law: str, n: int, repeats: int) -> tuple[dict[str, Any], h
         start = time.perf_counter()
         displacement, linear_cycles = hierarchy.solve(problem.load, TOLERANCE)
         middle = time.perf_counter()
-        solution = hv.solve(problem, method, controls)
+        solution = hv.solve(problem, method, controls, workspace=workspace)
         linear.append(middle - start)
         contact.append(time.perf_counter() - middle)
     miss = np.linalg.norm(problem.load - problem.stiffness @ displacement) / np.linalg.norm(problem.load)

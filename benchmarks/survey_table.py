@@ -22,7 +22,7 @@ from hemivar.gallery import survey
 from hemivar.report.survey import SURVEY_METHODS
 from hemivar.report.tables import PAPER_TABLE_1, energy_norm_difference
 from hemivar.solvers import METHODS, Controls, Solution, solve, suited, transfer_solution
-from hemivar.systems import condense
+from hemivar.systems import Workspace, condense
 
 _DEFAULT = "newton"
 
@@ -49,7 +49,7 @@ def main() -> None:
             if method.refuse(problem) is not None:
                 continue
             guess = transfer_solution(solutions[name], problem) if name in solutions else None
-            solutions[name] = solve(problem, method, controls, initial=guess, condensed=condensed)
+            solutions[name] = solve(problem, method, controls, initial=guess, workspace=Workspace.holding(condensed))
         if n in options.sizes:
             default = solutions[_DEFAULT]
             rows += [_row(n, name, found, default) for name, found in solutions.items()]

@@ -13,9 +13,10 @@ from hemivar import gallery
 def main(out: Path | None = None) -> dict[str, dict[str, float | str]]:
     """The survey's data (5.1) at h = 1/16; all methods share one condensation."""
     problem = hv.discretize(gallery.survey("5.1", 16))
-    condensed = hv.condense(problem)
+    workspace = hv.Workspace()
+    condensed = workspace.condensed(problem)
     controls = hv.Controls(max_time=20.0)
-    reference = hv.solve(problem, condensed=condensed)  # the default method
+    reference = hv.solve(problem, workspace=workspace)  # the default method
 
     def energy_norm(u: np.ndarray) -> float:
         return float(np.sqrt(u @ (problem.stiffness @ u)))
@@ -24,7 +25,7 @@ def main(out: Path | None = None) -> dict[str, dict[str, float | str]]:
     rows: dict[str, dict[str, float | str]] = {}
     print(f"{'method':<28}{'status':<12}{'steps':>6}{'eval.':>8}{'seconds':>10}{'residual':>11}{'difference':>12}")
     for name, method in hv.METHODS.items():
-        solution = hv.solve(problem, method, controls, condensed=condensed)
+        solution = hv.solve(problem, method, controls, workspace=workspace)
         difference = energy_norm(solution.unknowns - reference.unknowns) / size
         seconds = solution.timings["iterate"]
         print(

@@ -54,11 +54,11 @@ def breaking_load(n: int, tolerance: float = 1e-7) -> float:
     the penetration and holds part of the load.
     """
     problem = hv.discretize(broken_foundation(n))
-    line, system = LoadLine(problem), hv.condense(problem)
+    line, workspace = LoadLine(problem), hv.Workspace()
 
     def at(factor: float, guess: np.ndarray | None) -> hv.Solution:
         partial = line.at(factor)
-        return hv.solve(partial, STAY, initial=guess, condensed=system.for_problem(partial))
+        return hv.solve(partial, STAY, initial=guess, workspace=workspace)
 
     factor, solution = 1.0, at(1.0, None).raise_for_status()
     depth, slope, share = float(solution.penetration.max()), float(solution.penetration.max()), 0.7

@@ -31,11 +31,11 @@ def tip_of(problem: hv.DiscreteProblem) -> int:
 
 def under_load(problem: hv.DiscreteProblem) -> np.ndarray:
     """Tip opening at each of the load factors, each computed from the last one."""
-    line, system, tip = LoadLine(problem), hv.condense(problem), tip_of(problem)
+    line, workspace, tip = LoadLine(problem), hv.Workspace(), tip_of(problem)
     guess, opening = None, []
     for factor in FACTORS:
         partial = line.at(float(factor))
-        solution = hv.solve(partial, initial=guess, condensed=system.for_problem(partial)).raise_for_status()
+        solution = hv.solve(partial, initial=guess, workspace=workspace).raise_for_status()
         guess = solution.unknowns
         opening.append(-solution.penetration[tip])
     return np.array(opening)

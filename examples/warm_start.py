@@ -30,12 +30,14 @@ def main(out: Path | None = None) -> dict[str, list[float]]:
     for _ in range(5):
         meshes.append(meshes[-1].refined())  # h = 1/2, 1/4, ... 1/64
     levels = [hv.discretize(problem.on(mesh)) for mesh in meshes]
-    condensed = [hv.condense(level) for level in levels]
+    workspace = hv.Workspace()
+    for level in levels:
+        workspace.condensed(level)
     sizes = [2 * 2**k for k in range(len(levels))]
 
     method = hv.PrimalDualActiveSet(sets_from_guess=True)
-    warm = hv.solve_nested(levels, method, condensed=condensed)
-    cold = [hv.solve(level, method, condensed=c) for level, c in zip(levels, condensed, strict=True)]
+    warm = hv.solve_nested(levels, method, workspace=workspace)
+    cold = [hv.solve(level, method, workspace=workspace) for level in levels]
     print("steps of the active set method")
     for n, w, c in zip(sizes, warm, cold, strict=True):
         print(f"  1/h = {n:>3}: warm {w.steps:>3}, cold {c.steps:>3}")

@@ -1,28 +1,43 @@
-"""Solutions shared by the tests of reports."""
+"""Solutions shared by the tests of reports and files."""
+
+from __future__ import annotations
+
+from typing import TypedDict, Unpack
 
 import numpy as np
 import pytest
 
+from hemivar.basics.types import Array
 from hemivar.fem import discretize
 from hemivar.gallery import elastic_bar, survey
 from hemivar.laws import Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Quadrature
 from hemivar.mesh import Mesh, rectangle
-from hemivar.solvers import solve
+from hemivar.solvers import Solution, solve
 
 
 @pytest.fixture(scope="session")
-def plane():
+def plane() -> Solution:
     """The survey's Figure 4, in which some points stick and some slip."""
     return solve(discretize(survey("figure4", 16))).raise_for_status()
 
 
 @pytest.fixture(scope="session")
-def bar():
+def bar() -> Solution:
     return solve(elastic_bar()).raise_for_status()
 
 
-def curved_problem(**options):
+class Discretisation(TypedDict, total=False):
+    order: int
+    quadrature: Quadrature
+
+
+def below(points: Array) -> Array:
+    """The gap to a flat foundation at y = 0."""
+    return np.asarray(points[:, 1])
+
+
+def curved_problem(**options: Unpack[Discretisation]) -> ContactProblem:
     square = rectangle((2.0, 1.0), 8, origin=(-1.0, 0.0))
     x, y = square.points.T
     points = np.column_stack([x, y + (1.0 - y) * 0.35 * x**2])
@@ -31,23 +46,23 @@ def curved_problem(**options):
     return ContactProblem(
         mesh,
         Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(Signorini(), Tresca(0.05), gap=lambda x: x[:, 1])},
+        contact={"bottom": Contact(Signorini(), Tresca(0.05), gap=below)},
         supports={"top": Prescribed((0.03, -0.1))},
         **options,
     )
 
 
-CURVED = {"P1": {}, "P2": {"order": 2}, "midpoint": {"quadrature": "midpoint"}}
+CURVED: dict[str, Discretisation] = {"P1": {}, "P2": {"order": 2}, "midpoint": {"quadrature": Quadrature.MIDPOINT}}
 
 
 @pytest.fixture(scope="session", params=CURVED)
-def curved(request):
+def curved(request: pytest.FixtureRequest) -> Solution:
     """A curved contact boundary with a gap."""
     return solve(discretize(curved_problem(**CURVED[request.param]))).raise_for_status()
 
 
 @pytest.fixture(scope="session")
-def solid():
+def solid() -> Solution:
     """A brick of 2 x 2 x 1 cubes, clamped at x = 0, on its bottom."""
     x, y, z = (np.linspace(0.0, 1.0, k) for k in (3, 3, 2))
     points = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -69,8 +84,9 @@ def solid():
 
 
 @pytest.fixture(scope="session", params=["plane", "solid", *CURVED])
-def body(request):
+def body(request: pytest.FixtureRequest) -> Solution:
     """All of the problems with a mesh."""
     if request.param in CURVED:
         return solve(discretize(curved_problem(**CURVED[request.param]))).raise_for_status()
-    return request.getfixturevalue(request.param)
+    solution: Solution = request.getfixturevalue(request.param)
+    return solution

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,16 @@ LAYERS: tuple[tuple[str, ...], ...] = (
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 
+#: Methods that hand a value on to a room above, loaded when called: module, method and room.
+HANDED_ON = {
+    ("solvers.solution", "certify"): "certify",
+    ("basics.display", "_repr_html_"): "report",
+    ("solvers.solution", "to_dict"): "files",
+    ("solvers.solution", "to_json"): "files",
+    ("solvers.solution", "to_vtu"): "files",
+    ("solvers.solution", "plot"): "report",
+}
+
 #: External packages that only some rooms know; module path prefixes inside hemivar.
 ONLY_IN = {
     "skfem": ("fem",),
@@ -64,36 +75,144 @@ def is_type_checking(test: ast.expr) -> bool:
     return name == "TYPE_CHECKING"
 
 
-def walk(node: ast.AST, at_import: bool = True) -> Iterator[tuple[ast.stmt, bool]]:
-    """Import statements, and whether they run when the module is imported; type checking blocks are left out."""
+def walk(node: ast.AST, function: str = "") -> Iterator[tuple[ast.stmt, str]]:
+    """Import statements and the function in which they run, "" if at import; type checking blocks are left out."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
-            yield child, at_import
+            yield child, function
         elif isinstance(child, ast.If) and is_type_checking(child.test):
             for other in child.orelse:
-                yield from walk(ast.Module([other], []), at_import)
+                yield from walk(ast.Module([other], []), function)
         else:
-            inside = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-            yield from walk(child, at_import and not inside)
+            named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
+            yield from walk(child, function or (child.name if named else ""))
 
 
-def imports(path: Path) -> Iterator[tuple[str, bool, int]]:
-    """Absolute names of imported modules, with whether they load at import, and the line."""
+def imports(path: Path) -> Iterator[tuple[str, str, int]]:
+    """Absolute names of imported modules, with the function that loads them, "" if at import, and the line."""
     package = ("hemivar", *module_name(path).split(".")) if module_name(path) else ("hemivar",)
     if path.name != "__init__.py":
         package = package[:-1]
-    for node, at_import in walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node, function in walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             for alias in node.names:
-                yield alias.name, at_import, node.lineno
+                yield alias.name, function, node.lineno
         elif isinstance(node, ast.ImportFrom):
             base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
             source = ".".join(part for part in (base, node.module or "") if part)
             if source == "hemivar":
                 for alias in node.names:
-                    yield f"hemivar.{alias.name}", at_import, node.lineno
+                    yield f"hemivar.{alias.name}", function, node.lineno
             else:
-                yield source, at_import, node.lineno
+                yield source, function, node.lineno
+
+
+def private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__")
+
+
+def borrowed(path: Path) -> Iterator[tuple[str, int]]:
+    """Names and modules with ``_`` that a module takes from a package other than its own, or reaches into."""
+    own = module_name(path).rpartition(".")[0] if path.name != "__init__.py" else module_name(path)
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hemivar."):
+            source = (node.module or "").removeprefix("hemivar.")
+            for name in (*source.split("."), *(alias.name for alias in node.names)):
+                if private(name) and source.split(".")[0] != own.split(".")[0]:
+                    yield f"{source}: {name}", node.lineno
+        elif isinstance(node, ast.Attribute) and private(node.attr) and isinstance(node.value, ast.Name):
+            known = private(node.value.id) or node.value.id in ("self", "cls", "os", "sys")
+            if not known and node.attr not in attributes_of(own.split(".")[0]):
+                yield f"{node.value.id}.{node.attr}", node.lineno
+
+
+@cache
+def attributes_of(room: str) -> frozenset[str]:
+    """Every private name that the modules of a room give to a function, a class or an attribute."""
+    names: set[str] = set()
+    for path in FILES:
+        if layer(module_name(path)) == room:
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                    names.add(node.name)
+                elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                    names.add(node.attr)
+                elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                    names.add(node.id)
+    return frozenset(names)
+
+
+#: Modules that still reach into another package; none may be added.
+NOT_YET = (
+    "engines.petsc.assembly",
+    "engines.petsc.pieces",
+    "fem.assembly",
+    "fem.discretize",
+    "fem.elements",
+    "fem.hierarchy",
+    "fem.parts",
+    "fem.rigid",
+    "mechanics.statement",
+    "report.on_ranks",
+)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
+def test_a_name_with_an_underscore_stays_in_its_package(path: Path) -> None:
+    found = [f"{path}:{line}: {name}" for name, line in borrowed(path)]
+    if found and module_name(path) in NOT_YET:
+        pytest.xfail("reaches into another package")
+    assert not found, f"make them public, or go another way: {found}"
+
+
+def test_a_borrowed_private_name_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = tmp_path / "solvers" / "a.py"
+    code.parent.mkdir()
+    monkeypatch.setitem(globals(), "PACKAGE", tmp_path)
+    monkeypatch.setitem(globals(), "FILES", [code])
+    for text, count in (
+        ("from hemivar.mesh._keys import facets", 1),
+        ("from hemivar.mesh.mesh import _facets, Mesh", 1),
+        ("from hemivar.solvers._steps import step", 0),
+        ("mesh._trusted(1)", 1),
+        ("self._own\nos._exit(1)\nmesh.__dict__", 0),
+    ):
+        code.write_text(text)
+        assert len(list(borrowed(code))) == count, text
+
+
+#: Names that two modules may share: what every engine has, and what the command shows of a room below.
+SHARED = {
+    "base": ("laws", "solvers"),
+    "tables": ("laws", "report"),
+    "assembly": ("fem", "engines"),
+    "certificate": ("certify", "engines"),
+    "newton": ("solvers", "engines"),
+    "solve": ("solvers", "workflows", "engines", "cli"),
+    "problem": ("discrete", "files"),
+    "path": ("branches", "workflows", "report", "cli"),
+    "solutions": ("branches", "workflows", "cli"),
+    "laws": ("report", "workflows", "cli"),
+    "survey": ("gallery", "workflows", "report", "cli"),
+    "on_ranks": ("report", "workflows", "cli"),
+    "certify": ("workflows", "cli"),
+    "compare": ("workflows", "cli"),
+    "run": ("workflows", "cli"),
+}
+
+
+def test_no_two_modules_share_a_name() -> None:
+    rooms: dict[str, list[str]] = {}
+    for path in FILES:
+        if path.name != "__init__.py":
+            rooms.setdefault(path.stem, []).append(layer(module_name(path)))
+    twice = {
+        f"{name}.py in {', '.join(found)}"
+        for name, found in rooms.items()
+        if len(found) > 1 and (len(set(found)) < len(found) or not set(found) <= set(SHARED.get(name, ())))
+    }
+    assert not twice, "one idea has one name"
 
 
 def layer(module: str) -> str:
@@ -106,7 +225,7 @@ def test_imports_go_downwards(path: Path) -> None:
     if own == "":
         return  # the package itself loads its public names on demand
     assert own in RANK, f"hemivar.{own} has no rank; place it in LAYERS"
-    for name, _, line in imports(path):
+    for name, function, line in imports(path):
         if not name.startswith("hemivar."):
             assert name != "hemivar", f"{path}:{line} imports hemivar itself; import the submodule"
             continue
@@ -114,7 +233,8 @@ def test_imports_go_downwards(path: Path) -> None:
         if other == "__version__":
             continue
         assert other in RANK, f"{path}:{line} imports hemivar.{other}, which has no rank"
-        assert other == own or RANK[other] < RANK[own], f"{path}:{line}: {own} must not import {other}"
+        handed_on = HANDED_ON.get((module_name(path), function)) == other
+        assert handed_on or other == own or RANK[other] < RANK[own], f"{path}:{line}: {own} must not import {other}"
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
@@ -129,9 +249,9 @@ def test_external_packages_stay_in_their_rooms(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
 def test_slow_packages_are_imported_where_they_are_used(path: Path) -> None:
-    for name, at_import, line in imports(path):
+    for name, function, line in imports(path):
         if name.split(".")[0] in ("matplotlib", "mpl_toolkits", "meshio"):
-            assert not at_import, f"{path}:{line}: import {name} inside the function that uses it"
+            assert function, f"{path}:{line}: import {name} inside the function that uses it"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import locale
 import os
 import pickle
@@ -21,7 +20,7 @@ import pytest
 from threadpoolctl import ThreadpoolController
 
 import hemivar as hv
-from hemivar import report
+from hemivar import files, report
 from hemivar.linear.algebraic import algebraic_levels
 from hemivar.mesh.mesh import Mesh
 from tests.problems import bar, square
@@ -107,7 +106,7 @@ PUBLIC: dict[str, Callable[[hv.Solution, Path], object]] = {
     "refused": lambda s, path: refused("foo(r)"),
     "figures": lambda s, path: report.save(report.plot_solution(s), path / "figure.png"),
     "contact figures": lambda s, path: report.save(report.plot_contact(s), path / "figure.svg"),
-    "files": lambda s, path: [report.write_csv(s, path / "x.csv"), report.write_vtu(s, path / "x.vtu")],
+    "files": lambda s, path: [files.write_csv(s, path / "x.csv"), files.write_vtu(s, path / "x.vtu")],
 }
 
 
@@ -186,29 +185,10 @@ def test_threads_solve_one_problem(method: object) -> None:
         np.testing.assert_allclose(solution.unknowns, expected.unknowns, rtol=0.0, atol=1e-13)
 
 
-def test_threads_at_one_hierarchy_wait_for_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While one thread has changed the levels for its solve, no other touches them."""
-    from hemivar.linear.levels import Levels
-
-    problem = unstructured(24)
-    seen: list[int] = []
-    change = Levels.change
-
-    def watched(self: Levels, *arguments: Any) -> None:
-        seen.append(threading.get_ident())
-        change(self, *arguments)
-
-    monkeypatch.setattr(Levels, "change", watched)
-    with ThreadPoolExecutor(3) as pool:
-        list(pool.map(lambda _: hv.solve(problem, hv.NonsmoothMultigrid()), range(3)))
-    turns = 1 + sum(one != other for one, other in itertools.pairwise(seen))
-    assert turns == len(set(seen)), "threads took turns within a solve"
-
-
 def test_a_certificate_beside_a_solve(monkeypatch: pytest.MonkeyPatch) -> None:
     from hemivar.certify import norms
 
-    monkeypatch.setattr(norms, "_FACTORISED", (10, 10))
+    monkeypatch.setattr(norms, "FACTORISED", (10, 10))
     problem = unstructured(24)
     solution = hv.solve(problem, hv.NonsmoothMultigrid())
     expected = hv.certify(problem, solution.unknowns, solution.multiplier).record()

@@ -73,7 +73,7 @@ _EXPORTS = {
         "Sphere",
     ),
     "hemivar.fem": ("discretize",),
-    "hemivar.systems": ("condense",),
+    "hemivar.systems": ("Workspace", "condense"),
     "hemivar.files": ("read_problem", "write_problem"),
     "hemivar.solvers": (
         "LBFGS",
@@ -82,7 +82,6 @@ _EXPORTS = {
         "AugmentedLagrangianNewton",
         "ContactState",
         "Controls",
-        "DirectOptimization",
         "ExactInner",
         "FixedPoint",
         "LoadStepping",
@@ -188,7 +187,6 @@ if TYPE_CHECKING:
         AugmentedLagrangianNewton,
         ContactState,
         Controls,
-        DirectOptimization,
         ExactInner,
         FixedPoint,
         LoadStepping,
@@ -203,4 +201,4 @@ if TYPE_CHECKING:
         solve,
         solve_nested,
     )
-    from hemivar.systems import condense
+    from hemivar.systems import Workspace, condense

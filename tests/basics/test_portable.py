@@ -100,7 +100,7 @@ def test_meshes_stay_read_only_and_know_what_they_refine(trip: str) -> None:
     assert mesh.edges.size
     assert mesh.parent is not None
     there: Mesh = TRIPS[trip](mesh)
-    assert set(vars(there)) == {"points", "cells", "boundaries", "regions", "_origin"}, "caches travelled"
+    assert set(vars(there)) == {"points", "cells", "boundaries", "regions", "parent"}, "caches travelled"
     assert isinstance(there.boundaries, MappingProxyType)
     for name, part in mesh.boundaries.items():
         np.testing.assert_array_equal(there.boundaries[name], part)
@@ -142,7 +142,7 @@ def test_condensed_problems(trip: str) -> None:
     problem = there.problem
     if pair:
         assert problem is pair[0]
-    found = hv.solve(problem, condensed=there)
+    found = hv.solve(problem, workspace=hv.Workspace.holding(there))
     np.testing.assert_array_equal(found.unknowns, hv.solve(discrete).unknowns)
 
 

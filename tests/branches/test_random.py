@@ -9,7 +9,7 @@ import pytest
 
 from hemivar.branches import chain_of, find_solutions
 from hemivar.solvers import NonsmoothNewton, Search, Status, solve
-from hemivar.systems import condense
+from hemivar.systems import Workspace, condense
 
 from .random_problems import random_problem
 
@@ -20,7 +20,7 @@ def _newton_never_fails(seeds: range) -> tuple[int, int, int]:
     for seed in seeds:
         problem = random_problem(seed)
         system = condense(problem)
-        found = solve(problem, condensed=system)
+        found = solve(problem, workspace=Workspace.holding(system))
         assert found.status is Status.CONVERGED, f"seed {seed}: {found.status}, {found.residual.relative}"
         energies = np.array([line.energy for line in found.history])
         assert (np.diff(energies) <= 1e-12 * (1.0 + np.abs(energies[0]))).all(), f"seed {seed}: the energy rises"
@@ -33,7 +33,7 @@ def _newton_never_fails(seeds: range) -> tuple[int, int, int]:
         assert found.energy >= known[0].energy - 1e-9 * (1.0 + abs(known[0].energy)), f"seed {seed}: below all known"
         minima = np.array([s.local for s in known.minima])
         assert np.abs(minima - found.local).max(axis=(1, 2)).min() < 1e-6, f"seed {seed}: no local minimum"
-        downhill = solve(problem, NonsmoothNewton(search=Search.DOWNHILL), condensed=system)
+        downhill = solve(problem, NonsmoothNewton(search=Search.DOWNHILL), workspace=Workspace.holding(system))
         assert downhill.status is Status.CONVERGED
         assert np.abs(minima - downhill.local).max(axis=(1, 2)).min() < 1e-6
         lowest += found.energy <= known[0].energy + 1e-9 * (1.0 + abs(known[0].energy))

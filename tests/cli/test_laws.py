@@ -9,7 +9,7 @@ import pytest
 from hemivar.cli import main
 from hemivar.laws import SawTooth, Signorini
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
-from hemivar.report.laws import plot_law
+from hemivar.report.law_figures import plot_law
 
 
 @pytest.mark.parametrize("name", sorted({*NORMAL_LAWS, *FRICTION_LAWS} - {"table"}))

@@ -14,7 +14,7 @@ from hemivar.discrete.hold import Growth, Verdict, decide, growth_along
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.parts import free_motions
+from hemivar.fem.rigid import free_motions
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoContact, Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import Contact, ContactProblem, Material, Roller
 from hemivar.mesh import Mesh, box, rectangle

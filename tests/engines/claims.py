@@ -8,23 +8,24 @@ from typing import Any
 
 import numpy as np
 
+from hemivar.cli.ending import all_or_none
 from hemivar.cli.on_ranks import read_on_ranks
-from hemivar.engines.petsc import all_or_none, certificate, solve_distributed, world
+from hemivar.engines.petsc import certificate, solve_distributed, world
 from hemivar.engines.petsc.alarm import Alarm
 
 ranks = world()
 with all_or_none(ranks):
     body = read_on_ranks(Path(sys.argv[1]), ranks).bodies[-1]
-    solution = solve_distributed([body])
-    said: dict[str, Any] = {"shown": certificate.certify_on_ranks(solution)}
+    solution = solve_distributed(body)
+    said: dict[str, Any] = {"shown": certificate.certify_on_ranks(solution).record()}
 
     sizes, certificate._FACTORISED = certificate._FACTORISED, ((0, 0), (0, 0))
-    said["large"] = certificate.certify_on_ranks(solution)
+    said["large"] = certificate.certify_on_ranks(solution).record()
     certificate._FACTORISED = sizes
 
     alphas, ratio = certificate._alphas, certificate.largest_ratio
     certificate._alphas = lambda body: (*alphas(body)[:3], True)
-    said["sampled"] = certificate.certify_on_ranks(solution)
+    said["sampled"] = certificate.certify_on_ranks(solution).record()
     certificate._alphas = alphas
 
     # as if the iteration had met a lesser eigenvalue, and the margin lay in between
@@ -33,14 +34,14 @@ with all_or_none(ranks):
         certificate._definite,
         lambda body, factor, less, scaled=0.0: definite(body, min(factor, 1e-5), less, scaled),
     )
-    said["too small"] = certificate.certify_on_ranks(solution)
+    said["too small"] = certificate.certify_on_ranks(solution).record()
     certificate.largest_ratio, certificate._definite = ratio, definite
 
     late = Alarm()
     late.ring()
-    said["no time"] = certificate.certify_on_ranks(solution, alarm=late)
+    said["no time"] = certificate.certify_on_ranks(solution, alarm=late).record()
     bad = replace(solution, residual=replace(solution.residual, equilibrium=float("nan")))
-    said["nan"] = certificate.certify_on_ranks(bad)
+    said["nan"] = certificate.certify_on_ranks(bad).record()
 
     # 3 on the first rank, 4 on the last: with more ranks zeros between
     ends = {0: 3.0, ranks.size - 1: 4.0}

@@ -15,24 +15,24 @@ from typing import Any
 from mpi4py import MPI
 
 from hemivar.cli import main
-from hemivar.engines.petsc import newton
+from hemivar.solvers import NonsmoothMultigrid
 
 conditions = json.loads(sys.argv[1])
 mine = MPI.COMM_WORLD.rank == conditions.get("rank", 0)
 if "file_limit" in conditions and mine:
     resource.setrlimit(resource.RLIMIT_FSIZE, (conditions["file_limit"], resource.RLIM_INFINITY))
 
-step, count = newton.Method.step, 0
+step, count = NonsmoothMultigrid.step, 0
 
 
-def stepped(self: Any, now: Any, found: Any) -> Any:
+def stepped(self: Any, *arguments: Any) -> Any:
     global count
     count += 1
     time.sleep(conditions.get("slow", 0.0))
     if mine and "signal" in conditions and count == conditions["at"]:
         os.kill(os.getpid(), getattr(signal, conditions["signal"]))
-    return step(self, now, found)
+    return step(self, *arguments)
 
 
-newton.Method.step = stepped  # type: ignore[method-assign]
+NonsmoothMultigrid.step = stepped  # type: ignore[method-assign]
 sys.exit(main(sys.argv[2:]))

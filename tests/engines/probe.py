@@ -6,8 +6,9 @@ import signal
 import sys
 from pathlib import Path
 
+from hemivar.cli.ending import all_or_none
 from hemivar.cli.on_ranks import read_on_ranks
-from hemivar.engines.petsc import all_or_none, solve_distributed, world
+from hemivar.engines.petsc import solve_distributed, world
 from hemivar.errors import ProblemError
 
 ranks = world()
@@ -16,7 +17,7 @@ with all_or_none(ranks):
     body = problem.bodies[-1]
     calls = 0
 
-    def watch(_: object) -> None:
+    def watch(*_: object) -> None:
         global calls
         calls += 1
         if len(sys.argv) < 3 or calls != 2 or ranks.rank != ranks.size - 1:
@@ -32,7 +33,7 @@ with all_or_none(ranks):
                 raise ProblemError("the bound of friction is negative")
 
     before = dict(ranks.counts)
-    solution = solve_distributed(problem.bodies, watch=watch)
+    solution = solve_distributed(body, watch=watch)
     info = body.K.getInfo(1)  # of this rank
     mine = {
         "cells": body.piece.mesh.number_of_cells,

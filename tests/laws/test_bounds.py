@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hemivar.discrete import DiscreteProblem, residual
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, SurveyLaw, Tresca
-from hemivar.laws.bounds import stack_bounds
-from hemivar.laws.nonmonotone import ExponentialWeakening
+from hemivar.laws.friction import ExponentialWeakening
+from hemivar.laws.friction.bounds import stack_bounds
 
 S = np.array([-0.5, 0.0, 0.05, 0.1, 2.0])
 H = np.array([0.0, 0.0, 0.4, 0.8, 0.8])

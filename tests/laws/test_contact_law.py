@@ -5,8 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.laws import Compliance, ContactLaw, Friction, NoFriction, PiecewiseQuadratic, Signorini, SurveyLaw, Tresca
+from hemivar.laws import (
+    Adhesive,
+    Capped,
+    Compliance,
+    ContactLaw,
+    CoulombBound,
+    FinitePenetration,
+    Friction,
+    NoContact,
+    NoFriction,
+    PiecewiseQuadratic,
+    Signorini,
+    SlipWeakening,
+    StaticKinetic,
+    Superpotential,
+    SurveyLaw,
+    Tresca,
+)
 
 #: Weakening friction in the slip r: 0.8 |r| up to 0.2, sliding on at 0.4 with a slope down in between.
 WEAKENING = PiecewiseQuadratic(
@@ -27,7 +45,7 @@ def test_local_argmin_beats_random_points(d: int, friction: Friction) -> None:
     a, b = rng.uniform(1.5, 4.0, (m, 2)), rng.normal(size=(m, d))
     r = law.local_argmin(a, b)
 
-    def energy(x: np.ndarray) -> np.ndarray:
+    def energy(x: Array) -> Array:
         quadratic = 0.5 * a[:, 0] * x[:, 0] ** 2 + 0.5 * a[:, 1] * (x[:, 1:] ** 2).sum(axis=1)
         return np.asarray(quadratic - (b * x).sum(axis=1) + law.value(x))
 
@@ -125,3 +143,137 @@ def test_what_is_no_law_is_refused() -> None:
         ContactLaw(Signorini(), 0.5)  # type: ignore[arg-type]
     with pytest.raises(ProblemError, match="bound of friction law 'tresca' is -1"):
         ContactLaw(Signorini(), Tresca(-1.0)).at(np.zeros((2, 2)))
+
+
+# ---- the nearest element of the subdifferential ------------------------------------------------------------
+
+#: Steps of the difference quotients and of the grids of multipliers.
+STEP, FINE = 1e-7, 2001
+NORMAL_LAWS = {
+    "survey": (SurveyLaw(0.3, 2.0), [-0.2, 0.0, 0.1]),
+    "rigid": (Signorini(), [-0.2, 0.0]),
+    "stop": (FinitePenetration(3.0, 0.2), [-0.1, 0.0, 0.1, 0.2]),
+    "breaking": (Capped(20.0, 0.1, 0.3), [-0.1, 0.0, 0.05, 0.1, 0.3]),
+    "glue": (Adhesive(5.0, 1.0), [-0.4, -0.2, -0.1, 0.0]),
+    "curved": (Compliance(3.0, 2.0), [-0.1, 0.0, 0.3]),
+}
+FRICTIONS = {
+    "tresca": Tresca(0.5),
+    "weakening": SlipWeakening(0.5, rate=4.0),
+    "dropping": StaticKinetic(0.5, 0.1, 1.0, 0.4),
+    "table": Friction(0.7, WEAKENING),
+}
+
+
+def hull(law: Superpotential, r: float) -> tuple[float, float]:
+    """Clarke's subdifferential at r from difference quotients of the value alone."""
+    at = law.value(np.array([r - STEP, r, r + STEP]))
+    slopes = np.diff(at) / STEP
+    ends = np.where(np.isinf(at[[0, 2]]), np.array([-np.inf, np.inf]), slopes)
+    return float(ends.min()), float(ends.max())
+
+
+def nearest_on_a_grid(low: float, high: float, lam: float) -> float:
+    """The nearest to ``lam`` of many multipliers between the ends."""
+    grid = np.linspace(max(low, -5.0), min(high, 5.0), FINE)
+    return float(grid[np.argmin(np.abs(grid - lam))])
+
+
+@pytest.mark.parametrize("components", [1, 3])
+@pytest.mark.parametrize("name", NORMAL_LAWS)
+def test_the_nearest_pressure_is_that_of_a_dense_grid(name: str, components: int) -> None:
+    scalar, places = NORMAL_LAWS[name]
+    asked = np.array([-4.0, -1.1, -0.3, -0.05, 0.0, 0.05, 0.2, 0.4, 1.3, 4.0])
+    r, lam = (np.zeros((len(places) * asked.size, components)) for _ in range(2))
+    r[:, 0], lam[:, 0] = np.repeat(places, asked.size), np.tile(asked, len(places))
+    found = ContactLaw(scalar).nearest_multiplier(r, lam)
+    expected = [nearest_on_a_grid(*hull(scalar, x), y) for x, y in zip(r[:, 0], lam[:, 0], strict=True)]
+    np.testing.assert_allclose(found[:, 0], expected, atol=6e-3)
+    assert not found[:, 1:].any()
+    assert ContactLaw(scalar).distance(r, found).max() == 0.0
+
+
+def test_beyond_the_end_of_a_law_the_pressure_is_that_of_the_end() -> None:
+    law = ContactLaw(FinitePenetration(3.0, 0.2), Tresca(0.5))
+    r, lam = np.array([[0.25, 0.0], [0.25, 0.1]]), np.array([[2.0, 0.9], [0.1, -0.2]])
+    np.testing.assert_allclose(law.nearest_multiplier(r, lam), [[2.0, 0.5], [0.6, 0.5]])
+
+
+@pytest.mark.parametrize("components", [2, 3])
+@pytest.mark.parametrize("name", FRICTIONS)
+def test_the_nearest_friction_is_that_of_a_dense_grid(name: str, components: int) -> None:
+    """The gradients close by span the subdifferential: a ball at rest, else a piece of the line of the slip."""
+    law = ContactLaw(NoContact(), FRICTIONS[name])
+    tangents = components - 1
+    random = np.random.default_rng(7)
+    turns = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+    ways = np.array([[-1.0], [1.0]]) if tangents == 1 else np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    shares = np.linspace(0.0, 1.0, 400)
+
+    def slope(along: Array, size: float) -> Array:
+        """The rate of j along a slip, a little beyond ``size`` (or, negative, before it), by differences."""
+        sizes = np.array([size, size + STEP]) if size >= 0.0 else np.array([-size - STEP, -size])
+        at = np.concatenate([np.zeros((2, 1)), sizes[:, None] * along], axis=1)
+        return np.asarray(np.diff(law.value(at))[0] / STEP * along)
+
+    for size in (0.0, 0.05, 0.1, 0.4, 1.5):
+        for way in ways[:: max(1, len(ways) // 5)]:
+            if size == 0.0:
+                elements = np.concatenate([shares[:, None] * slope(one, 0.0) for one in ways])
+            else:
+                ends = slope(way, -size), slope(way, size)
+                elements = ends[0] + shares[:, None] * (ends[1] - ends[0])
+            for lam in random.normal(scale=0.6, size=(6, tangents)):
+                r, given = (np.concatenate([[0.0], x])[None] for x in (size * way, lam))
+                found = law.nearest_multiplier(r, given)[0]
+                assert found[0] == 0.0
+                best = elements[np.argmin(np.linalg.norm(elements - lam, axis=1))]
+                np.testing.assert_allclose(found[1:], best, atol=8e-3)
+                assert law.distance(r, found[None]) < 1e-12
+
+
+# ---- one local component ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [NoFriction(), Tresca(0.5), Tresca(CoulombBound(0.3))])
+@pytest.mark.parametrize("name", NORMAL_LAWS)
+def test_with_one_component_a_contact_law_is_its_normal_law(name: str, friction: Friction) -> None:
+    """A bar or a membrane: r of shape (m, 1), no tangents, and a friction law that is never asked."""
+    scalar, _ = NORMAL_LAWS[name]
+    law = ContactLaw(scalar, friction).at(np.zeros((50, 1)))
+    random = np.random.default_rng(2)
+    ends = scalar.domain
+    s = np.clip(random.normal(scale=0.3, size=50), ends.lower, ends.upper)
+    s[:5] = np.clip([0.0, 0.0, 0.1, 0.2, -0.2], ends.lower, ends.upper)
+    lam, b = random.normal(size=50), 3.0 * random.normal(size=50)
+    a, tau = random.uniform(1.0, 9.0, (50, 1)), random.uniform(0.1, 1.0, (50, 1))
+    r = s[:, None]
+    pairs = [
+        (law.value(r), scalar.value(s)),
+        (law.distance(r, lam[:, None]), scalar.distance(s, lam)),
+        (law.graph_distance(r, lam[:, None], tau), scalar.graph_distance(s, lam, tau[:, 0])),
+        (law.local_argmin(a, b[:, None]), scalar.local_argmin(a[:, 0], b)[:, None]),
+        (law.prox(b[:, None], tau), scalar.prox(b, tau[:, 0])[:, None]),
+        (law.prox_jacobian(b[:, None], tau), scalar.prox_slope(b, tau[:, 0])[:, None, None]),
+        (law.recession(np.sign(lam)[:, None]), scalar.recession(np.sign(lam))),
+        (law.admissible(b[:, None]), np.clip(b, ends.lower, ends.upper)[:, None]),
+        (law.take(np.arange(9)).value(r[:9]), scalar.value(s[:9])),
+        (law.frozen(r, lam[:, None]).value(r), scalar.value(s)),
+        (law.frozen_at(r).value(r), scalar.value(s)),
+    ]
+    for found, expected in pairs:
+        assert found.shape == expected.shape
+        np.testing.assert_array_equal(found, expected)
+    assert law.scalar_laws(1) == (law.normal,)
+    nearest = law.nearest_multiplier(r, lam[:, None])
+    assert nearest.shape == (50, 1)
+    assert scalar.distance(s, nearest[:, 0]).max() == 0.0
+    line = law.linearise(r)
+    smooth = ~scalar.at_kink(s)
+    np.testing.assert_array_equal(line.smooth, np.stack([smooth, np.zeros(50, dtype=bool)], axis=1))
+    np.testing.assert_array_equal(line.gradient[:, 0], np.where(smooth, scalar.derivative(s), 0.0))
+    np.testing.assert_array_equal(line.hessian[:, 0, 0], np.where(smooth, scalar.curvature(s), 0.0))
+    clamped = law.clamp(r, b[:, None])[:, 0]
+    np.testing.assert_array_equal(clamped, np.clip(b, *scalar.piece_bounds(scalar.piece_of(s))))
+    joined = ContactLaw.concatenate([(law, 50), (ContactLaw(Signorini()).at(None), 2)])
+    np.testing.assert_array_equal(joined.value(np.append(r, [[-1.0], [1.0]], axis=0))[-2:], [0.0, np.inf])

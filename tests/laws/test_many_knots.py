@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hemivar.laws import FormulaLaw, Superpotential, base, table_law
+from hemivar.laws import FormulaLaw, Superpotential, superpotential, table_law
 
 M = 60
 
@@ -34,7 +34,7 @@ def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, s
     law = random_table(seed, 90, kind)
     if scaled:
         law = law.scaled(np.where(np.arange(M) % 7 == 0, 0.0, random.uniform(0.1, 3.0, M)))
-    assert law._many
+    assert law.shared_knots is not None
     knots = law.knots[0]
     r = np.where(random.random(M) < 0.5, random.choice(knots, M), random.uniform(-1.5, 1.5, M))
     lam, tau = random.normal(size=M), 10.0 ** random.uniform(-3.0, 2.0, M)
@@ -52,8 +52,8 @@ def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, s
     found = {name: getattr(law, name)(*given) for name, given in questions.items()}
     bounds = law.piece_bounds(law.piece_of(r))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(base, "_MANY", 1000)
-        assert not law._many
+        patch.setattr(superpotential, "_MANY", 1000)
+        assert law.shared_knots is None
         for name, given in questions.items():
             np.testing.assert_allclose(found[name], getattr(law, name)(*given), rtol=1e-11, atol=1e-12, err_msg=name)
         np.testing.assert_array_equal(bounds, law.piece_bounds(law.piece_of(r)))
@@ -61,7 +61,7 @@ def test_searching_answers_what_going_through_answers(kind: str, scaled: bool, s
 
 def test_formulas_with_many_kinks() -> None:
     law = FormulaLaw("abs(sin(4*r)) + 0.05*r^2")
-    assert law._many
+    assert law.shared_knots is not None
     random = np.random.default_rng(3)
     a, b = 10.0 ** random.uniform(-1.0, 2.0, 40), 5.0 * random.normal(size=40)
     r = law.local_argmin(a, b)

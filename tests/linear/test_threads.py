@@ -1,14 +1,22 @@
-"""One BLAS thread for multigrid, given back whoever leaves last."""
+"""Threads: one for BLAS while multigrid works, given back whoever leaves last; and solves that share levels."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
+import numpy as np
 import pytest
+import scipy.sparse as sp
 from threadpoolctl import ThreadpoolController
 
+import hemivar as hv
+from hemivar import gallery
 from hemivar.linear.threads import one_thread
+from hemivar.mesh.mesh import Mesh
+from hemivar.systems.body import levels_of
 
 
 def counts() -> list[int]:
@@ -87,3 +95,87 @@ def test_what_the_user_set_in_the_meantime_is_not_forgotten() -> None:
             assert set(counts()) == {1}
         assert set(counts()) == {1}
     assert set(counts()) == {2}
+
+
+# ---- what solves share -----------------------------------------------------------------------------------------
+
+
+def bits(thing: object, seen: set[int]) -> list[bytes]:
+    """Every array that an object holds, its attributes' arrays included, as bytes."""
+    if id(thing) in seen:
+        return []
+    seen.add(id(thing))
+    if isinstance(thing, np.ndarray):
+        return [thing.tobytes()]
+    if sp.issparse(thing):
+        return [thing.data.tobytes(), thing.indices.tobytes(), thing.indptr.tobytes()]
+    if isinstance(thing, tuple | list):
+        return [part for item in thing for part in bits(item, seen)]
+    if isinstance(thing, dict):
+        return [part for _, item in sorted(thing.items(), key=lambda pair: str(pair[0])) for part in bits(item, seen)]
+    if type(thing).__module__.startswith("hemivar."):
+        known = [name for name in vars(thing) if not name.startswith("_")] if hasattr(thing, "__dict__") else []
+        return [part for name in sorted(known) for part in bits(getattr(thing, name), seen)]
+    return []
+
+
+def without_meshes() -> hv.ContactProblem:
+    statement = gallery.survey("5.1", 24, "right")
+    mesh = statement.mesh
+    return replace(statement, mesh=Mesh(mesh.points, mesh.cells, dict(mesh.boundaries)))
+
+
+STATEMENTS = [lambda: gallery.survey("5.1", 16), lambda: gallery.survey_cube("5.1", 8), without_meshes]
+
+
+@pytest.mark.parametrize("method", [hv.NonsmoothMultigrid(), hv.NonsmoothNewton(), hv.METHODS["active-set"]])
+@pytest.mark.parametrize("state", STATEMENTS)
+def test_a_solve_changes_no_bit_of_problem_and_workspace(
+    state: Callable[[], hv.ContactProblem], method: hv.Solver
+) -> None:
+    problem, workspace = hv.discretize(state()), hv.Workspace()
+    levels = levels_of(problem, workspace)
+    once = hv.solve(problem, method, workspace=workspace)
+    held = [problem, problem.space, levels.levels, levels.steps]
+    before = bits(held, set())
+    assert len(before) > 40
+    again = hv.solve(problem, method, workspace=workspace)
+    _ = levels.solve(problem.load)
+    hv.certify(problem, again.unknowns, again.multiplier)
+    assert bits(held, set()) == before
+    np.testing.assert_array_equal(again.unknowns, once.unknowns)
+
+
+def test_threads_with_two_laws_of_one_body_take_no_more_cycles() -> None:
+    problem, workspace = hv.discretize(gallery.survey("5.1", 32, "right")), hv.Workspace()
+    at = problem.contact.points
+    stiff = problem.with_(law=hv.ContactLaw(hv.Compliance(20.0).at(at), hv.Tresca(0.1).at(at)))
+    weak = problem.with_(load=0.5 * problem.load)
+    problems = [problem, stiff, weak, stiff]
+    alone = [hv.solve(one, hv.NonsmoothMultigrid()) for one in problems]
+    assert {one.status for one in alone} == {hv.Status.CONVERGED}
+    barrier = threading.Barrier(len(problems))
+
+    def work(one: hv.DiscreteProblem) -> list[hv.Solution]:
+        barrier.wait(30)
+        return [hv.solve(one, hv.NonsmoothMultigrid(), workspace=workspace) for _ in range(3)]
+
+    with ThreadPoolExecutor(len(problems)) as pool:
+        together = list(pool.map(work, problems))
+    for expected, found in zip(alone, together, strict=True):
+        for solution in found:
+            assert (solution.evaluations, solution.steps) == (expected.evaluations, expected.steps)
+            np.testing.assert_array_equal(solution.unknowns, expected.unknowns)
+
+
+def test_solves_of_one_thread_within_one_another_leave_each_other_alone() -> None:
+    """A solve that a callback starts in the middle of another one works on the same levels."""
+    problem, workspace = hv.discretize(gallery.survey("5.1", 16, "right")), hv.Workspace()
+    expected = hv.solve(problem, hv.NonsmoothMultigrid(), workspace=workspace)
+
+    def inside(_: hv.Progress) -> bool:
+        hv.solve(problem.with_(load=2.0 * problem.load), hv.NonsmoothMultigrid(nested=False), workspace=workspace)
+        return False
+
+    found = hv.solve(problem, hv.NonsmoothMultigrid(), hv.Controls(callback=inside), workspace=workspace)
+    np.testing.assert_array_equal(found.unknowns, expected.unknowns)

@@ -12,7 +12,7 @@ from hemivar.fem import discretize, interpolate
 from hemivar.laws import Signorini
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import Mesh, box, read_mesh, rectangle
-from hemivar.mesh._keys import _distinct_pairs
+from hemivar.mesh.keys import distinct_pairs
 
 NORMALS = {
     "left": (-1, 0, 0),
@@ -109,7 +109,7 @@ def test_distinct_pairs_of_small_and_large_numbers(largest: int) -> None:
     first, second = rng.choice(numbers, (2, 500))
     pairs = np.sort(np.column_stack([first, second]), axis=1)
     expected, inverse = np.unique(pairs, axis=0, return_inverse=True)
-    found, number = _distinct_pairs(first, second)
+    found, number = distinct_pairs(first, second)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(number, inverse.ravel())
 

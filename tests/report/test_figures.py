@@ -1,50 +1,133 @@
 """Figures are drawn for every kind of problem; the numbers in them are right."""
 
+from __future__ import annotations
+
 import subprocess
 import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.gallery import beam, survey
-from hemivar.report import observed_order, plot_contact, plot_errors, plot_history, plot_solution, save
-from hemivar.solvers import solve
+from hemivar.gallery import beam, survey, survey_cube
+from hemivar.report import Arrows, observed_order, plot_contact, plot_errors, plot_history, plot_solution, save
+from hemivar.report.deformed import DeformedBody
+from hemivar.report.statement_figure import plot_problem
+from hemivar.solvers import ContactState, Solution, solve
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-def texts(figure):
+def texts(figure: Figure) -> str:
+    """Everything that is written on a figure."""
     from matplotlib.text import Text
 
     return " | ".join(item.get_text() for item in figure.findobj(Text))
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
-def test_save_by_suffix(plane, tmp_path, suffix):
+def test_save_by_suffix(plane: Solution, tmp_path: Path, suffix: str) -> None:
     path = save(plot_solution(plane), tmp_path / "new" / f"figure{suffix}")
     start = path.read_bytes()[:5]
-    assert start in (b"\x89PNG\r", b"<?xml", b"%PDF-")
+    assert start == {".png": b"\x89PNG\r", ".svg": b"<?xml", ".pdf": b"%PDF-"}[suffix]
 
 
-def test_unknown_suffix_is_refused(plane, tmp_path):
+def test_unknown_suffix_is_refused(plane: Solution, tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=r"\.png, \.svg or \.pdf"):
         save(plot_contact(plane), tmp_path / "figure.bmp")
 
 
-def test_solution_names_its_data(plane):
+def test_solution_names_its_data(plane: Solution) -> None:
     words = texts(plot_solution(plane, title="A title", note="a note", unit="mm"))
     for expected in ("A title", "a note", "x (mm)", "q_{max}", "= 10", "stick (3)", "slip (13)", "newton: converged"):
         assert expected in words
 
 
-@pytest.mark.parametrize("arrows", ["force", "components", "none"])
-@pytest.mark.parametrize("scale", [0.5, "auto"])
-def test_solution_with_curved_boundary(curved, arrows, scale, tmp_path):
-    save(plot_solution(curved, arrows=arrows, scale=scale), tmp_path / "figure.png", dpi=40)
-    save(plot_contact(curved), tmp_path / "contact.png", dpi=40)
+@pytest.mark.parametrize("arrows", [*Arrows])
+@pytest.mark.parametrize("scale", [0.5, 1.0])
+def test_solution_with_curved_boundary(curved: Solution, arrows: Arrows, scale: float, tmp_path: Path) -> None:
+    """States stand at the displaced contact points, and the forces with them."""
+    from matplotlib.quiver import Quiver
+
+    figure = plot_solution(curved, arrows=arrows, scale=scale)
+    axes = figure.axes[0]
+    marked = np.vstack([line.get_xydata() for line in axes.lines if line.get_linestyle() == "None"])
+    places = moved(curved, scale)
+    np.testing.assert_allclose(marked[np.lexsort(marked.T)], places[np.lexsort(places.T)], atol=1e-12)
+    quivers = axes.findobj(Quiver)
+    assert len(quivers) == {Arrows.FORCE: 1, Arrows.COMPONENTS: 2, Arrows.NONE: 0}[arrows]
+    for quiver in quivers:
+        np.testing.assert_allclose(quiver.get_offsets(), places, atol=1e-12)
+    shown = sum(np.linalg.norm(np.column_stack([q.U, q.V]), axis=1) ** 2 for q in quivers)
+    if quivers:
+        np.testing.assert_allclose(shown, np.linalg.norm(curved.multiplier, axis=1) ** 2, atol=1e-12)
+    save(figure, tmp_path / "figure.png", dpi=40)
 
 
-def test_forces_are_mirrored(plane):
+def moved(solution: Solution, scale: float) -> np.ndarray:
+    """Contact points displaced, by the interpolated displacement."""
+    from hemivar.fem import interpolate
+
+    points = solution.problem.points
+    assert points is not None
+    problem = solution.problem.origin
+    assert problem is not None
+    if problem.quadrature == "midpoint":  # the displacement of a facet is the mean of its ends
+        bottom = problem.mesh.boundaries["bottom"]
+        middle = problem.mesh.points[bottom].mean(axis=1)
+        order = np.array([int(np.argmin(np.linalg.norm(middle - point, axis=1))) for point in points])
+        return points + scale * solution.displacement[bottom[order]].mean(axis=1)
+    return points + scale * interpolate(problem, solution.displacement, points)
+
+
+def test_auto_scale_makes_small_displacements_visible(plane: Solution, curved: Solution) -> None:
+    body = DeformedBody.of(plane, "auto")
+    largest = np.linalg.norm(plane.displacement, axis=1).max()
+    assert 0.04 < body.factor * largest <= 0.1
+    assert body.factor in (0.5, 1.0, 2.0)
+    assert DeformedBody.of(curved, "auto").factor == 1.0  # the gap varies
+
+
+def test_contact_is_drawn_in_order_along_the_boundary(curved: Solution) -> None:
+    """Values follow the arc length, and belong to their points."""
+    upper, lower = plot_contact(curved).axes[:2]
+    points = curved.problem.points
+    assert points is not None
+    along = np.argsort(points[:, 0])
+    for panel, values in ((upper, curved.pressure), (lower, curved.penetration)):
+        curve = panel.lines[1]
+        where, drawn = curve.get_xdata(), curve.get_ydata()
+        assert (np.diff(where) > 0.0).all()
+        np.testing.assert_array_equal(drawn, values[along])
+    start = np.array([-1.0, 0.35])
+    chords = np.linalg.norm(np.diff(np.vstack([start, points[along]]), axis=0), axis=1)
+    np.testing.assert_allclose(upper.lines[1].get_xdata(), np.cumsum(chords), rtol=0.02)
+
+
+def test_each_boundary_has_its_panels(plane: Solution) -> None:
+    stated = plane.problem.origin
+    assert stated is not None
+    both = dict.fromkeys(("right", "bottom"), stated.contact["bottom"])
+    solution = solve(discretize(replace(stated, contact=both)))
+    figure = plot_contact(solution)
+    assert [panel.get_title() for panel in figure.axes[:2]] == ["right", "bottom"]
+    assert [panel.get_xlabel() for panel in figure.axes[2:]] == ["y", "x"]
+    points = solution.problem.points
+    frames = solution.problem.frames
+    assert points is not None
+    assert frames is not None
+    for panel, axis, side in zip(figure.axes[:2], (1, 0), (frames[:, 0, 0] > 0.5, frames[:, 0, 1] < -0.5), strict=True):
+        where = points[side, axis]
+        np.testing.assert_array_equal(panel.lines[1].get_xdata(), np.sort(where))
+        np.testing.assert_array_equal(panel.lines[1].get_ydata(), solution.pressure[side][np.argsort(where)])
+
+
+def test_forces_are_mirrored(plane: Solution) -> None:
     """Arrows point out of the body: along the normal as the pressure, along the tangent as the traction."""
     from matplotlib.quiver import Quiver
 
@@ -53,13 +136,13 @@ def test_forces_are_mirrored(plane):
     assert np.allclose(quiver.U, -plane.friction[:, 0])
 
 
-def test_many_cells_are_coloured_instead_of_lined(tmp_path):
+def test_many_cells_are_coloured_instead_of_lined(tmp_path: Path) -> None:
     figure = plot_solution(solve(discretize(survey("figure2", 40))))
     assert "von Mises stress" in texts(figure)
     save(figure, tmp_path / "figure.png", dpi=40)
 
 
-def test_own_axes_are_used(plane):
+def test_own_axes_are_used(plane: Solution) -> None:
     from matplotlib.figure import Figure
 
     own = Figure()
@@ -69,33 +152,48 @@ def test_own_axes_are_used(plane):
     assert axes.get_legend() is None
 
 
-def test_body_without_contact(tmp_path):
+def test_body_without_contact() -> None:
     solution = solve(discretize(beam()))
-    save(plot_solution(solution), tmp_path / "figure.png", dpi=40)
+    words = texts(plot_solution(solution))
+    assert "deformed body" in words
+    assert "foundation" not in words
     with pytest.raises(ProblemError, match="no contact point"):
         plot_contact(solution)
 
 
-def test_solid(solid, tmp_path):
-    save(plot_solution(solid, scale="auto"), tmp_path / "figure.png", dpi=40)
-    words = texts(plot_contact(solid))
-    assert "friction, magnitude" in words
+def test_solid(solid: Solution) -> None:
+    figure = plot_solution(solid, scale="auto")
+    counts = {kind: int(np.count_nonzero(solid.state == kind)) for kind in ContactState}
+    for kind, count in counts.items():
+        assert (f"{kind.label} ({count})" in texts(figure)) == (count > 0)
+    assert "friction, magnitude" in texts(plot_contact(solid))
 
 
-def test_problem_of_arrays(bar, tmp_path):
+def test_problem_of_arrays(bar: Solution) -> None:
     with pytest.raises(ProblemError, match="no mesh"):
         plot_solution(bar)
-    save(plot_contact(bar), tmp_path / "contact.png", dpi=40)
-    save(plot_history([bar, bar]), tmp_path / "history.png", dpi=40)
+    figure = plot_contact(bar)
+    assert figure.axes[1].get_xlabel() == "contact point"
+    assert figure.axes[0].lines[1].get_ydata().tolist() == bar.pressure.tolist()
+
+
+def test_history_shows_every_step(plane: Solution, bar: Solution) -> None:
+    residuals, energies = plot_history([plane, bar], title="A title").axes
+    for line, solution in zip(residuals.lines, (plane, bar), strict=True):
+        expected = [entry.residual for entry in solution.history if entry.residual > 0.0]
+        assert line.get_ydata().tolist() == expected
+    lowest = min(entry.energy for entry in plane.history)
+    above = np.array([entry.energy - lowest for entry in plane.history])
+    np.testing.assert_array_equal(energies.lines[0].get_ydata(), above[above > 0.0])
 
 
 @pytest.mark.parametrize("options", [{"scale": -1.0}, {"scale": "big"}, {"scale": np.nan}, {"arrows": "long"}])
-def test_options_are_checked(plane, options):
-    with pytest.raises(ProblemError):
-        plot_solution(plane, **options)
+def test_options_are_checked(plane: Solution, options: dict[str, object]) -> None:
+    with pytest.raises(ProblemError, match=next(iter(options))):
+        plot_solution(plane, **options)  # type: ignore[arg-type]
 
 
-def test_friction_bound_is_drawn(plane):
+def test_friction_bound_is_drawn(plane: Solution) -> None:
     upper = plot_contact(plane).axes[0]
     drawn = [line.get_ydata() for line in upper.lines if len(line.get_ydata()) == 16]
     assert any(np.allclose(values, 0.1) for values in drawn)
@@ -103,19 +201,41 @@ def test_friction_bound_is_drawn(plane):
     assert any(np.allclose(values, plane.pressure) for values in drawn)
 
 
-def test_history_needs_a_solution():
+def test_history_needs_a_solution() -> None:
     with pytest.raises(ProblemError, match="no solution"):
         plot_history([])
 
 
-def test_observed_order():
+def test_statement_shows_its_conditions(plane: Solution) -> None:
+    from matplotlib.collections import LineCollection
+
+    stated = plane.problem.origin
+    assert stated is not None
+    figure = plot_problem(stated, unit="mm")
+    for words in ("support: left", "contact: bottom", "x (mm)"):
+        assert words in texts(figure)
+    lines = [part.get_segments() for part in figure.findobj(LineCollection)][1:]
+    np.testing.assert_array_equal(lines[0], stated.mesh.points[stated.mesh.boundaries["left"]])
+    np.testing.assert_array_equal(lines[1], stated.mesh.points[stated.mesh.boundaries["bottom"]])
+
+
+def test_statement_of_a_solid() -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    (surface,) = plot_problem(survey_cube("5.1", 2)).findobj(Poly3DCollection)
+    colours, counts = np.unique(np.round(surface.get_facecolor(), 6), axis=0, return_counts=True)
+    assert sorted(counts) == [8, 8, 32]  # one face is clamped, one meets the foundation
+    assert len(colours) == 3
+
+
+def test_observed_order() -> None:
     sizes = 0.5 ** np.arange(1, 7)
     assert observed_order(sizes, 3.0 * sizes**0.8) == pytest.approx(0.8)
     assert observed_order(sizes, np.where(sizes > 0.1, sizes, np.nan)) == pytest.approx(1.0)
     assert np.isnan(observed_order(sizes[:1], sizes[:1]))
 
 
-def test_errors_leave_out_the_mesh_next_to_the_reference(tmp_path):
+def test_errors_leave_out_the_mesh_next_to_the_reference(tmp_path: Path) -> None:
     sizes = 0.5 ** np.arange(1, 6)
     error = sizes**0.9
     error[-1] *= 0.5
@@ -124,6 +244,6 @@ def test_errors_leave_out_the_mesh_next_to_the_reference(tmp_path):
     save(figure, tmp_path / "errors.png", dpi=40)
 
 
-def test_drawing_is_imported_late():
+def test_drawing_is_imported_late() -> None:
     code = "import sys, hemivar.report; sys.exit(any(m in sys.modules for m in ('matplotlib', 'meshio', 'rich')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -15,7 +15,7 @@ from hemivar.laws import Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import Contact, Prescribed, Sphere
 from hemivar.mesh import box
 from hemivar.report import plot_contact, plot_solution, render_solution, save
-from hemivar.report._solid import sharp_edges, viewing_direction
+from hemivar.report.solid_body import sharp_edges, viewing_direction
 from hemivar.solvers import ContactState, solve
 
 from .test_figures import texts
@@ -66,7 +66,7 @@ def test_many_facets_are_drawn_without_lines_between_them(cube, tmp_path, monkey
     from matplotlib.colors import to_hex
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    monkeypatch.setattr("hemivar.report._solid._MANY_FACETS", 10)
+    monkeypatch.setattr("hemivar.report.solid_body.MANY_FACETS", 10)
     figure = plot_solution(cube)
     save(figure, tmp_path / "cube.png", dpi=40)
     (surface,) = figure.findobj(Poly3DCollection)

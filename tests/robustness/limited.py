@@ -92,8 +92,7 @@ def warm_up() -> None:
     import hemivar.cli.solutions
     import hemivar.files
     import hemivar.files.problem_file
-    import hemivar.report.figures
-    import hemivar.report.path
+    import hemivar.report
     import hemivar.solvers
 
     _ = (matplotlib.pyplot, meshio, skfem, hemivar.solvers)

@@ -24,7 +24,7 @@ from hemivar.laws import (
     SurveyLaw,
     Tresca,
 )
-from hemivar.laws.contact import spread
+from hemivar.laws.vector_law import spread
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.solvers import ContactState, InnerSolver, NewtonKrylov, PrimalDualActiveSet, Status, solve, suited
 from hemivar.solvers.base import State

@@ -11,7 +11,7 @@ from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError
 from hemivar.mechanics import Quadrature
 from hemivar.solvers import METHODS, Controls, Solution, Status, solve, solve_nested
-from hemivar.systems import condense
+from hemivar.systems import Workspace, condense
 
 from ..problems import OTHER_DATA, SURVEY_DATA, bar, discrete_square, relative_difference
 
@@ -125,7 +125,7 @@ def test_methods_share_a_condensation() -> None:
     problem, expected = reference("data (5.1)", 16)
     shared = condense(problem)
     for name in EXACT:
-        assert relative_difference(solve(problem, METHODS[name], condensed=shared), expected) < 1e-8
+        assert relative_difference(solve(problem, METHODS[name], workspace=Workspace.holding(shared)), expected) < 1e-8
 
 
 @pytest.mark.parametrize("data", SURVEY_DATA)

@@ -34,7 +34,7 @@ from hemivar.solvers import (
     solve,
     suited,
 )
-from hemivar.systems import condense
+from hemivar.systems import Workspace, condense
 
 from ..problems import bar, discrete_square, relative_difference
 
@@ -259,4 +259,4 @@ def test_a_condensation_serves_other_loads_and_gaps() -> None:
         shared, fresh = system.for_problem(other), condense(other)
         np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
         assert shared.constant == pytest.approx(fresh.constant)
-        assert solve(other, condensed=shared).energy == pytest.approx(solve(other).energy)
+        assert solve(other, workspace=Workspace.holding(shared)).energy == pytest.approx(solve(other).energy)

@@ -15,7 +15,7 @@ from hemivar.files.boundary import contact_boundaries
 from hemivar.files.problem_file import read_problem
 from hemivar.laws import Bilateral
 from hemivar.mechanics import Contact, ContactProblem, Fixed, Material, Prescribed, Quadrature
-from hemivar.mesh.mesh import box
+from hemivar.mesh import box
 from hemivar.solvers import Solution, solve
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

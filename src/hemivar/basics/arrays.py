@@ -83,7 +83,8 @@ def real_matrix(value: Any, name: str, *, own: bool = False) -> sp.csr_array:
         return sp.csr_array(np.atleast_2d(dense))
     _checked(value.data if value.format not in ("lil", "dok") else value.tocoo().data, name)
     try:
-        matrix = sp.csr_array(value).astype(np.float64, copy=False)
+        given = isinstance(value, sp.csr_array) and value.dtype == np.float64
+        matrix = value if given else sp.csr_array(value).astype(np.float64, copy=False)
     except (TypeError, ValueError) as error:
         raise ProblemError(f"{name} is no matrix of numbers: {error}") from error
     if own or not matrix.has_canonical_format:

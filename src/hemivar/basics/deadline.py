@@ -12,7 +12,10 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
-__all__ = ["Budget", "OutOfTime", "check_time", "limited"]
+__all__ = ["CALLED", "LATE", "Budget", "OutOfTime", "check_time", "limited"]
+
+#: What :meth:`Budget.due` returns: the time is over; somebody has asked for the end.
+LATE, CALLED = 1.0, 2.0
 
 
 class OutOfTime(Exception):  # noqa: N818 - a signal, not an error
@@ -44,9 +47,13 @@ class Budget:
         """Seconds until the end, at least 0."""
         return max(self.limit - self.spent, 0.0)
 
+    def due(self) -> float:
+        """:data:`LATE` once the limit is passed, else 0.  Budgets that can be ended from outside say :data:`CALLED`."""
+        return LATE if self.spent > self.limit else 0.0
+
     def check(self) -> None:
         """Raise :class:`OutOfTime` once the limit is passed."""
-        if self.spent > self.limit:
+        if self.due():
             raise OutOfTime
 
 

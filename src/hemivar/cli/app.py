@@ -337,7 +337,7 @@ def _path(
     """
     from hemivar.cli.path import run_path
     from hemivar.fem import LoadLine
-    from hemivar.report.path import QUANTITIES
+    from hemivar.report.path_diagrams import QUANTITIES
 
     outputs = {"--json": json, "--plot": plot}
     check_outputs(outputs, problem)
@@ -701,9 +701,11 @@ def _run(
     from hemivar.errors import MethodError
     from hemivar.report.tables import energy_norm_difference
     from hemivar.solvers import solve, suited
+    from hemivar.systems import Workspace
 
     try:
-        solution = solve(discrete, suited(solver, discrete), controls, condensed=condensed)
+        workspace = None if condensed is None else Workspace.holding(condensed)
+        solution = solve(discrete, suited(solver, discrete), controls, workspace=workspace)
     except MethodError as error:
         return _Run(name, "refused", str(error))
     except Exception as error:
@@ -754,12 +756,12 @@ def _write(
         return write_vtu(solution, path)
 
     def plot(path: Path) -> None:
-        from hemivar.report.figures import plot_solution, save
+        from hemivar.report import plot_solution, save
 
         save(plot_solution(solution, scale="auto", title=title), path)
 
     def plot_contact(path: Path) -> None:
-        from hemivar.report.figures import plot_contact, save
+        from hemivar.report import plot_contact, save
 
         save(plot_contact(solution, title=title), path)
 
@@ -896,7 +898,6 @@ def _print_summary(console: Console, solution: Solution, certificate: Certificat
     """Print what was found."""
     import numpy as np
 
-    from hemivar.cli.certify import certificate_lines
     from hemivar.solvers import ContactState, Status
 
     good = solution.status is Status.CONVERGED
@@ -910,7 +911,7 @@ def _print_summary(console: Console, solution: Solution, certificate: Certificat
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
     if not good:
         print(f"what to do        {solution.status.remedy}")
-    for line in [] if certificate is None else certificate_lines(certificate):
+    for line in [] if certificate is None else certificate.lines():
         print(line)
     if solution.problem.contact_points == 0:
         return

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hemivar.basics.disk import noting_files_read, same_file, shown, try_output
+from hemivar.cli.ending import all_or_none
 from hemivar.cli.outputs import one_line
 from hemivar.engines.petsc.alarm import Alarm
-from hemivar.engines.petsc.certificate import certify_on_ranks
+from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
 from hemivar.errors import FileError, HemivarError, ProblemError
 from hemivar.mesh import Grid
@@ -18,11 +20,12 @@ from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on
 from hemivar.solvers import ContactState, Status
 
 if TYPE_CHECKING:
+    from hemivar.certify import Certificate
     from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
-    from hemivar.engines.petsc.solve import Saved
     from hemivar.files.mesh_table import StatedMesh
     from hemivar.files.problem_file import ProblemFile
     from hemivar.solvers import Controls, Progress
+    from hemivar.solvers.base import State
 
 __all__ = ["ProblemOnRanks", "read_on_ranks", "run_on_ranks"]
 
@@ -131,12 +134,12 @@ def run_on_ranks(
     restart : Path or None
         A checkpoint to go on from.
     """
-    from hemivar.engines.petsc import all_or_none, read_checkpoint, solve_distributed, world
+    from hemivar.engines.petsc import read_checkpoint, solve_distributed, world
 
     ranks = world()
     first = ranks.rank == 0
-    alarm = Alarm()
-    with all_or_none(ranks), alarm.listening():
+    bell = Alarm()
+    with all_or_none(ranks), bell.listening():
         ranks.agree(check)
         outputs = {"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}
         ranks.agree(lambda: _try_pieces(vtu, ranks))
@@ -151,8 +154,8 @@ def run_on_ranks(
         controls = ranks.agree(lambda: controls_of(problem.stated, say))
         resume = None if restart is None else read_checkpoint(restart, body)
         keep = None if checkpoint is None else _Keeper(checkpoint, body)
-        alarm.start(controls.max_time)
-        solution = solve_distributed(problem.bodies, None, controls, resume=resume, watch=keep, alarm=alarm)
+        alarm = bell.limited(controls.max_time)
+        solution = solve_distributed(body, None, controls, resume=resume, watch=keep, alarm=alarm)
         certificate = certify_on_ranks(solution, alarm=alarm)
         _print_summary(solution, certificate)
         failed = [] if keep is None or keep.error is None else [keep.error]
@@ -194,11 +197,11 @@ class _Keeper:
         self.error: str | None = None
         self._warned = False
 
-    def __call__(self, saved: Saved) -> None:
-        from hemivar.engines.petsc import write_checkpoint
+    def __call__(self, state: State, history: tuple[Progress, ...]) -> None:
+        from hemivar.engines.petsc import Saved, write_checkpoint
 
         try:
-            write_checkpoint(self.path, self.body, saved)
+            write_checkpoint(self.path, self.body, Saved(state, history))
             self.error = None
         except HemivarError as error:
             if not getattr(error, "shared", False):
@@ -269,11 +272,11 @@ def _print_head(problem: ProblemOnRanks) -> None:
         print(f"warning           {warning}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
     print(f"contact points    {body.contact_points}{where}")
-    print("method            petsc: truncated nonsmooth Newton, conjugate gradients with PETSc's multigrid")
+    print("method            petsc: nonsmooth multigrid, with the cycles of PETSc")
     print(f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}", flush=True)
 
 
-def _print_summary(solution: DistributedSolution, certificate: dict[str, Any]) -> None:
+def _print_summary(solution: DistributedSolution, certificate: Certificate) -> None:
     """Print on rank 0 what was found."""
     sums, body = solution.sums, solution.body
     if body.ranks.rank:
@@ -287,15 +290,16 @@ def _print_summary(solution: DistributedSolution, certificate: dict[str, Any]) -
     print(f"energy            {solution.energy:.10g}")
     if solution.status is not Status.CONVERGED:
         print(f"what to do        {solution.status.remedy}")
-    if certificate["alpha_sampled"]:
+    if certificate.smallness.alpha_sampled:
         print("note              a law knows its alpha from samples only: nothing is claimed of uniqueness")
-    kind, margin, bound = certificate["kind"], certificate["margin"], certificate["error_bound"]
-    unique = "the only solution" if certificate["unique"] else "uniqueness not known"
-    print(f"kind              {kind or 'not known'}; {unique}")
-    estimate = "" if certificate["method"] in ("factorisation", "multigrid") else ", an estimate from above"
-    print(f"margin            {'not known' if margin is None else format(margin, '.4g') + estimate}")
-    if bound is not None:
-        relative = certificate["error_bound_relative"]
+    unique = "the only solution" if certificate.unique else "uniqueness not known"
+    kind = "not known" if "kind" in certificate.left_out else certificate.kind.value
+    print(f"kind              {kind}; {unique}")
+    estimate = ", an estimate from above" if certificate.method == ESTIMATE else ""
+    unknown = "margin" in certificate.left_out
+    print(f"margin            {'not known' if unknown else format(certificate.margin, '.4g') + estimate}")
+    if math.isfinite(certificate.error_bound):
+        bound, relative = certificate.error_bound, certificate.error_bound_relative
         print(f"distance          at most {bound:.2e}, relative {relative:.1e}, to the exact discrete solution")
     if body.contact_points == 0:
         return

@@ -12,8 +12,8 @@ from hemivar.branches import follow_path
 from hemivar.cli.outputs import Writer
 from hemivar.fem import LoadLine
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.report.figures import save
-from hemivar.report.path import path_record, plot_path
+from hemivar.report.path_diagrams import path_record, plot_path
+from hemivar.report.saving import save
 
 __all__ = ["run_path"]
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.bulk import Bulk, Quadratic
@@ -25,7 +26,7 @@ __all__ = ["DiscreteProblem", "quadratic"]
 
 
 @dataclass(frozen=True, eq=False)
-class DiscreteProblem(Portable):
+class DiscreteProblem(Portable, Displayed):
     """Energy of a discrete contact problem.
 
     ``E(u) = bulk(u) + sum_j w_j j_j(r_j)``, ``r = B u - offset`` with shape (m, c): column 0 is the penetration of
@@ -52,8 +53,6 @@ class DiscreteProblem(Portable):
     ProblemError
         Bulk, contact points, law and space do not fit one another.
     """
-
-    _rebuilt: ClassVar[tuple[str, ...]] = ("_multigrid", "_levels_in_use")
 
     bulk: Bulk
     contact: ContactPoints

@@ -12,8 +12,9 @@ from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.laws import ContactLaw
 
-__all__ = ["LoadScale", "Residual", "contact_compliance", "load_scale", "residual"]
+__all__ = ["LoadScale", "Residual", "contact_compliance", "load_scale", "residual", "resting_multiplier"]
 
 
 @dataclass(frozen=True)
@@ -114,16 +115,25 @@ def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
     """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it."""
     if not problem.contact_points:
         return LoadScale(norm(problem.load), 0.0)
-    domain = problem.law.normal.domain
-    start = -problem.offset.reshape(problem.contact_points, problem.dim)
+    offset = problem.offset.reshape(problem.contact_points, problem.dim)
+    with np.errstate(all="ignore"):
+        rest = norm(problem.contact_force(resting_multiplier(problem.law, offset, compliance)))
+    return LoadScale(norm(problem.load), rest if math.isfinite(rest) else math.inf)
+
+
+def resting_multiplier(law: ContactLaw, offset: Array, compliance: Array) -> Array:
+    """What presses on a body that has not moved, (m, d), as far as a body of this ``compliance (m, 2)`` can bear it.
+
+    ``offset (m, d)`` is the gap and what stands beside it in the tangential components.
+    """
+    domain, start = law.normal.domain, -offset
     inside = start.copy()
     inside[:, 0] = np.clip(start[:, 0], domain.lower, domain.upper)
     with np.errstate(all="ignore"):
-        law = problem.law.frozen(inside, np.zeros_like(inside))
-        lam = law.nearest_multiplier(inside, np.zeros_like(inside))
+        zero = np.zeros_like(inside)
+        lam = law.frozen(inside, zero).nearest_multiplier(inside, zero)
         lam[:, 0] += (start - inside)[:, 0] / compliance[:, 0]
-        rest = norm(problem.contact_force(lam))
-    return LoadScale(norm(problem.load), rest if math.isfinite(rest) else math.inf)
+    return lam
 
 
 def contact_compliance(problem: DiscreteProblem) -> Array:

@@ -88,6 +88,11 @@ class Field(Portable):
             object.__setattr__(self, name, value)
 
     @property
+    def moves(self) -> bool:
+        """Whether it is a displacement, with a component for each axis of the mesh, so that rigid motions are known."""
+        return self.components == self.mesh.dim
+
+    @property
     def number_of_nodes(self) -> int:
         """Number of nodes of the field (vertices, and edge midpoints if ``order == 2``)."""
         return len(self.prescribed) // self.components

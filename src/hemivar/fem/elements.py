@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.types import Array
-from hemivar.mesh._keys import _EDGES
+from hemivar.basics.types import Array, IntArray
+from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["barycentric_gradients", "shape_derivatives", "shape_values", "voigt_index"]
@@ -17,7 +17,7 @@ def voigt_index(dim: int) -> Array:
     return np.array(table)
 
 
-def barycentric_gradients(mesh: Mesh, cells: slice = slice(None)) -> Array:
+def barycentric_gradients(mesh: Mesh, cells: slice | IntArray = slice(None)) -> Array:
     """Gradients of the barycentric coordinates, shape (M, d + 1, d)."""
     corner = mesh.points[mesh.cells[cells]]
     gradients = np.empty(corner.shape)
@@ -37,7 +37,7 @@ def barycentric_gradients(mesh: Mesh, cells: slice = slice(None)) -> Array:
 
 
 def _edge_pairs(corners: int) -> tuple[tuple[int, int], ...]:
-    return ((0, 1),) if corners == 2 else _EDGES[corners - 1]
+    return ((0, 1),) if corners == 2 else EDGES[corners - 1]
 
 
 def shape_values(order: int, barycentric: Array) -> Array:

@@ -12,7 +12,7 @@ from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_a
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
-from hemivar.fem.parts import FreeMotions, MovingGroup, free_motions, rigid_basis
+from hemivar.fem.rigid import FreeMotions, MovingGroup, free_motions, rigid_basis
 
 __all__ = ["describe", "free_growth", "geometric_slack", "known_to_be_held", "refuse", "refuse_free_motion"]
 
@@ -32,7 +32,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> N
     ProblemError
         Naming the part, the motion, and what would hold it.
     """
-    if problem.field is None:
+    if problem.field is None or not problem.field.moves:
         return
     motions = free_motions(problem.field)
     for group, growth in zip(motions.groups, free_growth(problem, motions, load), strict=True):
@@ -54,10 +54,10 @@ def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | No
     assert problem.field is not None
     if not motions.count:
         return []
-    basis = problem.field.basis
-    forces = basis @ problem.load if load is None else load
+    lift = problem.field.lift
+    forces = lift.T @ problem.load if load is None else load
     m, d = problem.contact_points, problem.dim
-    local = sp.csc_array(problem.trace @ (basis.T @ motions.motions))
+    local = sp.csc_array(problem.trace @ (lift @ motions.motions))
     slack = geometric_slack(problem.points, problem.weights)
     found = []
     for group in motions.groups:

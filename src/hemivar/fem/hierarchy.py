@@ -12,7 +12,7 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
-from hemivar.fem.parts import rigid_basis
+from hemivar.fem.rigid import rigid_basis
 
 __all__ = ["Coarser", "coarser", "rigid_motions"]
 
@@ -30,11 +30,22 @@ class Coarser:
         changes in the fine ones.
     field : Field
         Of the finer problem.
+    shared : int array
+        The contact point of the finer problem at the place of each contact point of the coarser one.
     """
 
     problem: DiscreteProblem
     prolongation: sp.csr_array
     field: Field
+    shared: IntArray
+
+    def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
+        """The coarser problem with load, gap and law of another problem on the finer mesh."""
+        return self.problem.with_(
+            load=self.prolongation.T @ finer.load,
+            offset=finer.contact.offset[self.shared],
+            law=finer.law.take(self.shared),
+        )
 
     def interpolate(self, unknowns: Array) -> Array:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
@@ -67,11 +78,8 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)
     prolongation.data[np.abs(prolongation.data) < 1e-14] = 0.0
     prolongation.eliminate_zeros()
-    shared = _shared_points(problem.contact, coarse.contact, parent.interpolation)
-    coarse = coarse.with_(
-        load=prolongation.T @ problem.load, offset=problem.contact.offset[shared], law=problem.law.take(shared)
-    )
-    return Coarser(coarse, prolongation, field)
+    step = Coarser(coarse, prolongation, field, _shared_points(problem.contact, coarse.contact, parent.interpolation))
+    return replace(step, problem=step.posed(problem))
 
 
 def _shared_points(fine: ContactPoints, coarse: ContactPoints, interpolation: sp.csr_array) -> IntArray:

@@ -14,8 +14,8 @@ from hemivar.files.toml import KEYS, Table, context, hint, kind, listed
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential
-from hemivar.laws.bounds import StateBound
-from hemivar.laws.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.own.columns import BOUND_COLUMNS, LAW_COLUMNS, read_columns
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.statement import Contact
@@ -271,11 +271,12 @@ def _friction_record(friction: Friction, where: str, name: str, aside: Aside) ->
         case PenetrationBound(source=ScalarFormula(text=text)):
             bound = {"formula": text}
         case PenetrationBound(source=source, file=file):
-            if callable(source):
+            if callable(source) or isinstance(source, str):
                 raise unsaid(f"{where}.bound", source, "formulas of s as text, and tables")
             heads = (BOUND_COLUMNS[0][0], BOUND_COLUMNS[1][0])
+            columns = (np.asarray(source[0], dtype=float), np.asarray(source[1], dtype=float))
             bound = {
-                "table": aside.table(f"{where}.bound", f"{name}-bound", source, heads)
+                "table": aside.table(f"{where}.bound", f"{name}-bound", columns, heads)
                 if file is None
                 else file_name(file, aside.folder)
             }

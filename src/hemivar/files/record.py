@@ -18,7 +18,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import global_vectors
-from hemivar.solvers import ContactState, Progress, Solution
+from hemivar.solvers import BoundaryResult, ContactState, Progress, Solution
 
 __all__ = [
     "MOST_BYTES",
@@ -73,12 +73,14 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     ``unknowns`` (their number), ``contact_points``, ``dim``, ``energy`` (a friction bound that depends on the state is
     taken at this pair), ``residual`` (relative), ``residual_parts`` (equilibrium, inclusion, scale, rounding; units of
     force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``contact_length``,
-    ``resultants``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of a problem made of arrays) and,
-    where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
+    ``resultants``, ``boundaries``, ``reactions``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of
+    a problem made of arrays) and, where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
 
     ``resultants`` holds ``normal_force`` (resultant of the pressure), ``friction_force`` (resultant of the friction
     in local components) and ``force``, the global vector of the force of the foundation on the body,
-    ``-sum_j w_j (lam_nu nu + lam_tau)``; null where the problem has no frames.
+    ``-sum_j w_j (lam_nu nu + lam_tau)``; null where the problem has no frames.  ``boundaries`` holds for each contact
+    boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the force of each support
+    on the body, by name, null where it is not known (:func:`hemivar.fem.support_reactions`).
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
     ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
@@ -107,6 +109,8 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
             "friction_force": solution.friction_force,
             "force": None if problem.frames is None else foundation_force(solution),
         },
+        "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
+        "reactions": _reactions(solution),
         "contact": _contact_record(solution),
         "displacement": solution.displacement,
     }
@@ -119,6 +123,17 @@ def foundation_force(solution: Solution) -> Array:
     """Resultant force of the foundation on the body, global vector (d,): ``-sum_j w_j (lam_nu nu + lam_tau)``."""
     problem = solution.problem
     return np.asarray(-(problem.weights @ global_vectors(problem, solution.multiplier)))
+
+
+def _boundary_record(result: BoundaryResult) -> dict[str, Any]:
+    return {"normal_force": result.normal_force, "force": result.force, "contact_length": result.contact_length}
+
+
+def _reactions(solution: Solution) -> dict[str, Array] | None:
+    try:
+        return dict(solution.reactions)
+    except ProblemError:
+        return None
 
 
 def _contact_record(solution: Solution) -> dict[str, Any]:

@@ -1,22 +1,28 @@
 """Expressions as graphs whose nodes share their common parts.
 
-Values, derivatives, branches and enclosures (interval arithmetic) are computed node by node, so that the work grows
-with the number of different parts and not with the length of what is written out.
+Values, derivatives and branches, and enclosures by :mod:`hemivar.formula.enclosure`, are computed node by node, so that
+the work grows with the number of different parts and not with the length of what is written out.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import cast
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.formula.intervals import ENCLOSED, Pair, mended, power
 
-__all__ = ["OPERATIONS", "Graph"]
+__all__ = ["OPERATIONS", "Graph", "Leaf", "Step", "Value"]
+
+#: A number, or the name of a variable.
+Leaf = float | str
+#: A node, its operation, its arguments, its leaf, and the nodes that nobody needs after it.
+Step = tuple[int, str, tuple[int, ...], Leaf, tuple[int, ...]]
+#: What a node is worth, or whether a condition holds, at one place or at several.
+Value = Array | BoolArray | np.float64 | np.bool_
 
 #: Nodes that a graph may have, derivatives included.
 _MOST_NODES = 6_000
@@ -31,7 +37,7 @@ _SYMBOLS: Mapping[str, ast.operator] = {
     "^": ast.Pow(),
 }
 #: What an operator or a function of a formula does to arrays.
-OPERATIONS: Mapping[str, Callable[..., Any]] = {
+OPERATIONS: Mapping[str, np.ufunc] = {
     "+": np.add,
     "-": np.subtract,
     "*": np.multiply,
@@ -71,15 +77,15 @@ class Graph:
         self.prefix = prefix
         #: Nodes times intervals enclosed for the present question; whoever encloses adds to it, and stops in time.
         self.work = 0.0
-        self._nodes: list[tuple[str, tuple[int, ...], float | str]] = []
+        self._nodes: list[tuple[str, tuple[int, ...], Leaf]] = []
         self._varies: list[bool] = []
-        self._index: dict[tuple[str, tuple[int, ...], float | str], int] = {}
+        self._index: dict[tuple[str, tuple[int, ...], Leaf], int] = {}
         self._derivatives: dict[int, int] = {}
-        self._programs: dict[int, list[tuple[int, str, tuple[int, ...], float | str, tuple[int, ...]]]] = {}
+        self._programs: dict[int, list[Step]] = {}
 
     # ---- making nodes ----------------------------------------------------------------------------------------
 
-    def node(self, op: str, *arguments: int, leaf: float | str = 0.0) -> int:
+    def node(self, op: str, *arguments: int, leaf: Leaf = 0.0) -> int:
         """The node of an operation, as it is written: an old one if there is one.
 
         Raises
@@ -115,7 +121,7 @@ class Graph:
 
     def names(self, node: int) -> frozenset[str]:
         """The variables that occur."""
-        return frozenset(str(leaf) for _, op, _, leaf, _ in self._program(node) if op == "name")
+        return frozenset(str(leaf) for _, op, _, leaf, _ in self.program(node) if op == "name")
 
     def _plain(self, node: int) -> float | None:
         op, _, leaf = self._nodes[node]
@@ -193,11 +199,11 @@ class Graph:
 
     def size(self, node: int) -> int:
         """Number of different parts."""
-        return len(self._program(node))
+        return len(self.program(node))
 
     # ---- values ----------------------------------------------------------------------------------------------
 
-    def _program(self, node: int) -> list[tuple[int, str, tuple[int, ...], float | str, tuple[int, ...]]]:
+    def program(self, node: int) -> list[Step]:
         """The nodes below a node in order, each with the nodes that nobody needs after it."""
         found = self._programs.get(node)
         if found is not None:
@@ -216,10 +222,10 @@ class Graph:
         self._programs[node] = program
         return program
 
-    def value(self, node: int, at: Mapping[str, Any]) -> Any:
+    def value(self, node: int, at: Mapping[str, Array]) -> Value:
         """The value for values of the variables: numbers or arrays of one shape; nan where there is none."""
-        kept: dict[int, Any] = {}
-        for i, op, arguments, leaf, done in self._program(node):
+        kept: dict[int, Value] = {}
+        for i, op, arguments, leaf, done in self.program(node):
             kept[i] = _applied(op, leaf, [kept[a] for a in arguments], at)
             for a in done:
                 del kept[a]
@@ -228,7 +234,7 @@ class Graph:
     def text(self, node: int) -> str:
         """The expression as it is written; ``...`` where that is long."""
         sizes: dict[int, int] = {}
-        for i, _, arguments, _, _ in self._program(node):
+        for i, _, arguments, _, _ in self.program(node):
             sizes[i] = 1 + sum(sizes[a] for a in arguments)
         if sizes[node] > _LONGEST_TEXT:
             return "..."
@@ -254,7 +260,7 @@ class Graph:
         known = self._derivatives
         if node in known:
             return known[node]
-        for i, op, arguments, _, _ in self._program(node):
+        for i, op, arguments, _, _ in self.program(node):
             if i in known:
                 continue
             if not self._varies[i]:
@@ -311,7 +317,7 @@ class Graph:
     def switching(self, node: int) -> list[int]:
         """Nodes whose zeros are the places where a switch below a node may change."""
         found: dict[int, None] = {}
-        for _, op, arguments, _, _ in self._program(node):
+        for _, op, arguments, _, _ in self.program(node):
             if op == "abs":
                 found[arguments[0]] = None
             elif op in ("min", "max") or op in _COMPARISONS:
@@ -320,15 +326,16 @@ class Graph:
 
     def branches(self, node: int, variable: str, places: Array) -> IntArray:
         """The nodes without switches that hold at some places, one for each of them."""
-        program = self._program(node)
+        program = self.program(node)
         if not any(op in _SWITCHES for _, op, _, _, _ in program):
             return np.full(places.size, node, dtype=np.int64)
-        kept: dict[int, Any] = {}
-        taken: list[tuple[int, str, tuple[int, ...], Any]] = []
+        kept: dict[int, Value] = {}
+        taken: list[tuple[int, str, tuple[int, ...], IntArray]] = []
         with np.errstate(all="ignore"):
             for i, op, arguments, leaf, _ in program:
                 inner = [kept[a] for a in arguments]
-                kept[i] = np.broadcast_to(_applied(op, leaf, inner, {variable: places}), places.shape)
+                value = _applied(op, leaf, inner, {variable: places})
+                kept[i] = cast(Array, np.broadcast_to(value, places.shape))
                 if op == "abs":
                     taken.append((i, op, arguments, np.where(inner[0] >= 0.0, 0, 1)))
                 elif op in ("min", "max"):
@@ -343,7 +350,7 @@ class Graph:
         ]
         return np.array(resolved, dtype=np.int64)[which.ravel()]
 
-    def _resolved(self, program: Sequence[Any], choice: Mapping[int, int], node: int) -> int:
+    def _resolved(self, program: Sequence[Step], choice: Mapping[int, int], node: int) -> int:
         new: dict[int, int] = {}
         for i, op, arguments, leaf, _ in program:
             if i in choice:
@@ -362,149 +369,8 @@ class Graph:
                 new[i] = self.node(op, *(new[a] for a in arguments), leaf=leaf)
         return new[node]
 
-    # ---- enclosures ------------------------------------------------------------------------------------------
 
-    def enclosed(self, node: int, low: Array, high: Array) -> tuple[Array, Array]:
-        """Bounds of an expression in one variable over intervals, rounding included.
-
-        Parameters
-        ----------
-        node : int
-        low, high : arrays (k,)
-            Ends, of which each may be infinite; ``low <= high``.
-
-        Returns
-        -------
-        lower, upper : arrays (k,)
-            The values in the interval lie between them; both are infinite where nothing can be said, also where the
-            expression has no value everywhere.
-        """
-        kept: dict[int, Pair] = {}
-        with np.errstate(all="ignore"):
-            for i, op, arguments, leaf, done in self._program(node):
-                kept[i] = self._one_enclosed(op, leaf, arguments, kept, low, high)
-                for a in done:
-                    del kept[a]
-        return kept[node]
-
-    def _one_enclosed(
-        self,
-        op: str,
-        leaf: float | str,
-        arguments: Sequence[int],
-        kept: Mapping[int, Pair],
-        low: Array,
-        high: Array,
-    ) -> Pair:
-        """Bounds of one operation from those of its arguments."""
-        if op == "number":
-            value = np.full(low.shape, float(leaf))
-            return mended(value, value)
-        if op == "name":
-            return low, high
-        if op == "^":
-            exponent = arguments[1]
-            known = float(self.value(exponent, {})) if not self._varies[exponent] else None
-            return mended(*power(kept[arguments[0]], kept[exponent], known))
-        below, above = mended(*ENCLOSED[op](*(kept[a] for a in arguments)))
-        if op in ("sin", "cos", "tanh"):
-            return np.clip(below, -1.0, 1.0), np.clip(above, -1.0, 1.0)
-        return below, above
-
-    def tail(self, node: int, variable: str, low: float, high: float) -> float:
-        """Upper bound on ``[low, inf)`` or ``(-inf, high]``, from how fast the parts grow and decay.
-
-        Infinite where that says nothing.
-        """
-        start, sign = (low, 1.0) if np.isinf(high) else (high, -1.0)
-        if not (np.isfinite(start) and sign * start > 0.0):
-            return np.inf
-        ends, at_start = (np.array([low]), np.array([high])), np.array([start])
-        near = abs(start)
-        kept: dict[int, _Growth | None] = {}
-        least: dict[int, _Growth | None] = {}
-        bounds: dict[int, Pair] = {}
-        with np.errstate(all="ignore"):
-            for i, op, arguments, leaf, _ in self._program(node):
-                bounds[i] = self._one_enclosed(op, leaf, arguments, bounds, *ends)
-                below, above = (float(x[0]) for x in bounds[i])
-                inner, under = [kept[a] for a in arguments], [least[a] for a in arguments]
-                most = [_flat(max(abs(below), abs(above), np.finfo(float).tiny))]
-                fewest = [_flat(max(below, -above, 0.0))]
-                if op == "name":
-                    most.append((0.0, 1.0, 0.0))
-                    fewest.append((0.0, 1.0, 0.0))
-                elif op == "exp":
-                    rate = self.enclosed(self.derivative(arguments[0]), *ends)
-                    fall = -float(rate[1][0]) if sign > 0.0 else float(rate[0][0])
-                    first = float(self.enclosed(arguments[0], at_start, at_start)[1][0])
-                    if 0.0 < fall < np.inf and np.isfinite(first):
-                        most.append((first + fall * near, 0.0, fall))
-                elif op in ("neg", "abs"):
-                    most.append(inner[0])
-                    fewest.append(under[0])
-                elif op in ("+", "-"):
-                    most.append(_sum(inner[0], inner[1], near))
-                    x, y = (bounds[a] for a in arguments)
-                    y = y if op == "+" else (-y[1], -y[0])
-                    if (x[0][0] >= 0.0 and y[0][0] >= 0.0) or (x[1][0] <= 0.0 and y[1][0] <= 0.0):  # none is lost
-                        fewest += under
-                elif op == "*":
-                    most.append(_product_of(inner[0], inner[1], 1.0))
-                    fewest.append(_product_of(under[0], under[1], 1.0))
-                elif op == "/":
-                    most.append(_product_of(inner[0], under[1], -1.0))
-                    fewest.append(_product_of(under[0], inner[1], -1.0))
-                elif op in ("^", "sqrt"):
-                    n = 0.5 if op == "sqrt" else 0.0
-                    if op == "^" and self.constant(arguments[1]):
-                        n = float(self.value(arguments[1], {}))
-                    if n == round(n) or bounds[arguments[0]][0][0] >= 0.0:
-                        for out, base in ((most, inner[0]), (fewest, under[0])):
-                            if n > 0.0 and base is not None:
-                                out.append((n * base[0], n * base[1], n * base[2]))
-                kept[i] = max((g for g in most if g), key=lambda g: (g[2], -g[1], -g[0]), default=None)
-                least[i] = max((g for g in fewest if g), key=lambda g: (-g[2], g[1], g[0]), default=None)
-                most_here = _greatest(kept[i], near)
-                bounds[i] = (np.maximum(bounds[i][0], -most_here), np.minimum(bounds[i][1], most_here))
-        return float(bounds[node][1][0])
-
-
-def _greatest(growth: _Growth | None, start: float) -> float:
-    """Largest value of ``exp(c) r^p exp(-q r)`` for ``r >= start``."""
-    if growth is None or (growth[2] <= 0.0 and growth[1] > 0.0) or growth[2] < 0.0:
-        return np.inf
-    c, p, q = growth
-    r = max(start, p / q if q > 0.0 else 0.0)
-    power = p * float(np.log(r))
-    exponent = c + power - q * r
-    exponent += 1e-12 * (1.0 + abs(c) + abs(power) + q * r)
-    return float(np.exp(max(exponent, -700.0))) if exponent < 700.0 else np.inf
-
-
-#: (c, p, q) for the bound ``exp(c) |r|^p exp(-q |r|)``.
-_Growth = tuple[float, float, float]
-
-
-def _flat(size: float) -> _Growth | None:
-    return (float(np.log(size)), 0.0, 0.0) if 0.0 < size < np.inf else None
-
-
-def _product_of(x: _Growth | None, y: _Growth | None, power: float) -> _Growth | None:
-    """The bound of a product, or of a quotient (power -1)."""
-    return None if x is None or y is None else (x[0] + power * y[0], x[1] + power * y[1], x[2] + power * y[2])
-
-
-def _sum(x: _Growth | None, y: _Growth | None, start: float) -> _Growth | None:
-    """The bound of a sum for ``|r| >= start``."""
-    if x is None or y is None:
-        return None
-    power, fall, log = max(x[1], y[1]), min(x[2], y[2]), float(np.log(start))
-    first, second = (c + (p - power) * log - (q - fall) * start for c, p, q in (x, y))
-    return float(np.logaddexp(first, second)), power, fall
-
-
-def _applied(op: str, leaf: float | str, inner: list[Any], at: Mapping[str, Any]) -> Any:
+def _applied(op: str, leaf: Leaf, inner: list[Value], at: Mapping[str, Array]) -> Value:
     if op == "number":
         return np.float64(leaf)
     if op == "name":
@@ -512,17 +378,18 @@ def _applied(op: str, leaf: float | str, inner: list[Any], at: Mapping[str, Any]
     if op == "true":
         return np.bool_(True)
     if op == "piecewise":
-        chosen: Any = np.float64("nan")
+        chosen: Value = np.float64("nan")
         pairs = len(inner) // 2
         if len(inner) % 2:
             chosen = inner[-1]
         for k in reversed(range(pairs)):
             chosen = np.where(inner[2 * k], inner[2 * k + 1], chosen)
         return chosen
-    return OPERATIONS[op](*inner)
+    value: Value = OPERATIONS[op](*inner)
+    return value
 
 
-def _first_true(inner: Sequence[Any], size: int) -> IntArray:
+def _first_true(inner: Sequence[Value], size: int) -> IntArray:
     """Which argument of piecewise (condition, value, condition, value, ..., last) holds; -1 for none."""
     out = np.full(size, len(inner) - 1 if len(inner) % 2 else -1, dtype=np.int64)
     for k in reversed(range(len(inner) // 2)):

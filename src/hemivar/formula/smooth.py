@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array
+from hemivar.formula.enclosure import enclosed, tail
 from hemivar.formula.graph import Graph
 
 __all__ = ["WIDE", "SmoothFormula", "Supremum", "supremum_of_pieces"]
@@ -88,8 +89,8 @@ class SmoothFormula:
         return re.sub(r"(\d)\.0\b", r"\1", self.graph.text(self.node))
 
     def enclosed(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Bounds over intervals ``[low, high]``, arrays (k,); see :meth:`hemivar.formula.graph.Graph.enclosed`."""
-        return self.graph.enclosed(self.node, np.asarray(low, dtype=float), np.asarray(high, dtype=float))
+        """Bounds over intervals ``[low, high]``, arrays (k,); see :func:`hemivar.formula.enclosure.enclosed`."""
+        return enclosed(self.graph, self.node, np.asarray(low, dtype=float), np.asarray(high, dtype=float))
 
     def zeros(self, reach: float) -> Array | None:
         """All zeros in ``[-reach, reach]`` (far beyond if the function is linear), increasing; None if too many.
@@ -185,7 +186,7 @@ class SmoothFormula:
                 seen, place = float(values.max()), float(at[np.argmax(values)])
             upper = self._upper(slope, left, middle, right)
             for k in np.flatnonzero((np.isinf(left) | np.isinf(right)) & (upper > seen)):
-                upper[k] = min(upper[k], self.graph.tail(self.node, self.variable, float(left[k]), float(right[k])))
+                upper[k] = min(upper[k], tail(self.graph, self.node, float(left[k]), float(right[k])))
             left, right, upper = (np.concatenate(pair) for pair in zip(waiting, (left, right, upper), strict=True))
             open_ = upper > seen + _TIGHT * abs(seen) + slack
             done = max(done, float(upper[~open_].max(initial=-np.inf)))

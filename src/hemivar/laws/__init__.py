@@ -1,26 +1,43 @@
-"""Superpotentials: the answer of the foundation, normal and tangential."""
+"""Superpotentials: the answer of the foundation, normal and tangential.
 
-from hemivar.laws.analytic import FormulaLaw, FunctionLaw
-from hemivar.laws.base import Interval, Superpotential
-from hemivar.laws.bounds import CoulombBound, PenetrationBound, StateBound
-from hemivar.laws.contact import ContactLaw, Linearisation
+What a scalar law must answer is in :mod:`~hemivar.laws.superpotential`, what the law of a contact point must in
+:mod:`~hemivar.laws.vector_law`; :mod:`~hemivar.laws.contact_law` is the one that splits into scalar laws.  Laws by name
+lie in ``normal`` and ``friction``, tables, formulas and functions in ``own``, and what they are made of (``piecewise``,
+``scaled``, ``stacked``) here.  ``registry`` knows the laws by name for problem files, and ``testing`` checks a law of
+one's own.
+"""
+
+from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.description import LawDescription, LawKink
-from hemivar.laws.friction import Friction, NoFriction, Tresca
-from hemivar.laws.named import Bilateral, Compliance, NoContact, Signorini, SurveyLaw
-from hemivar.laws.nonmonotone import (
-    Adhesive,
-    Capped,
-    FinitePenetration,
-    Layered,
+from hemivar.laws.friction import (
+    CoulombBound,
+    Friction,
     Logarithmic,
-    SawTooth,
+    NoFriction,
+    PenetrationBound,
     SlipTable,
     SlipWeakening,
-    Softening,
+    StateBound,
     StaticKinetic,
+    Tresca,
 )
+from hemivar.laws.normal import (
+    Adhesive,
+    Bilateral,
+    Capped,
+    Compliance,
+    FinitePenetration,
+    Layered,
+    NoContact,
+    SawTooth,
+    Signorini,
+    Softening,
+    SurveyLaw,
+)
+from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
-from hemivar.laws.tables import read_law_table, table_law
+from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.vector_law import Linearisation, VectorLaw
 
 __all__ = [
     "Adhesive",
@@ -53,6 +70,7 @@ __all__ = [
     "Superpotential",
     "SurveyLaw",
     "Tresca",
+    "VectorLaw",
     "read_law_table",
     "table_law",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.base import Superpotential
+from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["check_consistency", "check_own"]
 

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-__all__ = ["LawDescription", "LawKink"]
+import numpy as np
+
+from hemivar.laws.minimisers import FAR
+
+if TYPE_CHECKING:
+    from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["LawDescription", "LawKink", "describe"]
 
 
 @dataclass(frozen=True)
@@ -128,3 +136,56 @@ class LawDescription:
 
     def __str__(self) -> str:
         return "\n".join((self.name, *("    " + line for line in self.lines)))
+
+
+def describe(law: Superpotential, point: int = 0) -> LawDescription:
+    """Formula, kinks and constants of the law at one contact point."""
+    law = law.take(np.array([point]))
+    knots = law.knots[0]
+    left, right = (side[0] for side in law.knot_slopes())
+    places = [i for i in range(knots.size) if np.isfinite(knots[i])]
+    kinks = tuple(LawKink(float(knots[i]), float(left[i]), float(right[i])) for i in places if left[i] != right[i])
+    lower, upper = float(law.domain.lower.ravel()[0]), float(law.domain.upper.ravel()[0])
+    alpha = float(law.weak_convexity[0])
+    falls = tuple(kink.place for kink in kinks if kink.jump < 0.0)
+    pieces: list[tuple[str, float, float]] = []
+    steepest, where = 0.0, None
+    for i in range(len(places) + 1):
+        piece = np.array([i])
+        low, high = (float(end[0]) for end in law.piece_bounds(piece))
+        if low >= high:
+            continue
+        for r in (low, high):
+            with np.errstate(all="ignore"):
+                curvature = float(law.piece_curvature(piece, np.array([np.clip(r, -FAR, FAR)]))[0])
+            if curvature < steepest:
+                steepest, where = curvature, (low if np.isfinite(low) else high) if not np.isfinite(r) else r
+        formula = law.piece_formula(i)
+        if formula and pieces and pieces[-1][0] == formula and left[i - 1] == right[i - 1]:
+            pieces[-1] = (formula, pieces[-1][1], high)
+        elif formula:
+            pieces.append((formula, low, high))
+    c0, c1 = (float(np.atleast_1d(c)[0]) for c in law.growth)
+    rates = [float(np.atleast_1d(law.recession(np.array([sign])))[0]) for sign in (-1.0, 1.0)]
+    rates = [rate + 0.0 for rate in rates]
+    outward = min(float(np.atleast_1d(law.asymptotic_curvature(sign))[0]) for sign in (-1.0, 1.0))
+    return LawDescription(
+        name=law.name,
+        pieces=tuple(_piece_line(*piece) for piece in pieces),
+        domain=(lower, upper),
+        knots=tuple(float(knots[i]) for i in places),
+        kinks=kinks,
+        alpha=alpha,
+        alpha_places=falls if falls else () if where is None else (float(where),),
+        c0=c0,
+        c1=c1,
+        recession=(rates[0], rates[1]),
+        coercive_above=max(0.0, -outward),
+        alpha_sampled=law.alpha_sampled,
+        growth_sampled=law.growth_sampled,
+    )
+
+
+def _piece_line(formula: str, low: float, high: float) -> str:
+    ends = (f"{low:.6g} < " if np.isfinite(low) else "", f" < {high:.6g}" if np.isfinite(high) else "")
+    return f"j'(r) = {formula}" + (f"   for {ends[0]}r{ends[1]}" if any(ends) else "")

@@ -11,8 +11,8 @@ import numpy as np
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.scaled import ScaledLaw
+from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["PiecewiseQuadratic"]
 
@@ -184,7 +184,7 @@ class PiecewiseQuadratic(Superpotential):
         return (ends > lower) & (starts < upper), (knots > lower) & (knots < upper)
 
     @property
-    def _straight(self) -> bool:
+    def straight(self) -> bool:
         return True
 
     @property
@@ -222,7 +222,7 @@ class PiecewiseQuadratic(Superpotential):
             return f"{k:.6g} r"
         return f"{constant:.6g} {'+' if k > 0 else '-'} {abs(k):.6g} r"
 
-    def _convex_part(
+    def convex_part(
         self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
     ) -> tuple[Array, Array, Array, Array]:
         return low, high, start, end  # straight pieces; those that fall are left out below
@@ -242,7 +242,7 @@ class PiecewiseQuadratic(Superpotential):
 
     def scaled(self, factor: Array | float) -> Superpotential:
         factor = np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False))
-        if self._many and factor.size > 1:  # one table for all points, not one for each
+        if self.shared_knots is not None and factor.size > 1:  # one table for all points, not one for each
             return ScaledLaw(self, factor)
         return PiecewiseQuadratic(
             self.breakpoints,
@@ -267,7 +267,7 @@ class PiecewiseQuadratic(Superpotential):
             name=self.name,
         )
 
-    def _stationary_point(
+    def stationary_point(
         self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
     ) -> tuple[Array, BoolArray]:
         t, slope = self._anchor(piece)

@@ -9,7 +9,7 @@ import numpy as np
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.base import Interval, Superpotential
+from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["ScaledLaw"]
 
@@ -67,17 +67,17 @@ class ScaledLaw(Superpotential):
         return np.broadcast_to(knots, (self._rows, knots.shape[-1]))
 
     @property
-    def _shared(self) -> Array | None:
-        return self.base._shared
+    def shared_knots(self) -> Array | None:
+        return self.base.shared_knots
 
-    def _slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
+    def slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
         with np.errstate(invalid="ignore"):
-            left, right = (np.where(np.isinf(s), s, self.factor * s) for s in self.base._slopes_at(knot))
+            left, right = (np.where(np.isinf(s), s, self.factor * s) for s in self.base.slopes_at(knot))
         return left, right
 
     @property
-    def _straight(self) -> bool:
-        return self.base._straight
+    def straight(self) -> bool:
+        return self.base.straight
 
     @property
     def domain(self) -> Interval:

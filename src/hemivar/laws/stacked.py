@@ -9,8 +9,8 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws.base import Interval, Superpotential
 from hemivar.laws.description import LawDescription
+from hemivar.laws.superpotential import Interval, Superpotential
 
 __all__ = ["StackedLaw"]
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import HemivarError
-from hemivar.laws.base import Superpotential
-from hemivar.laws.friction import Friction
+from hemivar.laws.friction.friction_law import Friction
+from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["LawError", "LawReport", "check_law"]
 

@@ -42,7 +42,8 @@ def algebraic_levels(problem: DiscreteProblem) -> list[tuple[sp.csr_array, Trans
     mean = float(problem.stiffness.diagonal().mean())
     filled = place @ problem.stiffness @ place.T + sp.diags_array(mean * empty)
     blocks = sp.csr_array(filled).tobsr((size, size))
-    near = np.ones((problem.unknowns, 1)) if problem.field is None else rigid_motions(problem.field)
+    field = problem.field
+    near = np.ones((problem.unknowns, 1)) if field is None or not field.moves else rigid_motions(field)
     candidates = np.zeros((count, near.shape[1]))
     candidates[slots] = near
     found: list[tuple[sp.csr_array, Transfer]] = []

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,7 +16,7 @@ from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import COARSEST, Levels, Transfer
 from hemivar.linear.threads import one_thread
 
-__all__ = ["ElasticMultigrid", "contact_unknowns", "selects", "sole_use"]
+__all__ = ["ElasticMultigrid", "contact_unknowns", "selects"]
 
 _NESTED = 1e-3
 _ITERATIONS = 100
@@ -27,14 +24,12 @@ _ITERATIONS = 100
 
 @dataclass(frozen=True, eq=False)
 class ElasticMultigrid:
-    """A hierarchy of discrete problems with the matrices of all its levels.
+    """A hierarchy of discrete problems with the matrices of all its levels; nothing in it changes.
 
     Attributes
     ----------
     steps : tuple of Coarser
         From coarse to fine: ``steps[k]`` holds the problem on mesh k and leads to mesh k + 1.
-    data : tuple
-        Load, gap, slip offset and law of the finest problem, which the coarser ones took over.
     levels : Levels
         The matrices, with algebraic ones below that of the coarsest mesh where that is large.
     first : int
@@ -44,21 +39,34 @@ class ElasticMultigrid:
     """
 
     steps: tuple[Coarser, ...]
-    data: tuple[object, ...]
     levels: Levels
     first: int
     seconds: float
 
     @staticmethod
     def of(problem: DiscreteProblem) -> ElasticMultigrid:
-        """The hierarchy of a problem, which remembers it, as do copies of it with another load, gap or law."""
-        sole_use(problem)  # copies share the hierarchy, so that they must share the lock
-        known = vars(problem).get("_multigrid")
-        return known if isinstance(known, ElasticMultigrid) else vars(problem).setdefault("_multigrid", _build(problem))
-
-    def poses(self, problem: DiscreteProblem) -> bool:
-        """Whether the coarser problems have load, gap and law of this one."""
-        return all(mine is its for mine, its in zip(self.data, _data(problem), strict=True))
+        """The hierarchy of a problem; it serves every other load, gap and law of the same body as well."""
+        began = time.perf_counter()
+        chain: list[Coarser] = []
+        coarsest = problem
+        while coarsest.unknowns > COARSEST:
+            step = coarser(coarsest)
+            if step is None:
+                break
+            chain.insert(0, step)
+            coarsest = step.problem
+        problems = [step.problem for step in chain] + [problem]
+        below = algebraic_levels(coarsest) if coarsest.unknowns > COARSEST else []
+        nothing = np.zeros(0, dtype=np.int64)
+        parts = [contact_unknowns(p) if selects(p.trace) else (nothing,) * 4 for p in problems]
+        levels = Levels(
+            [matrix for matrix, _ in below] + [p.stiffness for p in problems],
+            [transfer for _, transfer in below] + [Transfer.of(step.prolongation) for step in chain],
+            [nothing] * len(below) + [part[0] for part in parts],
+            [nothing] * len(below) + [part[3] for part in parts],
+            len(below),
+        )
+        return ElasticMultigrid(tuple(chain), levels, len(below), time.perf_counter() - began)
 
     def solve(self, load: Array, tolerance: float = 1e-10, nested: bool = True) -> tuple[Array, int]:
         """``K^-1 load`` by conjugate gradients with a multigrid cycle, none of the contact laws acting.
@@ -86,7 +94,6 @@ class ElasticMultigrid:
         if nested and k:
             prolongation = self.levels.transfers[top - 1].prolongation
             x = prolongation @ self._solve(k - 1, prolongation.T @ load, _NESTED, nested)[0]
-        self.levels.release(top)
         A = self.levels.matrix(top)
         rest = load - A @ x if k and nested else load
         size = tolerance * float(np.linalg.norm(load))
@@ -95,39 +102,6 @@ class ElasticMultigrid:
         diagonal = self.levels.diagonal(top)
         found = conjugate_gradients(A, diagonal, rest, lambda v: self.levels.cycle(top, v), size, _ITERATIONS)
         return x + found.solution, found.iterations
-
-
-def sole_use(problem: DiscreteProblem, wanted: bool = True) -> AbstractContextManager[Any]:
-    """A context in which no other thread works on the levels of a problem, if ``wanted``: these know what is held."""
-    return vars(problem).setdefault("_levels_in_use", threading.RLock()) if wanted else nullcontext()
-
-
-def _build(problem: DiscreteProblem) -> ElasticMultigrid:
-    began = time.perf_counter()
-    chain: list[Coarser] = []
-    coarsest = problem
-    while coarsest.unknowns > COARSEST:
-        step = coarser(coarsest)
-        if step is None:
-            break
-        chain.insert(0, step)
-        coarsest = step.problem
-    problems = [step.problem for step in chain] + [problem]
-    below = algebraic_levels(coarsest) if coarsest.unknowns > COARSEST else []
-    nothing = np.zeros(0, dtype=np.int64)
-    parts = [contact_unknowns(p) if selects(p.trace) else (nothing,) * 4 for p in problems]
-    levels = Levels(
-        [matrix for matrix, _ in below] + [p.stiffness for p in problems],
-        [transfer for _, transfer in below] + [Transfer.of(step.prolongation) for step in chain],
-        [nothing] * len(below) + [part[0] for part in parts],
-        [nothing] * len(below) + [part[3] for part in parts],
-        len(below),
-    )
-    return ElasticMultigrid(tuple(chain), _data(problem), levels, len(below), time.perf_counter() - began)
-
-
-def _data(problem: DiscreteProblem) -> tuple[object, ...]:
-    return problem.load, problem.gap, problem.slip_offset, problem.law
 
 
 def selects(trace: sp.csr_array) -> bool:

@@ -13,7 +13,7 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.parts import free_motions
+from hemivar.fem.rigid import free_motions
 
 __all__ = [
     "below_zero",
@@ -37,14 +37,14 @@ _RESISTED = 1e-9
 def free_unknowns(problem: DiscreteProblem) -> Array | None:
     """Unknowns (n, a) of the motions without deformation, the kernel of K; None where K is not that of a mesh.
 
-    They are told by mesh and supports.  A stiffness that resists them is not the one of the mesh (springs may have been
-    added), and nothing is known.
+    They are told by mesh and supports of a displacement.  A stiffness that resists them is not the one of the mesh
+    (springs may have been added), and nothing is known.
     """
     field = problem.field
-    if field is None:
+    if field is None or not field.moves:
         return None
     motions = free_motions(field)
-    unknowns = np.asarray((field.basis.T @ motions.motions).toarray())
+    unknowns = np.asarray((field.lift @ motions.motions).toarray())
     if not motions.count:
         return unknowns
     force = np.abs(problem.stiffness @ unknowns)

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 
 from hemivar.basics.types import Array
+from hemivar.linear.vectors import WHOLE, Vectors
 
-__all__ = ["Descent", "conjugate_gradients"]
+__all__ = ["Descent", "Matrix", "conjugate_gradients"]
 
 _FLAT = 1e-12
+
+
+class Matrix(Protocol):
+    """A sparse array, or anything else that vectors can be multiplied with."""
+
+    def __matmul__(self, vector: Array, /) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +46,14 @@ class Descent:
 
 
 def conjugate_gradients(
-    A: sp.csr_array,
+    A: Matrix,
     diagonal: Array,
     b: Array,
     precondition: Callable[[Array], Array],
     tolerance: float,
     limit: int,
-    stop: Callable[[int, Array, Array], bool] | None = None,
+    enough: Callable[[int, Array], Array] | None = None,
+    vectors: Vectors = WHOLE,
 ) -> Descent:
     """Preconditioned conjugate gradients from zero (Hestenes-Stiefel; early ending as in Steihaug 1983).
 
@@ -62,8 +70,11 @@ def conjugate_gradients(
         Ends once the 2-norm of the residual is no larger.
     limit : int
         Most products with A.
-    stop : function, optional
-        Called with the iteration, the iterate and its residual after every step; True ends.
+    enough : function, optional
+        Called with the iteration and the iterate after every step; ends once the residual is smaller than the array it
+        returns, in the 2-norm.
+    vectors : Vectors
+        How the parts of a vector are summed.
     """
     x = np.zeros_like(b)
     r = b.copy()
@@ -71,7 +82,7 @@ def conjugate_gradients(
     rz = 1.0
     for iteration in range(1, limit + 1):
         z = precondition(r)
-        now = float(r @ z)
+        now = float(vectors.total(float(r @ z))[0])
         if not now > 0.0:
             return Descent(x, r, iteration - 1)
         if p is None:
@@ -81,12 +92,14 @@ def conjugate_gradients(
             p += z
         rz = now
         q = A @ p
-        curvature = float(p @ q)
-        if curvature <= _FLAT * float(np.vdot(p, diagonal * p)):
-            return Descent(x, r, iteration, p if float(b @ p) >= 0.0 else -p)
+        curvature, stiff = vectors.total(float(p @ q), float(np.vdot(p, diagonal * p))).tolist()
+        if curvature <= _FLAT * stiff:
+            return Descent(x, r, iteration, p if vectors.total(float(b @ p))[0] >= 0.0 else -p)
         length = rz / curvature
         x += length * p
         r -= length * q
-        if float(np.linalg.norm(r)) <= tolerance or (stop is not None and stop(iteration, x, r)):
+        far = np.zeros(0) if enough is None else enough(iteration, x)
+        rest, wanted = np.sqrt(vectors.total(float(r @ r), float(far @ far))).tolist()
+        if rest <= tolerance or rest < wanted:
             return Descent(x, r, iteration)
     return Descent(x, r, limit)

@@ -11,7 +11,7 @@ in the coarse matrices is added to them, which takes products with the rows of t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 
-__all__ = ["COARSEST", "Levels", "Transfer"]
+__all__ = ["COARSEST", "Levels", "Transfer", "Truncated"]
 
 #: Unknowns that the coarsest level, which is solved densely, should have at most.
 COARSEST = 400
@@ -57,7 +57,7 @@ class Transfer:
 
 
 class _Level:
-    """One matrix, whose rows of contact unknowns can be changed and put back."""
+    """One matrix, and where in it the rows of contact unknowns are; never changed."""
 
     def __init__(self, matrix: sp.csr_array, contact: IntArray, coupling: sp.csr_array) -> None:
         self.contact = contact
@@ -65,52 +65,62 @@ class _Level:
         starts, ends = self.matrix.indptr[contact], self.matrix.indptr[contact + 1]
         lengths = (ends - starts).astype(np.int64)
         first = np.concatenate([[0], np.cumsum(lengths)])
-        #: Where the entries of the contact rows are, the row of each, and what they were.
+        #: Where the entries of the contact rows are, and the row of each.
         self.entries = np.arange(first[-1]) + np.repeat(starts - first[:-1], lengths)
         self.rows = np.repeat(np.arange(contact.size), lengths)
         self.columns = self.matrix.indices[self.entries].astype(np.int64)
         self.keys = self.rows * matrix.shape[0] + self.columns
-        self.original = self.matrix.data[self.entries].copy()
-        self.held = np.zeros(contact.size, dtype=bool)
-        self.changed = False
-
         self.diagonal = np.abs(self.matrix.diagonal())
-        self._base = self.matrix
-        self.patch: _Patch | None = None
 
-    def change(self, held: BoolArray, added: sp.csr_array) -> None:
-        """Make the rows of the held contact unknowns those of the identity, and add to the others."""
-        values = self.original.copy()
-        if added.nnz:
-            entry = added.tocoo()
-            keys = entry.row.astype(np.int64) * self.matrix.shape[0] + self.contact[entry.col]
-            np.add.at(values, np.searchsorted(self.keys, keys), entry.data)
-        out = held[self.rows]
-        values[out] = 0.0
-        values[out & (self.columns == self.contact[self.rows])] = 1.0
-        self.matrix.data[self.entries] = values
-        self.held = held
-        self.changed = bool(held.any()) or added.nnz > 0
+    def contact_rows(self, matrix: sp.csr_array) -> sp.csr_array:
+        """The rows of the contact unknowns of a matrix with the entries of this one."""
+        first = np.searchsorted(self.rows, np.arange(self.contact.size + 1))
+        shape = (self.contact.size, matrix.shape[0])
+        return sp.csr_array((matrix.data[self.entries], self.columns, first), shape=shape)
 
     def galerkin_change(self, held: BoolArray, added: sp.csr_array, prolongation: sp.csr_array) -> sp.csr_array:
         """What holding and adding change in the Galerkin product with a prolongation that is cut off where held."""
-        first = np.searchsorted(self.rows, np.arange(self.contact.size + 1))
-        shape = (self.contact.size, self.matrix.shape[0])
-        rows = sp.csr_array((self.original, self.columns, first), shape=shape)[held]
+        rows = self.contact_rows(self.matrix)[held]
         reach, cut = prolongation[self.contact], prolongation[self.contact[held]]
         lost = cut.T @ (rows @ prolongation)
         both = cut.T @ (rows[:, self.contact[held]] @ cut)
         return sp.csr_array(both - lost - lost.T + reach.T @ (added @ reach))
 
+
+class _Changed:
+    """A level with some of its contact unknowns held, and a matrix added between the others."""
+
+    def __init__(self, level: _Level) -> None:
+        self.level = level
+        self.matrix = level.matrix
+        self.held = np.zeros(level.contact.size, dtype=bool)
+        self.patch: _Patch | None = None
+
+    def change(self, held: BoolArray, added: sp.csr_array) -> None:
+        """Make the rows of the held contact unknowns those of the identity, and add to the others."""
+        level = self.level
+        values = level.matrix.data[level.entries]
+        if added.nnz:
+            entry = added.tocoo()
+            keys = entry.row.astype(np.int64) * level.matrix.shape[0] + level.contact[entry.col]
+            np.add.at(values, np.searchsorted(level.keys, keys), entry.data)
+        out = held[level.rows]
+        values[out] = 0.0
+        values[out & (level.columns == level.contact[level.rows])] = 1.0
+        if self.matrix is level.matrix:
+            parts = (level.matrix.data.copy(), level.matrix.indices, level.matrix.indptr)
+            self.matrix = sp.csr_array(parts, shape=level.matrix.shape)
+        self.matrix.data[level.entries] = values
+        self.held = held
+
     def shift(self, change: sp.csr_array) -> None:
-        """Add to the matrix as it was at first; unknowns that nothing is left of keep their diagonal entry."""
-        matrix = sp.csr_array(self._base + change)
-        before = self.diagonal
+        """Add to the matrix of the level; unknowns that nothing is left of keep their diagonal entry."""
+        matrix = sp.csr_array(self.level.matrix + change)
+        before = self.level.diagonal
         gone = matrix.diagonal() <= 1e-12 * before
         if gone.any():
             matrix = sp.csr_array(matrix + sp.diags_array(np.where(gone, before, 0.0)))
         self.matrix = _narrow(matrix)
-        self.changed = change.nnz > 0
 
 
 class _Patch:
@@ -131,11 +141,10 @@ class _Patch:
         self.inverse = np.linalg.inv(diagonal)
 
     @staticmethod
-    def of(level: _Level, points: IntArray) -> _Patch:
+    def of(changed: _Changed, points: IntArray) -> _Patch:
         """Of a level whose contact unknowns belong to these points."""
-        data = level.matrix.data[level.entries]
-        first = np.searchsorted(level.rows, np.arange(level.contact.size + 1))
-        rows = sp.csr_array((data, level.columns, first), shape=(level.contact.size, level.matrix.shape[0]))
+        level = changed.level
+        rows = level.contact_rows(changed.matrix)
         _, number = np.unique(points, return_inverse=True)
         order = np.argsort(number, kind="stable")
         start = np.searchsorted(number[order], np.arange(number.max() + 1))
@@ -145,7 +154,7 @@ class _Patch:
         slots = number * size + place
         block = rows[:, level.contact].tocoo()
         # Columns of held unknowns meet zeros only; left in, they would put the rounding of the inverse there.
-        block.data[level.held[block.col] & (block.row != block.col)] = 0.0
+        block.data[changed.held[block.col] & (block.row != block.col)] = 0.0
         count = (int(number.max()) + 1) * size
         empty = np.setdiff1d(np.arange(count), slots)
         entries = np.concatenate([block.data, np.ones(empty.size)])
@@ -167,6 +176,8 @@ class _Patch:
 
 class Levels:
     """Matrices from coarse to fine with the transfers between them: a preconditioner of each of them.
+
+    Nothing in it changes: many solves may work on it at the same time, each with a :class:`Truncated` of its own.
 
     Parameters
     ----------
@@ -196,9 +207,9 @@ class Levels:
         self.transfers = transfers
         self.algebraic = algebraic
         self.sweeps = sweeps
-        self._between: list[sp.csr_array] = []
-        self._own: list[IntArray] = []
-        self._points: list[IntArray] = []
+        self.between: list[sp.csr_array] = []
+        self.own: list[IntArray] = []
+        self.points: list[IntArray] = []
         levels: list[_Level] = []
         reached, chained = np.zeros(0, dtype=np.int64), sp.csr_array((0, 0))
         for k in range(len(matrices) - 1, -1, -1):
@@ -211,122 +222,144 @@ class Levels:
             member = sp.csr_array((np.ones(group.size), (np.arange(group.size), group)), shape=shape)
             coupling = sp.csr_array(_placed(chained, place, contact.size) + member @ member.T)
             levels.insert(0, _Level(matrices[k], contact, coupling))
-            self._own.insert(0, own)
-            self._points.insert(0, group)
+            self.own.insert(0, own)
+            self.points.insert(0, group)
             if k <= algebraic:
                 reached, chained = np.zeros(0, dtype=np.int64), sp.csr_array((0, 0))
-                self._between.insert(0, sp.csr_array((contact.size, 0)))
+                self.between.insert(0, sp.csr_array((contact.size, 0)))
             else:
                 rows = transfers[k - 1].prolongation[contact]
                 reached = np.unique(rows.indices).astype(np.int64)
                 between = sp.csr_array(rows[:, reached])
-                self._between.insert(0, between)
+                self.between.insert(0, between)
                 chained = sp.csr_array(abs(between).T @ coupling @ abs(between))
         # Columns of each transfer between contact unknowns, numbered as those of the coarser level.
-        for k, between in enumerate(self._between[1:]):
+        for k, between in enumerate(self.between[1:]):
             if k < algebraic:
                 continue
             entries = between.tocoo()
             reach = np.unique(transfers[k].prolongation[levels[k + 1].contact].indices)
             columns = np.searchsorted(levels[k].contact, reach[entries.col])
             shape = (between.shape[0], levels[k].contact.size)
-            self._between[k + 1] = sp.csr_array((entries.data, (entries.row, columns)), shape=shape)
-        self._levels = levels
-        self._coarse: Array | None = None
-        self.cycles = 0
+            self.between[k + 1] = sp.csr_array((entries.data, (entries.row, columns)), shape=shape)
+        self.levels = levels
 
     @property
     def sizes(self) -> list[int]:
         """Number of unknowns of every level, from coarse to fine."""
-        return [level.matrix.shape[0] for level in self._levels]
+        return [level.matrix.shape[0] for level in self.levels]
 
-    def matrix(self, top: int) -> sp.csr_array:
-        """The matrix of a level as it stands, rows of held unknowns replaced by those of the identity."""
-        return self._levels[top].matrix
+    def matrix(self, k: int) -> sp.csr_array:
+        """The matrix of a level."""
+        return self.levels[k].matrix
 
-    def diagonal(self, top: int) -> Array:
-        """Its diagonal before anything was held or added, (n,)."""
-        diagonal: Array = self._levels[top].diagonal
+    def diagonal(self, k: int) -> Array:
+        """Its diagonal, (n,)."""
+        diagonal: Array = self.levels[k].diagonal
         return diagonal
 
-    def change(self, top: int, held: BoolArray, added: sp.csr_array) -> None:
-        """Hold contact unknowns of a level, and add a matrix that acts between them; coarser levels follow.
+    def cycle(self, k: int, right: Array) -> Array:
+        """One symmetric V-cycle from zero: an approximate solution for the right-hand side (n,) of a level."""
+        return self._whole.cycle(k, right)
+
+    @cached_property
+    def _whole(self) -> Truncated:
+        return Truncated(self, len(self.levels) - 1)
+
+
+class Truncated:
+    """Levels on which some contact unknowns are held, and more stiffness acts between others; belongs to one solve.
+
+    Parameters
+    ----------
+    levels : Levels
+    top : int
+        The finest level that it is used on.
+    """
+
+    def __init__(self, levels: Levels, top: int) -> None:
+        self._levels, self._top = levels, top
+        self._changed = [_Changed(level) for level in levels.levels[: top + 1]]
+        self._coarse: Array | None = None
+
+    def matrix(self, k: int) -> sp.csr_array:
+        """The matrix of a level, rows of held unknowns replaced by those of the identity."""
+        return self._changed[k].matrix
+
+    def diagonal(self, k: int) -> Array:
+        """Its diagonal before anything was held or added, (n,)."""
+        return self._levels.diagonal(k)
+
+    def change(self, held: BoolArray, added: sp.csr_array) -> None:
+        """Hold contact unknowns of the top level, and add a matrix that acts between them; coarser levels follow.
 
         Parameters
         ----------
-        top : int
-            The level.
         held : bool array
             Which contact unknowns of that level keep their value; numbered as ``contacts[top]``.
         added : sparse array
             Symmetric; rows and columns of held unknowns are zero.
         """
-        own, count = self._own[top], self._levels[top].contact.size
+        levels, top = self._levels, self._top
+        own, count = levels.own[top], levels.levels[top].contact.size
         out = np.zeros(count, dtype=bool)
         out[own] = held
         added = _placed(added, own, count)
-        for k in range(top, self.algebraic - 1, -1):
-            level = self._levels[k]
-            level.change(out, added)
+        for k in range(top, levels.algebraic - 1, -1):
+            level, changed = levels.levels[k], self._changed[k]
+            changed.change(out, added)
             stiff = added.diagonal() > _STIFF * level.diagonal[level.contact]
-            level.patch = _Patch.of(level, self._points[k]) if k == top and stiff.any() else None
-            if k > self.algebraic:
-                between = self._between[k]
+            changed.patch = _Patch.of(changed, levels.points[k]) if k == top and stiff.any() else None
+            if k > levels.algebraic:
+                between = levels.between[k]
                 out = np.asarray(abs(between).T @ (out | stiff).astype(float) > 0.0)
                 free = sp.diags_array((~out).astype(float))
                 added = sp.csr_array(free @ (between.T @ added @ between) @ free)
-        if self.algebraic:
-            prolongation = self.transfers[self.algebraic - 1].prolongation
-            change = self._levels[self.algebraic].galerkin_change(out, added, prolongation)
-            for k in range(self.algebraic - 1, -1, -1):
-                self._levels[k].shift(change)
+        if levels.algebraic:
+            prolongation = levels.transfers[levels.algebraic - 1].prolongation
+            change = levels.levels[levels.algebraic].galerkin_change(out, added, prolongation)
+            for k in range(levels.algebraic - 1, -1, -1):
+                self._changed[k].shift(change)
                 if k:
-                    prolongation = self.transfers[k - 1].prolongation
+                    prolongation = levels.transfers[k - 1].prolongation
                     change = sp.csr_array(prolongation.T @ change @ prolongation)
         self._coarse = None
 
-    def release(self, top: int) -> None:
-        """Hold nothing and add nothing on a level and those below it."""
-        if any(level.changed for level in self._levels[: top + 1]):
-            count = self._own[top].size
-            self.change(top, np.zeros(count, dtype=bool), sp.csr_array((count, count)))
-
-    def cycle(self, top: int, right: Array) -> Array:
+    def cycle(self, k: int, right: Array) -> Array:
         """One symmetric V-cycle from zero: an approximate solution for the right-hand side (n,) of a level.
 
         Entries of held unknowns must be zero in ``right``, and are zero in the answer.
         """
-        self.cycles += 1
-        return self._cycle(top, np.ascontiguousarray(right, dtype=float))
+        return self._cycle(k, np.ascontiguousarray(right, dtype=float))
 
     def _cycle(self, k: int, right: Array) -> Array:
-        level = self._levels[k]
         if k == 0:
             return self._solve_coarsest(right)
-        A, transfer = level.matrix, self.transfers[k - 1]
+        levels, changed = self._levels, self._changed[k]
+        A, patch, transfer = changed.matrix, changed.patch, levels.transfers[k - 1]
         x = np.zeros_like(right)
-        if level.patch is not None:
-            level.patch.smooth(x, right, forward=True)
-        for _ in range(self.sweeps):
+        if patch is not None:
+            patch.smooth(x, right, forward=True)
+        for _ in range(levels.sweeps):
             _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
         coarse = transfer.restriction @ (right - A @ x)
-        below = self._levels[k - 1]
-        coarse[below.contact[below.held]] = 0.0
+        below = self._changed[k - 1]
+        coarse[below.level.contact[below.held]] = 0.0
         x += transfer.prolongation @ self._cycle(k - 1, coarse)
-        if k == self.algebraic:
-            x[level.contact[level.held]] = 0.0
-        for _ in range(self.sweeps):
+        if k == levels.algebraic:
+            x[changed.level.contact[changed.held]] = 0.0
+        for _ in range(levels.sweeps):
             _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
-        if level.patch is not None:
-            level.patch.smooth(x, right, forward=False)
+        if patch is not None:
+            patch.smooth(x, right, forward=False)
         return x
 
     def _solve_coarsest(self, right: Array) -> Array:
         if self._coarse is None:
-            level = self._levels[0]
-            free = np.ones(level.matrix.shape[0])
-            free[level.contact[level.held]] = 0.0  # their columns are still there, but meet zeros only
-            dense = level.matrix.toarray() * free
+            changed = self._changed[0]
+            free = np.ones(changed.matrix.shape[0])
+            free[changed.level.contact[changed.held]] = 0.0  # their columns are still there, but meet zeros only
+            dense = changed.matrix.toarray() * free
             dense[np.diag_indices_from(dense)] += 1.0 - free
             self._coarse = _inverse_root(dense)
         root = self._coarse
@@ -358,13 +391,13 @@ def _inverse_root(matrix: Array) -> Array:
 
 
 def _narrow(matrix: sp.csr_array) -> sp.csr_array:
-    """A copy of the matrix with 32-bit indices, which the compiled kernels ask for, and with data of its own."""
+    """The matrix with 32-bit indices, which the compiled kernels ask for, in order; its numbers may be shared."""
     matrix = sp.csr_array(matrix)
     indices, indptr = matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)
-    out = sp.csr_array((matrix.data.copy(), indices, indptr), shape=matrix.shape)
-    if not matrix.has_sorted_indices:
-        out.indices = indices.copy()
-        out.sort_indices()
+    if matrix.has_sorted_indices:
+        return sp.csr_array((matrix.data, indices, indptr), shape=matrix.shape)
+    out = sp.csr_array((matrix.data.copy(), indices.copy(), indptr), shape=matrix.shape)
+    out.sort_indices()
     return out
 
 

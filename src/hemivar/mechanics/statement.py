@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -30,7 +31,7 @@ from hemivar.mechanics.conditions import (
 )
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.obstacles import Normals, Obstacle
-from hemivar.mesh._keys import _facet_keys
+from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Contact", "ContactProblem", "Quadrature"]
@@ -110,7 +111,7 @@ class Contact(Portable):
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem(Portable):
+class ContactProblem(Portable, Displayed):
     """An elastic body, its supports and loads, and the foundations it may touch.
 
     Attributes
@@ -187,6 +188,13 @@ class ContactProblem(Portable):
         object.__setattr__(self, "tractions", MappingProxyType(forces))
         self._check_overlaps()
 
+    def __repr__(self) -> str:
+        parts = [repr(self.title)] if self.title else []
+        parts += [repr(self.mesh), type(self.material).__name__.lstrip("_").lower() + " material"]
+        parts += [f"contact on {name}: {contact.law.normal.name}" for name, contact in self.contact.items()]
+        parts += [f"{type(support).__name__} on {name}" for name, support in self.supports.items()]
+        return f"ContactProblem({', '.join(parts)})"
+
     def on(self, mesh: Mesh) -> ContactProblem:
         """The same problem on another mesh, which must have the same boundary names."""
         return replace(self, mesh=mesh)
@@ -232,7 +240,7 @@ class ContactProblem(Portable):
         facets = [self.mesh.boundaries[name] for name in used]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.ravel() for part in facets)]))
         keys = {
-            name: _facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
+            name: facet_keys(np.searchsorted(nodes, part), len(nodes)) for name, part in zip(used, facets, strict=True)
         }
         names = list(self.contact)
         for i, first in enumerate(names):

@@ -1,7 +1,10 @@
 """Meshes of simplices: built, read from files, checked, refined."""
 
-from hemivar.mesh.mesh import Mesh, box, read_mesh, rectangle
+from hemivar.mesh.build import box, rectangle
+from hemivar.mesh.mesh import Mesh
+from hemivar.mesh.read import read_mesh
 from hemivar.mesh.recipe import Grid, MeshRecipe
+from hemivar.mesh.refine import Refinement
 from hemivar.mesh.write import msh_text
 
-__all__ = ["Grid", "Mesh", "MeshRecipe", "box", "msh_text", "read_mesh", "rectangle"]
+__all__ = ["Grid", "Mesh", "MeshRecipe", "Refinement", "box", "msh_text", "read_mesh", "rectangle"]

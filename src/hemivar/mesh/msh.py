@@ -8,18 +8,19 @@ are not numbers, counts that are wrong, nodes that are missing, cut off files, a
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.disk import shown
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.mesh.msh_numbers import Bytes, Words, checked_count, entries_at, first_rows, parameters, runs, signed
+from hemivar.mesh.raw import Block, RawMesh, put_together
 
-__all__ = ["RawMesh", "is_msh", "parse_msh"]
+__all__ = ["is_msh", "parse_msh"]
 
 #: Dimension and number of nodes of the kinds of elements that are read, by their numbers in the format.
 _KINDS = {1: (1, 2), 2: (2, 3), 4: (3, 4), 15: (0, 1)}
@@ -30,24 +31,6 @@ _OTHER_KINDS = {
 #: Versions of the format, as files state them.
 _OLD, _FOUR, _NEW = ("2", "2.0", "2.1", "2.2"), ("4", "4.0"), ("4.1",)
 _SECTIONS = ("Entities", "PartitionedEntities", "Nodes", "ParametricNodes", "Elements")
-
-
-@dataclass(frozen=True, eq=False)
-class RawMesh:
-    """What a mesh file holds, before it is a mesh.
-
-    Attributes
-    ----------
-    points : array, shape (N, 2 or 3)
-    cells : mapping of dimension to int array, shape (k, dimension + 1)
-        Edges, triangles and tetrahedra by their nodes.
-    groups : mapping of (dimension, name) to int array, shape (k,)
-        Numbers of the cells of that dimension that belong to a named group.
-    """
-
-    points: Array
-    cells: dict[int, IntArray]
-    groups: dict[tuple[int, str], IntArray] = field(default_factory=dict)
 
 
 def is_msh(data: bytes) -> bool:
@@ -89,7 +72,7 @@ class _Reader:
         self.entities: dict[tuple[int, int], list[int]] | None = None
         self.ids: list[IntArray] = []
         self.points: list[Array] = []
-        self.blocks: list[_Block] = []
+        self.blocks: list[Block] = []
         self.seen: set[str] = set()
 
     def read(self) -> RawMesh:
@@ -116,7 +99,9 @@ class _Reader:
             raise ProblemError("it has no section $Nodes; save the mesh again")
         if "Elements" not in self.seen:
             raise ProblemError("it has no section $Elements; mesh the geometry before it is saved")
-        return self._assembled()
+        points = np.concatenate([*self.points, np.zeros((0, 3))]).astype(np.float64)
+        ids = np.concatenate([*self.ids, np.zeros(0, dtype=np.int64)])
+        return put_together(ids, points, self.blocks, self.names, repeated=self.version in _OLD)
 
     # ---- sections ---------------------------------------------------------------------------------------------
 
@@ -129,8 +114,8 @@ class _Reader:
             return None
         line, end = self._line(place)
         if not line.startswith(b"$") or not line[1:].isalnum() or line.startswith(b"$End"):
-            shown = line[:40].decode("ascii", "backslashreplace")
-            raise ProblemError(f"a section should begin at '{_printable(shown)}' ({self._where(place)}); save it again")
+            text = line[:40].decode("ascii", "backslashreplace")
+            raise ProblemError(f"a section should begin at '{shown(text)}' ({self._where(place)}); save it again")
         self.place = end
         return line[1:].decode("ascii")
 
@@ -171,7 +156,7 @@ class _Reader:
             raise ProblemError("its $MeshFormat is not 'version, 0 or 1, 8'; save it as MSH 2.2 or 4.1")
         if words[0] not in _OLD + _FOUR + _NEW:
             raise ProblemError(
-                f"it is in version {_printable(words[0])[:20]} of the format; versions 2.2, 4.0 and 4.1 are read: save "
+                f"it is in version {shown(words[0])[:20]} of the format; versions 2.2, 4.0 and 4.1 are read: save "
                 f"it as one of them"
             )
         self.version, self.binary, self.word = words[0], words[1] == "1", int(words[2])
@@ -194,21 +179,19 @@ class _Reader:
             head, quote, rest = line.strip().partition('"')
             words, name = head.split(), rest.rpartition('"')[0]
             if not quote or not rest.endswith('"') or len(words) != 2 or not all(_is_integer(word) for word in words):
-                raise ProblemError(
-                    f"$PhysicalNames has the line '{_printable(line)[:60]}'; write: dimension number name"
-                )
+                raise ProblemError(f"$PhysicalNames has the line '{shown(line)[:60]}'; write: dimension number name")
             key = (int(words[0]), abs(int(words[1])))
             if self.names.setdefault(key, name) != name:
                 raise ProblemError(
-                    f"group {key[1]} of dimension {key[0]} has two names, '{_printable(self.names[key])}' and "
-                    f"'{_printable(name)}'; leave one"
+                    f"group {key[1]} of dimension {key[0]} has two names, '{shown(self.names[key])}' and "
+                    f"'{shown(name)}'; leave one"
                 )
 
     def _plain(self, name: str, text: bytes) -> None:
         """A section in text."""
         if name in ("Entities", "PartitionedEntities"):
             words = iter(text.split())
-            self._entities(name, _Words(words, name))
+            self._entities(name, Words(words, name))
             if next(words, None) is not None:
                 raise ProblemError(f"${name} holds more than its counts say; save it again")
             return
@@ -235,17 +218,17 @@ class _Reader:
                 try:
                     (int if kind.kind == "i" else float)(word)
                 except ValueError:
-                    shown = _printable(word[:30].decode("ascii", "backslashreplace"))
+                    found = shown(word[:30].decode("ascii", "backslashreplace"))
                     what = "a whole number" if kind.kind == "i" else "a number"
                     at = self.data.count(b"\n", 0, start) + number + 1
                     raise ProblemError(
-                        f"'{shown}' is not {what} (${name}, line {at}); mend it or save it again"
+                        f"'{found}' is not {what} (${name}, line {at}); mend it or save it again"
                     ) from None
         raise ProblemError(f"${name} holds what is not a number; save the mesh again")
 
     # ---- entities: which physical groups their elements belong to ----------------------------------------------
 
-    def _entities(self, name: str, words: _Words | _Bytes) -> None:
+    def _entities(self, name: str, words: Words | Bytes) -> None:
         partitioned = name == "PartitionedEntities"
         if self.entities is None or partitioned:
             self.entities = {}
@@ -271,15 +254,15 @@ class _Reader:
     # ---- nodes --------------------------------------------------------------------------------------------------
 
     def _old_nodes(self, number: Array, parametric: bool) -> None:
-        count = _count(number[0] if len(number) else -1, "$Nodes")
+        count = checked_count(number[0] if len(number) else -1, "$Nodes")
         rows = number[1:]
         if not parametric:
             if len(rows) != 4 * count:
                 raise ProblemError(f"$Nodes says {count} nodes and holds {len(rows) / 4:g}; save the mesh again")
             self._add_nodes(rows.reshape(-1, 4)[:, 0], rows.reshape(-1, 4)[:, 1:])
             return
-        for start, width, many in _runs(
-            rows, count, 6, lambda head: (6 + _parameters(head[4]), (4,)), "$ParametricNodes"
+        for start, width, many in runs(
+            rows, count, 6, lambda head: (6 + parameters(head[4]), (4,)), "$ParametricNodes"
         ):
             part = rows[start : start + many * width].reshape(many, width)
             self._add_nodes(part[:, 0], part[:, 1:4])
@@ -287,12 +270,12 @@ class _Reader:
     def _nodes(self, number: Array) -> None:
         new = self.version in _NEW
         place = 4 if new else 2
-        blocks, count = (_count(value, "$Nodes") for value in _head(number, 0, 2, "$Nodes"))
+        blocks, count = (checked_count(value, "$Nodes") for value in entries_at(number, 0, 2, "$Nodes"))
         found = 0
         for _ in range(blocks):
-            head = [_count(value, "$Nodes", least=-(2**31)) for value in _head(number, place, 4, "$Nodes")]
+            head = [checked_count(value, "$Nodes", least=-(2**31)) for value in entries_at(number, place, 4, "$Nodes")]
             dim, many = head[0 if new else 1], head[3]
-            width = 3 + (_parameters(dim) if head[2] else 0)
+            width = 3 + (parameters(dim) if head[2] else 0)
             place += 4
             if many < 0 or place + many * (width + 1) > len(number):
                 raise ProblemError("$Nodes holds fewer nodes than it says; it is cut off or damaged: save it again")
@@ -318,13 +301,13 @@ class _Reader:
     # ---- elements -----------------------------------------------------------------------------------------------
 
     def _old_elements(self, number: IntArray) -> None:
-        count = _count(number[0] if len(number) else -1, "$Elements")
+        count = checked_count(number[0] if len(number) else -1, "$Elements")
         rows = number[1:]
 
         def width(head: IntArray) -> tuple[int, tuple[int, ...]]:
-            return 3 + _count(head[2], "$Elements") + _kind(int(head[1]))[1], (1, 2)
+            return 3 + checked_count(head[2], "$Elements") + _kind(int(head[1]))[1], (1, 2)
 
-        for start, columns, many in _runs(rows, count, 3, width, "$Elements"):
+        for start, columns, many in runs(rows, count, 3, width, "$Elements"):
             part = rows[start : start + many * columns].reshape(many, columns)
             self._add_old(int(part[0, 1]), part[:, 3 : 3 + int(part[0, 2])], part[:, 3 + int(part[0, 2]) :])
 
@@ -332,15 +315,15 @@ class _Reader:
         dim, _ = _kind(kind)
         none = np.zeros(len(nodes), dtype=np.int64)
         groups = np.abs(tags[:, 0]) if tags.shape[1] > 0 else none
-        self.blocks.append(_Block(dim, nodes, groups, tags[:, 1] if tags.shape[1] > 1 else none))
+        self.blocks.append(Block(dim, nodes, groups, tags[:, 1] if tags.shape[1] > 1 else none))
 
     def _elements(self, number: IntArray) -> None:
         new = self.version in _NEW
         place = 4 if new else 2
-        blocks, count = (_count(value, "$Elements") for value in _head(number, 0, 2, "$Elements"))
+        blocks, count = (checked_count(value, "$Elements") for value in entries_at(number, 0, 2, "$Elements"))
         found = 0
         for _ in range(blocks):
-            head = [int(value) for value in _head(number, place, 4, "$Elements")]
+            head = [int(value) for value in entries_at(number, place, 4, "$Elements")]
             dim, tag = (head[0], head[1]) if new else (head[1], head[0])
             width, many = 1 + _kind(head[2])[1], head[3]
             place += 4
@@ -362,12 +345,12 @@ class _Reader:
                     f"$Elements refers to entity {tag} of dimension {dim}, which $Entities does not hold; save it again"
                 )
             groups = self.entities[dim, tag]
-        self.blocks.append(_Block(dim, nodes, groups))
+        self.blocks.append(Block(dim, nodes, groups))
 
     # ---- the same in binary ---------------------------------------------------------------------------------------
 
     def _sizes_known(self, name: str) -> None:
-        source = _Bytes(self.data, self.place, self.order, self.word, name)
+        source = Bytes(self.data, self.place, self.order, self.word, name)
         if name in ("Entities", "PartitionedEntities"):
             self._entities(name, source)
         elif self.version in _OLD:
@@ -377,7 +360,7 @@ class _Reader:
         self.place = source.place
         self._end(name)
 
-    def _old_binary(self, name: str, source: _Bytes) -> None:
+    def _old_binary(self, name: str, source: Bytes) -> None:
         line, source.place = self._line(source.place)
         if not line.isdigit():
             raise ProblemError(f"${name} does not begin with a number; save it again")
@@ -391,9 +374,9 @@ class _Reader:
         while left and name == "ParametricNodes":
             near = np.dtype([*point, ("on", f"{self.order}i4", (2,))])
             dim = int(source.array(near, 1, move=False)["on"][0, 0])
-            kind = np.dtype([*near.descr, ("u", f"{self.order}f8", (_parameters(dim),))])
+            kind = np.dtype([*near.descr, ("u", f"{self.order}f8", (parameters(dim),))])
             rows = source.array(kind, min(left, source.left // kind.itemsize), move=False)
-            many = _first_rows(rows["on"][:, :1], len(rows), name)
+            many = first_rows(rows["on"][:, :1], len(rows), name)
             self._add_nodes(rows["id"][:many].astype(np.int64), rows["x"][:many])
             source.place += many * kind.itemsize
             left -= many
@@ -406,7 +389,7 @@ class _Reader:
             self._add_old(kind_of, block[:, 1 : 1 + tags].astype(np.int64), block[:, 1 + tags :].astype(np.int64))
             left -= many
 
-    def _binary(self, name: str, source: _Bytes) -> None:
+    def _binary(self, name: str, source: Bytes) -> None:
         new = self.version in _NEW
         blocks, count = source.size(), source.size()
         if new:
@@ -422,244 +405,17 @@ class _Reader:
             if name == "Elements":
                 nodes = _kind(head[2])[1]
                 part = source.array(tag_kind, many * (1 + nodes)).reshape(many, 1 + nodes)
-                self._add_block(dim, tag, head[2], _signed(part[:, 1:]))
+                self._add_block(dim, tag, head[2], signed(part[:, 1:]))
                 continue
-            width = 3 + (_parameters(dim) if head[2] else 0)
+            width = 3 + (parameters(dim) if head[2] else 0)
             if new:
-                ids = _signed(source.array(tag_kind, many))
+                ids = signed(source.array(tag_kind, many))
                 self._add_nodes(ids, source.array(f8, many * width).reshape(many, width)[:, :3])
             else:
                 rows = source.array(np.dtype([("id", i4), ("x", f8, (width,))]), many)
                 self._add_nodes(rows["id"].astype(np.int64), rows["x"][:, :3])
         if found != count:
             raise ProblemError(f"${name} says {count} and holds {found}; save the mesh again")
-
-    # ---- the whole ------------------------------------------------------------------------------------------------
-
-    def _assembled(self) -> RawMesh:
-        ids = np.concatenate([*self.ids, np.zeros(0, dtype=np.int64)])
-        points = np.concatenate([*self.points, np.zeros((0, 3))]).astype(np.float64)
-        infinite = ~np.isfinite(points).all(axis=1)
-        if infinite.any():
-            bad = int(np.argmax(infinite))
-            raise ProblemError(f"node {ids[bad]} has the coordinates {points[bad].tolist()}; all must be finite")
-        number = _numbering(ids)
-        cells: dict[int, IntArray] = {}
-        groups: dict[tuple[int, str], IntArray] = {}
-        for dim in (1, 2, 3):
-            blocks = [block for block in self.blocks if block.dim == dim and len(block.nodes)]
-            if not blocks:
-                continue
-            members: dict[int, list[IntArray]] = {}
-            start = 0
-            for block in blocks:
-                for group, rows in block.members():
-                    members.setdefault(group, []).append(start + rows)
-                start += len(block.nodes)
-            nodes = number(np.concatenate([block.nodes for block in blocks]))
-            together = {group: np.concatenate(rows) for group, rows in members.items()}
-            if self.version in _OLD:
-                nodes, together = _united(nodes, together, blocks)
-            cells[dim] = nodes
-            for group, rows in sorted(together.items()):
-                name = self.names.get((dim, group), str(group))
-                groups[dim, name] = _merged([groups.get((dim, name), rows), rows], len(nodes))
-        return RawMesh(points, cells, groups)
-
-
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Elements of one kind: their nodes, and the groups of all of them or the group of each (0: none)."""
-
-    dim: int
-    nodes: IntArray
-    groups: list[int] | IntArray
-    entities: IntArray | None = None
-
-    def members(self) -> Iterator[tuple[int, IntArray]]:
-        """Groups, and their rows."""
-        if isinstance(self.groups, list):
-            for group in self.groups:
-                yield group, np.arange(len(self.nodes))
-            return
-        for group in np.unique(self.groups[_changes(self.groups)]).tolist():
-            if group:
-                yield group, np.flatnonzero(self.groups == group)
-
-
-def _changes(values: IntArray) -> IntArray:
-    """Where entries (k,) differ from the one before: far fewer than k, as elements of a group follow each other."""
-    return np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
-
-
-def _merged(parts: list[IntArray], count: int) -> IntArray:
-    """All numbers below ``count`` in some lists, sorted, each once."""
-    mask = np.zeros(count, dtype=bool)
-    for part in parts:
-        mask[part] = True
-    return np.flatnonzero(mask)
-
-
-def _united(
-    nodes: IntArray, members: dict[int, IntArray], blocks: list[_Block]
-) -> tuple[IntArray, dict[int, IntArray]]:
-    """Elements that format 2 repeats for each of their groups, made into one."""
-    group = np.concatenate([np.asarray(block.groups) for block in blocks])
-    entity = np.concatenate([np.asarray(block.entities) for block in blocks])
-    new = np.union1d(_changes(entity), _changes(group))
-    pairs = np.unique(np.column_stack([entity[new], group[new]]), axis=0)
-    several = pairs[1:, 0][pairs[1:, 0] == pairs[:-1, 0]]
-    doubtful = np.flatnonzero(np.isin(entity, several))
-    if not doubtful.size:
-        return nodes, members
-    _, first, which = np.unique(np.sort(nodes[doubtful], axis=1), axis=0, return_index=True, return_inverse=True)
-    which = which.ravel()
-    if len(np.unique(np.column_stack([which, group[doubtful]]), axis=0)) < len(doubtful):
-        return nodes, members  # repeated without need: an error that the mesh reports with its place
-    stands_for = np.arange(len(nodes))
-    stands_for[doubtful] = doubtful[first[which]]
-    kept = stands_for == np.arange(len(nodes))
-    place = np.cumsum(kept) - 1
-    return nodes[kept], {key: place[stands_for[rows]] for key, rows in members.items()}
-
-
-def _numbering(ids: IntArray) -> Callable[[IntArray], IntArray]:
-    """The function from numbers of nodes in the file to their places."""
-    count, largest = len(ids), int(ids.max(initial=0))
-    if largest <= 8 * count + 1024:
-        table = np.full(largest + 2, -1, dtype=np.int64)
-        table[ids] = np.arange(count)
-        twice = table[ids] != np.arange(count)
-        if twice.any():
-            raise ProblemError(f"node {ids[int(np.argmax(twice))]} stands in it twice; save the mesh again")
-
-        def look_up(wanted: IntArray) -> IntArray:
-            if wanted.min(initial=1) < 1 or wanted.max(initial=1) > largest:
-                wanted = np.where((wanted < 1) | (wanted > largest), largest + 1, wanted)
-            return table[wanted]
-    else:
-        order = np.argsort(ids)
-        ordered = ids[order]
-        same = ordered[1:] == ordered[:-1]
-        if same.any():
-            raise ProblemError(f"node {ordered[int(np.argmax(same))]} stands in it twice; save the mesh again")
-
-        def look_up(wanted: IntArray) -> IntArray:
-            place = np.minimum(np.searchsorted(ordered, wanted), count - 1)
-            return np.where(ordered[place] == wanted, order[place], -1)
-
-    def number(wanted: IntArray) -> IntArray:
-        found = look_up(wanted)
-        if (found < 0).any():
-            bad = wanted[found < 0].ravel()[0]
-            raise ProblemError(f"an element refers to node {bad}, which is not in the file; save the mesh again")
-        return found
-
-    return number
-
-
-# ---- numbers of a section ----------------------------------------------------------------------------------------
-
-
-class _Words:
-    """Numbers of a section in text, one after the other."""
-
-    def __init__(self, words: Iterator[bytes], name: str) -> None:
-        self.words = words
-        self.name = name
-
-    def _next(self, count: int, kind: type[int] | type[float]) -> list[Any]:
-        try:
-            return [kind(next(self.words)) for _ in range(count)]
-        except (StopIteration, RuntimeError):
-            raise ProblemError(f"${self.name} holds less than its counts say; save the mesh again") from None
-        except ValueError:
-            raise ProblemError(f"${self.name} holds what is not a number where one is due; save it again") from None
-
-    def size(self) -> int:
-        return _count(self._next(1, int)[0], f"${self.name}")
-
-    def integers(self, count: int) -> list[int]:
-        return self._next(count, int)
-
-    def floats(self, count: int) -> list[float]:
-        return self._next(count, float)
-
-
-class _Bytes:
-    """Numbers of a binary section, one after the other."""
-
-    def __init__(self, data: bytes, place: int, order: str, word: int, name: str) -> None:
-        self.data = data
-        self.place = place
-        self.name = name
-        self._integer = np.dtype(f"{order}i4")
-        self._size = np.dtype(f"{order}u{word}")
-        self._float = np.dtype(f"{order}f8")
-
-    @property
-    def left(self) -> int:
-        return len(self.data) - self.place
-
-    def array(self, kind: np.dtype[Any], count: int, move: bool = True) -> NDArray[Any]:
-        if count * kind.itemsize > self.left or count < 0:
-            raise ProblemError(f"${self.name} is cut off or damaged: its counts go beyond the end; save the mesh again")
-        values = np.frombuffer(self.data, kind, count, self.place)
-        if move:
-            self.place += count * kind.itemsize
-        return values
-
-    def size(self) -> int:
-        return int(self.array(self._size, 1)[0])
-
-    def integers(self, count: int) -> list[int]:
-        values: list[int] = self.array(self._integer, count).tolist()
-        return values
-
-    def floats(self, count: int) -> list[float]:
-        values: list[float] = self.array(self._float, count).tolist()
-        return values
-
-
-def _runs(
-    rows: NDArray[Any], count: int, least: int, width: Callable[[Any], tuple[int, tuple[int, ...]]], name: str
-) -> Iterator[tuple[int, int, int]]:
-    """Consecutive rows of equal widths in a flat array: start, width, number of rows.
-
-    ``width`` tells from the first entries of a row its width, and which columns the width follows from.
-    """
-    place = 0
-    while count:
-        if place + least > len(rows):
-            raise ProblemError(f"{name} holds fewer rows than it says; it is cut off or damaged: save the mesh again")
-        columns, keys = width(rows[place:])
-        many = min(count, (len(rows) - place) // columns)
-        if many == 0:
-            raise ProblemError(f"{name} holds fewer rows than it says; it is cut off or damaged: save the mesh again")
-        many = _first_rows(rows[place : place + many * columns].reshape(many, columns)[:, list(keys)], many, name)
-        yield place, columns, many
-        place += many * columns
-        count -= many
-    if place != len(rows):
-        raise ProblemError(f"{name} holds more rows than it says, or rows of wrong lengths; save the mesh again")
-
-
-def _first_rows(keys: NDArray[Any], most: int, name: str) -> int:
-    """How many rows from the first one on are equal to it, looked at in growing portions."""
-    if most == 0:
-        raise ProblemError(f"{name} is cut off or damaged; save the mesh again")
-    done, portion = 1, 64
-    while done < most:
-        part: BoolArray = (keys[done : done + portion] == keys[0]).all(axis=1)
-        if not part.all():
-            return done + int(np.argmin(part))
-        done, portion = min(done + portion, most), 2 * portion
-    return done
-
-
-def _parameters(dim: float) -> int:
-    """Parameters of a node on an entity of this dimension, in the parametric variants."""
-    return int(dim) if dim in (1, 2) else 0
 
 
 def _kind(number: int) -> tuple[int, int]:
@@ -673,28 +429,5 @@ def _kind(number: int) -> tuple[int, int]:
     return _KINDS[number]
 
 
-def _head(number: NDArray[Any], place: int, count: int, name: str) -> NDArray[Any]:
-    if place + count > len(number):
-        raise ProblemError(f"{name} holds less than its counts say; it is cut off or damaged: save the mesh again")
-    return number[place : place + count]
-
-
-def _count(value: Any, name: str, least: int = 0) -> int:
-    if not (least <= value < 2**53 and value == int(value)):
-        raise ProblemError(f"{name} has {value:g} where a count is due; it is damaged: save the mesh again")
-    return int(value)
-
-
-def _signed(values: NDArray[Any]) -> IntArray:
-    """Sizes as signed integers, clipped."""
-    if values.dtype.itemsize < 8:
-        return values.astype(np.int64)
-    return np.asarray(np.minimum(values, np.uint64(np.iinfo(np.int64).max)).astype(np.int64))
-
-
 def _is_integer(word: str) -> bool:
     return word.removeprefix("-").isdecimal() and len(word) < 16
-
-
-def _printable(text: str) -> str:
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -9,22 +9,39 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.basics.disk import first_bytes, read_bytes, regular_file
+from hemivar.basics.disk import first_bytes, read_bytes, regular_file, shown
 from hemivar.basics.memory import require
 from hemivar.basics.types import IntArray
 from hemivar.errors import FileError, ProblemError
 from hemivar.mesh.mesh import Mesh
-from hemivar.mesh.msh import RawMesh, _printable, is_msh, parse_msh
+from hemivar.mesh.msh import is_msh, parse_msh
+from hemivar.mesh.raw import RawMesh
+from hemivar.mesh.recipe import MeshRecipe
 
-__all__ = ["mesh_from_file"]
+__all__ = ["read_mesh"]
 
 #: Bytes of memory for each byte of a file that is read.
 _FACTOR = 6.0
 _DIMENSION = {"vertex": 0, "line": 1, "triangle": 2, "tetra": 3}
 
 
-def mesh_from_file(path: str | Path) -> Mesh:
-    """Read a mesh file: Gmsh (.msh), or a format that meshio reads.  See :func:`hemivar.mesh.mesh.read_mesh`."""
+def read_mesh(path: str | Path) -> Mesh:
+    """Read a mesh file: Gmsh (.msh), or a format that meshio reads.
+
+    Physical groups of Gmsh and cell sets become boundaries (groups of facets) and regions (groups of cells).
+    Nodes that no cell uses are dropped, as is the third coordinate of plane meshes; inverted cells are
+    turned.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Raises
+    ------
+    ProblemError
+        If the file is missing or cannot be read, does not fit into memory, or holds cells other than straight
+        triangles or tetrahedra.
+    """
     try:
         name = regular_file(path, "mesh file", 2**62)
     except FileError as error:
@@ -39,13 +56,13 @@ def mesh_from_file(path: str | Path) -> Mesh:
     )
     head = first_bytes(name, 64, "mesh file")
     if is_msh(head):
-        raw = parse_msh(read_bytes(name, "mesh file", max(size, 1)), _printable(str(path)))
+        raw = parse_msh(read_bytes(name, "mesh file", max(size, 1)), shown(str(path)))
     elif name.suffix == ".msh" and not head.lstrip().startswith(b"("):
         raise ProblemError(f"{_named(path)} cannot be read: it does not begin like a file of Gmsh ($MeshFormat)")
     else:
         raw = _by_meshio(name)
     try:
-        return _mesh(raw)
+        return _mesh(raw).made_by(MeshRecipe(Path(path).absolute()))
     except ProblemError as error:
         raise ProblemError(f"{_named(path)}: {error}") from error
 
@@ -141,11 +158,11 @@ def _read_silently(path: Path) -> Any:
 def _format(path: Path) -> str:
     if not path.suffix:
         return "a mesh: its name has no suffix"
-    return f"a mesh of the format that '{_printable(path.suffix)}' stands for"
+    return f"a mesh of the format that '{shown(path.suffix)}' stands for"
 
 
 def _named(path: str | Path) -> str:
-    return f"mesh file '{_printable(str(path))}'"
+    return f"mesh file '{shown(str(path))}'"
 
 
 def _groups(found: Any, starts: list[int]) -> dict[tuple[int, str], IntArray]:

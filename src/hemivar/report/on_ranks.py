@@ -15,6 +15,7 @@ import numpy as np
 
 from hemivar.basics.disk import shown, whole_file
 from hemivar.basics.types import Array, IntArray
+from hemivar.certify import Certificate
 from hemivar.engines.petsc import DistributedSolution, Ranks
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
@@ -28,7 +29,7 @@ __all__ = ["pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
 _NODES_AT_A_TIME = 1 << 17
 
 
-def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: dict[str, Any] | None) -> Path:
+def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: Certificate | None) -> Path:
     """Write the record of :func:`hemivar.files.solution_record`; all ranks call this, rank 0 writes.
 
     Contact points and nodes are in the order of the serial run. Rank 0 holds the contact points, and the
@@ -60,7 +61,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
         "contact": contact,
     }
     if certificate is not None:
-        record["certificate"] = certificate
+        record["certificate"] = certificate.record()
 
     owned = body.piece.owned(ranks)
     numbers, values = body.piece.numbers[owned], solution.displacement[owned]
@@ -95,8 +96,8 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
             body.piece.numbers[contact.node],
             contact.points,
             contact.frames[:, 0],
-            contact.weights,
-            contact.offset[:, 0],
+            body.weights,
+            body.offset[:, 0],
             solution.local,
             solution.multiplier,
             solution.state,
@@ -262,7 +263,7 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     contact, lam, r = body.contact, solution.multiplier, solution.local
     tangential = np.arange(body.dim) > 0
     values = [
-        lam[:, :1], contact.offset[:, :1], r[:, :1], three_components(contact.global_vectors(lam * tangential)),
+        lam[:, :1], body.offset[:, :1], r[:, :1], three_components(contact.global_vectors(lam * tangential)),
         three_components(contact.global_vectors(r * tangential)),
         three_components(-contact.global_vectors(lam)), solution.state[:, None], contact.boundary[:, None],
     ]  # fmt: skip

@@ -11,9 +11,9 @@ import numpy as np
 from hemivar.basics.disk import make_folder, whole_file
 from hemivar.basics.types import IntArray
 from hemivar.errors import ProblemError
-from hemivar.report._solid import moved_points, sharp_edges, shown_on_surface, viewing_direction
-from hemivar.report._style import STATE_COLOURS, with_unit
-from hemivar.report.figures import magnification
+from hemivar.report.deformed import DeformedBody
+from hemivar.report.solid_body import sharp_edges, viewing_direction
+from hemivar.report.style import STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState, Solution
 
 __all__ = ["check_rendering", "render_solution"]
@@ -62,13 +62,11 @@ def render_solution(
         raise ProblemError(f"size = {size}; give width and height from 16 to 16384 pixels")
     check_rendering(2 if field is None else field.mesh.dim)
     make_folder(path.parent)
-    assert field is not None
     import pyvista
 
-    mesh = field.mesh
-    factor = magnification(scale, mesh, solution.displacement[: mesh.number_of_nodes], solution.problem.gap)
-    moved = mesh.points + factor * solution.displacement[: mesh.number_of_nodes]
-    values, name = shown_on_surface(solution)
+    body = DeformedBody.of(solution, scale)
+    mesh, moved = body.mesh, body.vertices
+    values, name = body.surface
     length = float(np.linalg.norm(np.ptp(moved, axis=0)))
     font = max(12, size[1] // 48)
     small = int(0.7 * font)
@@ -90,10 +88,9 @@ def render_solution(
             lines = pyvista.PolyData(points, lines=_with_counts(sharp_edges(mesh)))
             plotter.add_mesh(lines, line_width=width, **black)
         if solution.problem.contact_points:
-            places = moved_points(solution, factor, moved) + 2e-3 * length * viewing_direction(solution.problem)
-            for row, (state, colour) in enumerate(STATE_COLOURS.items()):
-                here = solution.state == state
-                label = f"{state.label} ({np.count_nonzero(here)})"
+            places = body.contact_places + 2e-3 * length * viewing_direction(solution.problem)
+            for row, (state, here, label) in enumerate(body.states()):
+                colour = STATE_COLOURS[state]
                 ink = "black" if state == ContactState.OPEN else colour
                 plotter.add_text(
                     label, position=(0.8 * size[0], (0.96 - 0.04 * row) * size[1]), font_size=small, color=ink
@@ -102,8 +99,7 @@ def render_solution(
                     mark = float(np.clip(0.25 * size[0] / np.sqrt(len(places)), 3.0, 14.0))
                     points = plotter.add_points(places[here], color=colour, point_size=mark, **shading)
                     points.prop.render_points_as_spheres = True
-        magnified = "" if factor == 1.0 else f"displacement times {factor:g}"
-        text = "\n".join(line for line in (title or "", magnified) if line)
+        text = "\n".join(line for line in (title or "", body.magnified) if line)
         if text:
             plotter.add_text(text, position="upper_left", font_size=small, **black)
         plotter.show_bounds(

@@ -27,10 +27,13 @@ from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.files import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA, survey
 from hemivar.mesh import Mesh
-from hemivar.report.figures import observed_order, plot_contact, plot_errors, plot_solution, save
+from hemivar.report.bodies import plot_solution
+from hemivar.report.contact_curves import plot_contact
+from hemivar.report.histories import observed_order, plot_errors
+from hemivar.report.saving import save
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
 from hemivar.solvers import METHODS, Controls, Solution, Status, solve, transfer_solution
-from hemivar.systems import CondensedProblem, condense
+from hemivar.systems import CondensedProblem, Workspace, condense
 
 __all__ = ["FILES", "MOST_CELLS", "SURVEY_METHODS", "SurveyResult", "run_survey"]
 
@@ -201,7 +204,7 @@ class _Run:
         self, problem: DiscreteProblem, condensed: CondensedProblem, method: str, coarser: Solution | None
     ) -> Solution:
         guess = None if coarser is None else transfer_solution(coarser, problem)
-        solution = solve(problem, METHODS[method], self.controls, initial=guess, condensed=condensed)
+        solution = solve(problem, METHODS[method], self.controls, initial=guess, workspace=Workspace.holding(condensed))
         if solution.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         return solution

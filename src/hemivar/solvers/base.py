@@ -11,25 +11,26 @@ from hemivar.discrete.hold import Growth
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.laws import ContactLaw
+from hemivar.linear.vectors import Vectors
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
-from hemivar.systems.condensed import condense
+from hemivar.systems.workspace import Workspace
 
-__all__ = ["Solver", "State", "System"]
+__all__ = ["PosedSystem", "Solver", "State", "System"]
 
 
 class System(Protocol):
     """What a method works on: a point ``r`` is ``(m, d)`` where the body is condensed onto its contact boundary, and
-    ``(n,)`` where the method works on all unknowns."""
+    ``(n,)`` where the method works on all unknowns.  Arrays are those of this process."""
 
     @property
-    def problem(self) -> DiscreteProblem:
-        """The problem."""
+    def vectors(self) -> Vectors:
+        """How the parts of all processes are looked at together."""
         ...
 
     @property
     def law(self) -> ContactLaw:
-        """Its law."""
+        """The law."""
         ...
 
     @property
@@ -88,6 +89,23 @@ class System(Protocol):
         """All unknowns (n,), with the residual of the whole problem."""
         ...
 
+    def full_residual(self, unknowns: Array, lam: Array) -> Residual:
+        """The residual of the whole problem at unknowns (n,)."""
+        ...
+
+    def with_law(self, law: ContactLaw) -> Self:
+        """The same body on another foundation."""
+        ...
+
+
+class PosedSystem(System, Protocol):
+    """A system of a problem that is in one place."""
+
+    @property
+    def problem(self) -> DiscreteProblem:
+        """The problem."""
+        ...
+
     def free_growth(self) -> list[Growth]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
         ...
@@ -113,6 +131,8 @@ class State:
         Set by a method that ends by its own rule; CONVERGED here means "by my own rule", and the residual decides.
     energy : float or None
         Energy at ``r`` where the method knows it more accurately than a fresh evaluation would.
+    residual : Residual or None
+        Residual of the pair where the method has found it.
     error_bound : float or None
         Certified bound of the energy-norm distance to the solution.
     memory : object
@@ -126,6 +146,7 @@ class State:
     evaluations: int = 0
     ended: Status | None = None
     energy: float | None = None
+    residual: Residual | None = None
     error_bound: float | None = None
     memory: Any = None
     contraction: float | None = None
@@ -152,9 +173,9 @@ class Solver(ABC):
         """The method, with what it solves inside as accurate as a relative tolerance of the whole asks for."""
         return self
 
-    def prepare(self, problem: DiscreteProblem) -> Any:
-        """The system the method works on."""
-        return condense(problem)
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+        """The system the method works on; what is expensive about it comes from the workspace."""
+        return workspace.condensed(problem)
 
     def first_guess(self, system: Any, budget: Budget) -> tuple[Array, Status | None]:
         """Where to start if the user names no point; and a status where the search for it was stopped."""

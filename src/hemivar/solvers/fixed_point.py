@@ -11,15 +11,15 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws.contact import spread
+from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.condensed import depends_on_state
+from hemivar.systems.workspace import Workspace
 
-__all__ = ["FixedPoint"]
+__all__ = ["FixedPoint", "Outer"]
 
 _FATAL = (Status.NONFINITE, Status.UNBOUNDED)
 
@@ -79,13 +79,13 @@ class FixedPoint(Solver):
         return True
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
-        if not depends_on_state(problem.law):
+        if not problem.law.state_dependent:
             return self.inner.refuse(problem)
         start = problem.local(np.zeros(problem.unknowns))
         return self.inner.refuse(problem.with_law(problem.law.frozen(start, np.zeros(start.shape))))
 
     def begin(self, system: System, start: State, budget: Budget) -> State:
-        return replace(start, memory=_Memory(start.r, start.lam))
+        return replace(start, memory=Outer(start.r, start.lam))
 
     @property
     def condenses(self) -> bool:
@@ -94,18 +94,19 @@ class FixedPoint(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(self.inner_rtol))
 
-    def prepare(self, problem: DiscreteProblem) -> Any:
-        return self.inner.prepare(problem)
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+        return self.inner.prepare(problem, workspace)
 
     def step(self, system: System, state: State, budget: Budget) -> State:
-        memory: _Memory = state.memory
-        law = system.law.frozen(system.local(memory.r), memory.lam) if depends_on_state(system.law) else system.law
-        ordinary = system.for_problem(system.problem.with_law(law))
+        memory: Outer = state.memory
+        law = system.law.frozen(system.local(memory.r), memory.lam) if system.law.state_dependent else system.law
+        ordinary = system.with_law(law)
         r = ordinary.start(state.r)
         rounding = 64.0 * np.finfo(float).eps
         # The tolerance refers to the load of this problem, so that it keeps its meaning for a load of zero.
         controls = Controls(rtol=self.inner_rtol, max_time=max(budget.limit - budget.spent, 0.0))
-        found, status, _ = iterate(self.inner, ordinary, State(r, ordinary.multiplier(r)), controls, budget)
+        start = State(r, ordinary.multiplier(r), memory=memory.inner)
+        found, status, _ = iterate(self.inner, ordinary, start, controls, budget)
         evaluations = state.evaluations + found.evaluations
         if status in (*_FATAL, *STOPPED):
             return State(found.r, found.lam, evaluations, status, memory=memory, contraction=state.contraction)
@@ -123,24 +124,41 @@ class FixedPoint(Solver):
         elif len(ratios) >= 6 and contraction is not None and contraction >= 0.999 and not settled:
             ended = Status.NOT_CONTRACTING
         theta = self.relaxation
-        new = _Memory(
-            memory.r + theta * (found.r - memory.r), memory.lam + theta * (multiplier - memory.lam), change, ratios
+        new = Outer(
+            memory.r + theta * (found.r - memory.r),
+            memory.lam + theta * (multiplier - memory.lam),
+            change,
+            ratios,
+            found.memory,
         )
         return State(found.r, multiplier, evaluations, ended, memory=new, contraction=contraction)
 
 
 @dataclass(frozen=True, eq=False)
-class _Memory:
-    """Where the bounds are evaluated, the last change, and the last ratios of changes."""
+class Outer:
+    """What the iteration keeps between its steps.
+
+    Attributes
+    ----------
+    r, lam : arrays
+        The point and the multiplier at which the bounds are evaluated next.
+    change : float
+        The size of the last change of them.
+    ratios : tuple of float
+        Of the last changes, each to the one before.
+    inner : object
+        What the inner method remembers; one that can makes use of it.
+    """
 
     r: Array
     lam: Array
     change: float = np.inf
     ratios: tuple[float, ...] = ()
+    inner: Any = None
 
 
 def _size(system: System, r: Array, lam: Array) -> float:
     """Energy norm of a change of displacement, with that of the multiplier in the norm that goes with it."""
     compliance = spread(system.compliance, lam.shape[1])
-    dual = float((system.weights[:, None] * compliance * np.where(system.active, lam, 0.0) ** 2).sum())
-    return float(np.hypot(system.stretch(r), np.sqrt(dual)))
+    own = float((system.weights[:, None] * compliance * np.where(system.active, lam, 0.0) ** 2).sum())
+    return float(np.hypot(system.stretch(r), np.sqrt(system.vectors.total(own)[0])))

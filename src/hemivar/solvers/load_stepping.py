@@ -10,11 +10,12 @@ import numpy as np
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.load_line import LoadLine
-from hemivar.solvers.base import Solver, State, System
+from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.status import STOPPED
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["LoadStepping"]
 
@@ -80,13 +81,13 @@ class LoadStepping(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(min(rtol, self.rtol)))
 
-    def prepare(self, problem: DiscreteProblem) -> Any:
-        return self.inner.prepare(problem)
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+        return self.inner.prepare(problem, workspace)
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
         return self.inner.refuse(problem)
 
-    def begin(self, system: System, start: State, budget: Budget) -> State:
+    def begin(self, system: PosedSystem, start: State, budget: Budget) -> State:
         line = LoadLine(system.problem)
         full = float(np.linalg.norm(system.problem.load))
         r, evaluations = start.r, start.evaluations
@@ -102,8 +103,8 @@ class LoadStepping(Solver):
         r = system.start(r)
         return self.inner.begin(system, replace(start, r=r, lam=system.multiplier(r), evaluations=evaluations), budget)
 
-    def step(self, system: System, state: State, budget: Budget) -> State:
+    def step(self, system: PosedSystem, state: State, budget: Budget) -> State:
         return self.inner.step(system, state, budget)
 
-    def settle(self, system: System, state: State, budget: Budget) -> State | None:
+    def settle(self, system: PosedSystem, state: State, budget: Budget) -> State | None:
         return None if state.ended is not None else self.inner.settle(system, state, budget)

@@ -2,43 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from hemivar.basics.deadline import CALLED
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State, System
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
 from hemivar.solvers.solution import contact_state
 from hemivar.solvers.status import Status
 
-__all__ = ["iterate"]
+__all__ = ["Watch", "contact_states", "finish", "iterate"]
+
+#: Called with every state and the history up to it.
+Watch = Callable[[State, tuple[Progress, ...]], None]
 
 
 def iterate(
-    solver: Solver, system: System, state: State, controls: Controls, budget: Budget
+    solver: Solver,
+    system: System,
+    state: State,
+    controls: Controls,
+    budget: Budget,
+    past: tuple[Progress, ...] = (),
+    watch: Watch | None = None,
 ) -> tuple[State, Status, list[Progress]]:
     """Step until the residual is small, the method ends, or a limit is reached; keeps the best iterate.
 
     An interruption (Ctrl-C), the time limit and a lack of memory end it in the middle of a step, with the best
     iterate so far.  Once the residual is small the method is asked whether it can do better (:meth:`Solver.settle`);
     it goes on from there if so.
+
+    Parameters
+    ----------
+    solver : Solver
+    system : System
+    state : State
+        Where to start, or what a run before this one ended with.
+    controls : Controls
+    budget : Budget
+    past : tuple of Progress
+        Steps that a run before this one has done; the last is that of ``state``.
+    watch : function, optional
     """
+    vectors = system.vectors
     steps = solver.default_steps if controls.max_steps is None else controls.max_steps
-    history: list[Progress] = []
+    history: list[Progress] = list(past[:-1])
+    first, changed = len(history), past[-1].changed if past else 0
     best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
     status: Status | None = None
     try:
-        state = solver.begin(system, state, budget)
-        for step in range(steps + 1):
-            if step:
-                before = contact_state(system.local(state.r), state.lam)
+        if not past:
+            state = solver.begin(system, state, budget)
+        for step in range(first, max(steps, first) + 1):
+            if step > first:
+                before = contact_states(system, state.r, state.lam)
                 state = solver.step(system, state, budget)
-                changed = int(np.count_nonzero(contact_state(system.local(state.r), state.lam) != before))
-            else:
-                changed = 0
-            now = system.residual(state.r, state.lam)
-            finite = bool(np.isfinite(state.r).all() and np.isfinite(now.total))
+                (moved,) = vectors.total(float(np.count_nonzero(contact_states(system, state.r, state.lam) != before)))
+                changed = int(moved)
+            now = system.residual(state.r, state.lam) if state.residual is None else state.residual
+            broken = float(not np.isfinite(state.r).all())
+            finite = bool(np.isfinite(now.total)) and not vectors.largest(broken)[0]
             energy = system.energy(state.r) if state.energy is None else state.energy
             history.append(Progress(step, energy, now.relative, changed, budget.spent))
             rank = energy if solver.descends else now.total
@@ -46,7 +74,10 @@ def iterate(
             if finite and (rank <= best_rank or certified):
                 best, best_rank = state, rank
             smallest = min(smallest, now.total if finite else np.inf)
-            stop = controls.callback is not None and controls.callback(history[-1])
+            stop = controls.callback is not None and bool(controls.callback(history[-1]))
+            due = float(vectors.largest(CALLED if stop else budget.due())[0])
+            if watch is not None:
+                watch(state, tuple(history))
             if not finite and step:
                 status = state.ended or Status.NONFINITE
             elif now.below(controls.atol, controls.rtol):
@@ -58,10 +89,8 @@ def iterate(
                     lowest.clear()
             elif state.ended is not None:
                 status = state.ended
-            elif stop:
-                status = Status.INTERRUPTED
-            elif budget.spent > budget.limit:
-                status = Status.MAX_TIME
+            elif due:
+                status = _stopped(due)
             lowest.append(smallest)
             stuck = len(lowest) > solver.patience + 1 and lowest[-1] > 0.999 * lowest[-1 - solver.patience]
             if status is None and stuck:
@@ -69,13 +98,52 @@ def iterate(
             if status is not None:
                 break
     except OutOfTime:
-        status = Status.MAX_TIME
+        status = _stopped(float(vectors.largest(budget.due())[0]))
     except KeyboardInterrupt:
+        if not vectors.alone:
+            raise
         status = Status.INTERRUPTED
     except MemoryError:
+        if not vectors.alone:
+            raise
         status = Status.OUT_OF_MEMORY
     if not history:
-        first = system.residual(best.r, best.lam).relative
-        history.append(Progress(0, system.energy(best.r), first, 0, budget.spent))
+        reached = system.residual(best.r, best.lam).relative
+        history.append(Progress(0, system.energy(best.r), reached, 0, budget.spent))
     best = replace(best, evaluations=max(best.evaluations, state.evaluations), contraction=state.contraction)
     return best, Status.MAX_STEPS if status is None else status, history
+
+
+def _stopped(due: float) -> Status:
+    return Status.INTERRUPTED if due == CALLED else Status.MAX_TIME
+
+
+def contact_states(system: System, r: Array, lam: Array) -> IntArray:
+    """Open, stick or slip at the contact points of this process, by the sizes of all."""
+    local = system.local(r)
+    sizes = system.vectors.largest(np.abs(local).max(initial=0.0), np.abs(lam).max(initial=0.0)).tolist()
+    return contact_state(local, lam, (sizes[0], sizes[1]))
+
+
+def finish(
+    system: System, state: State, status: Status, controls: Controls, excused: float = 0.0
+) -> tuple[Array, Array, Residual, Status]:
+    """All unknowns from the iterate, a multiplier, the residual of the full problem and the status that this allows.
+
+    Rounding aside, the multiplier is one of the law itself: no pressure at all where the body has lifted.  A method
+    that ended by its own rule is believed up to the relative residual ``excused``.
+    """
+    unknowns, found = system.recover(state.r, state.lam)
+    multiplier, r = state.lam, system.local(state.r)
+    law = system.law_at(state.r, state.lam) if np.isfinite(r).all() else None
+    outside = law is None or not np.isfinite(law.value(r)).all()
+    if not system.vectors.largest(float(outside))[0] and law is not None:
+        exact = np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam)
+        with_exact = system.full_residual(unknowns, exact)
+        if with_exact.total <= found.total + found.rounding:
+            multiplier, found = exact, with_exact
+    if found.below(controls.atol, controls.rtol):
+        status = Status.CONVERGED
+    elif status is Status.CONVERGED and not found.below(0.0, excused):
+        status = Status.INACCURATE
+    return unknowns, multiplier, found, status

@@ -16,7 +16,7 @@ from hemivar.solvers.controls import Controls
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.solve import solve
 from hemivar.solvers.status import Status
-from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["solve_nested", "transfer_solution"]
 
@@ -42,7 +42,7 @@ def solve_nested(
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,
-    condensed: Sequence[CondensedProblem] | None = None,
+    workspace: Workspace | None = None,
 ) -> list[Solution]:
     """Solve on each mesh in turn, starting from the solution on the one before (survey, section 5.2).
 
@@ -52,8 +52,8 @@ def solve_nested(
         From coarse to fine.
     solver, controls
         As in :func:`solve`, for every mesh.
-    condensed : sequence of CondensedProblem, optional
-        Condensations to share, one for each problem.
+    workspace : Workspace, optional
+        Where factors and levels are kept, for all meshes.
 
     Returns
     -------
@@ -65,10 +65,9 @@ def solve_nested(
     if not problems:
         raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")
     solutions: list[Solution] = []
-    for i, problem in enumerate(posed(given, "solve_nested") for given in problems):
+    for problem in (posed(given, "solve_nested") for given in problems):
         guess = transfer_solution(solutions[-1], problem) if solutions else None
-        shared = None if condensed is None else condensed[i]
-        solutions.append(solve(problem, solver, controls, initial=guess, condensed=shared))
+        solutions.append(solve(problem, solver, controls, initial=guess, workspace=workspace))
         if solutions[-1].status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
             break
     return solutions

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import Enum
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg as la
@@ -15,28 +14,17 @@ from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
-from hemivar.systems.downhill import downhill_minimiser
+from hemivar.systems.contact_moves import (
+    Search,
+    best_component,
+    diagonal_step,
+    gain,
+    majorant,
+    newton_components,
+    snapped,
+)
 
-__all__ = [
-    "NonsmoothNewton",
-    "Search",
-    "best_component",
-    "diagonal_step",
-    "escape_saddle",
-    "lower_energy",
-    "majorant",
-    "newton_components",
-    "newton_system",
-]
-
-
-class Search(Enum):
-    """How far a contact point looks for less energy."""
-
-    GLOBAL = "global"
-    """It takes the lowest point of its own energy, over any barrier."""
-    DOWNHILL = "downhill"
-    """It walks downhill and never crosses a barrier of its own energy: the branch it is on is kept while it lasts."""
+__all__ = ["NonsmoothNewton", "Search", "escape_saddle", "lower_energy", "newton_system"]
 
 
 @dataclass(frozen=True)
@@ -77,17 +65,17 @@ class NonsmoothNewton(Solver):
         r, energy, evaluations = state.r, float(state.energy or 0.0), state.evaluations
         factor: float = state.memory
         for _ in range(self.sweeps):
-            new, gain, tries, factor = diagonal_step(system, r, factor, self.search)
-            evaluations += tries
-            if new is None:
+            move = diagonal_step(system, r, system.out_of_balance(r), factor, self.search)
+            evaluations, factor = evaluations + move.tries, move.factor
+            if move.endless:
                 return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
-            if gain < 0.0 or not np.isfinite(energy):
-                r = new
-                energy = energy + gain if np.isfinite(energy) else system.energy(r)
-        new, gain, tries = _newton_step(system, r, self.halvings, self.search)
+            if move.gain < 0.0 or not np.isfinite(energy):
+                r = move.r
+                energy = energy + move.gain if np.isfinite(energy) else system.energy(r)
+        new, gained, tries = _newton_step(system, r, self.halvings, self.search)
         evaluations += tries
-        if gain <= 0.0:
-            r, energy = new, energy + gain
+        if gained <= 0.0:
+            r, energy = new, energy + gained
         if np.isfinite(energy) and state.energy is not None and energy >= state.energy - 1e-14 * abs(state.energy):
             r = _polish(system, r)
         return State(r, system.multiplier(r), evaluations, energy=energy, memory=factor)
@@ -95,24 +83,24 @@ class NonsmoothNewton(Solver):
     def settle(self, system: CondensedProblem, state: State, budget: Budget) -> State | None:
         if all((alpha == 0.0).all() for alpha in system.law.weak_convexity):
             return None
-        r, gain = state.r, 0.0
+        r, gained = state.r, 0.0
         threshold = -1e-12 * _energy_scale(system, r)
         if self.search is Search.GLOBAL:
             for _ in range(4 * r.size):
                 budget.check()
-                better, step_gain = best_component(system, r)
+                better, step_gain = best_component(system, r, system.out_of_balance(r))
                 if step_gain >= threshold:
                     break
-                r, gain = better, gain + step_gain
+                r, gained = better, gained + step_gain
         else:
-            new, step_gain, _, _ = diagonal_step(system, r, float(state.memory), self.search)
-            if new is not None and step_gain < threshold:
-                r, gain = new, step_gain
-        if gain == 0.0:
-            r, gain = escape_saddle(system, r, self.search)
-            if gain >= threshold:
+            move = diagonal_step(system, r, system.out_of_balance(r), float(state.memory), self.search)
+            if not move.endless and move.gain < threshold:
+                r, gained = move.r, move.gain
+        if gained == 0.0:
+            r, gained = escape_saddle(system, r, self.search)
+            if gained >= threshold:
                 return None
-        energy = float(state.energy or 0.0) + gain
+        energy = float(state.energy or 0.0) + gained
         return State(r, system.multiplier(r), state.evaluations, energy=energy, memory=state.memory)
 
 
@@ -121,55 +109,6 @@ def _energy_scale(system: CondensedProblem, r: Array) -> float:
     return float(np.abs(system.force) @ flat + flat @ (np.abs(system.matrix) @ flat)) + float(
         system.weights @ np.abs(system.law.value(r))
     )
-
-
-class ContactBody(Protocol):
-    """What the diagonal minimisations need: the elastic body as the contact points see it."""
-
-    @property
-    def law(self) -> ContactLaw: ...
-    @property
-    def weights(self) -> Array: ...
-    @property
-    def shape(self) -> tuple[int, int]: ...
-    @property
-    def active(self) -> BoolArray: ...
-    @property
-    def fixed(self) -> Array: ...
-    @property
-    def free(self) -> IntArray: ...
-    @property
-    def matrix(self) -> Any: ...
-    @property
-    def diagonal(self) -> Array: ...
-    @property
-    def tangential_blocks(self) -> Array: ...
-    def out_of_balance(self, r: Array) -> Array: ...
-
-
-def best_component(system: ContactBody, r: Array) -> tuple[Array, float]:
-    """The best move of one component (the tangential ones of a point together), all others being held: point, gain."""
-    m, d = system.shape
-    law, w = system.law, system.weights
-    force = system.out_of_balance(r)
-    a = system.diagonal.copy()
-    if d > 2:  # the tangential block is replaced by its largest eigenvalue
-        a[:, 1:] = np.maximum(np.linalg.eigvalsh(system.tangential_blocks)[:, -1:], 1e-12 * a[:, 1:])
-    pair = np.stack([a[:, 0], a[:, min(1, d - 1)]], axis=1) / w[:, None]
-    target = law.local_argmin(pair, (a * r + force) / w[:, None])
-    target = np.where(system.active & np.isfinite(target), target, r)
-    step = target - r
-    quadratic = 0.5 * a * step**2 - force * step
-    gains = np.zeros((m, 2))
-    gains[:, 0] = quadratic[:, 0] + w * (law.normal.value(target[:, 0]) - law.normal.value(r[:, 0]))
-    if d > 1:
-        size, old = np.linalg.norm(target[:, 1:], axis=1), np.linalg.norm(r[:, 1:], axis=1)
-        gains[:, 1] = quadratic[:, 1:].sum(axis=1) + w * (law.tangential.value(size) - law.tangential.value(old))
-    point, part = np.unravel_index(int(np.argmin(gains)), gains.shape)
-    new = r.copy()
-    columns = slice(0, 1) if part == 0 else slice(1, d)
-    new[point, columns] = target[point, columns]
-    return new, float(gains[point, part])
 
 
 def escape_saddle(system: CondensedProblem, r: Array, search: Search = Search.GLOBAL) -> tuple[Array, float]:
@@ -195,9 +134,9 @@ def escape_saddle(system: CondensedProblem, r: Array, search: Search = Search.GL
         length = sign * room(system.law, r, sign * direction, moving)
         for _ in range(12):
             new = np.where(moving, r + length * direction, r)
-            gain = _gain(system, r, new, force, value)
-            if gain < best_gain:
-                best, best_gain = new, gain
+            gained = _gain(system, r, new, force, value)
+            if gained < best_gain:
+                best, best_gain = new, gained
                 break
             length *= 0.5
     return best, best_gain
@@ -221,59 +160,9 @@ def room(law: ContactLaw, r: Array, direction: Array, moving: BoolArray) -> floa
     return length
 
 
-def _gain(system: ContactBody, r: Array, new: Array, force: Array, value: Array) -> float:
-    """Change of energy from ``r`` to ``new``, free of the cancellation of two large energies."""
-    step = (new - r).ravel()
-    elastic = 0.5 * step @ (system.matrix @ step) - force.ravel() @ step
-    return float(elastic + system.weights @ (system.law.value(new) - value))
-
-
-def majorant(system: ContactBody) -> float:
-    """Largest eigenvalue of A scaled by its diagonal: what makes the diagonal body stiffer than A."""
-    free = system.free
-    if free.size == 0:
-        return 1.0
-    A = system.matrix[np.ix_(free, free)]
-    scale = 1.0 / np.sqrt(system.diagonal.ravel()[free])
-    v = np.cos(1.0 + np.arange(free.size) ** 1.3)  # no symmetry of the mesh has a part in this
-    v /= np.linalg.norm(v)
-    largest = 1.0
-    for _ in range(15):
-        w = scale * (A @ (scale * v))
-        largest = float(np.linalg.norm(w))
-        if largest == 0.0:
-            return 1.0
-        v = w / largest
-    return max(1.05 * largest, 1.0)
-
-
-def diagonal_step(
-    system: ContactBody, r: Array, factor: float, search: Search = Search.GLOBAL
-) -> tuple[Array | None, float, int, float]:
-    """All points minimise their diagonal problem at once; it is stiffened until the energy falls."""
-    d = r.shape[1]
-    force = system.out_of_balance(r)
-    value = system.law.value(r)
-    feasible = np.isfinite(value).all()
-    first = factor
-    for attempt in range(1, 9):
-        stiffness = factor * system.diagonal
-        pair = np.stack([stiffness[:, 0], stiffness[:, min(1, d - 1)]], axis=1) / system.weights[:, None]
-        pull = (stiffness * r + force) / system.weights[:, None]
-        if search is Search.GLOBAL or not feasible:
-            target = system.law.local_argmin(pair, pull)
-        else:
-            target = downhill_minimiser(system.law, pair, pull, r)
-        new = np.where(system.active, target, system.fixed)
-        if not np.isfinite(new).all():
-            return None, 0.0, attempt, factor
-        if not feasible:
-            return new, 0.0, attempt, factor
-        gain = _gain(system, r, new, force, value)
-        if gain <= 0.0:
-            return new, gain, attempt, factor
-        factor *= 1.5
-    return r, 0.0, attempt, first  # what is left to gain is below the rounding
+def _gain(system: CondensedProblem, r: Array, new: Array, force: Array, value: Array) -> float:
+    """Change of energy from ``r``, where the elastic force and j are given, to ``new``."""
+    return gain(system, new - r, system.couple(new - r), force, system.law.value(new) - value)
 
 
 def _newton_step(
@@ -301,10 +190,10 @@ def _newton_step(
         if first is not None:
             candidates, first = (*candidates, np.where(system.active, first, system.fixed)), None
         for candidate in candidates:
-            gain = _gain(system, r, candidate, force, value)
+            gained = _gain(system, r, candidate, force, value)
             tries += 1
-            if gain < best_gain:
-                best, best_gain = candidate, gain
+            if gained < best_gain:
+                best, best_gain = candidate, gained
         if best_gain < 0.0:
             break
         length *= 0.5
@@ -317,8 +206,7 @@ def _polish(system: CondensedProblem, r: Array) -> Array:
     force, value = system.out_of_balance(r), system.law.value(r)
     allowed = 1e-14 * _energy_scale(system, r)
     best, lowest = r, 0.9 * now.total
-    for start in (r, snapped(system.law, r)):
-        start = np.where(system.active, start, system.fixed)
+    for start in (np.where(system.active, r, system.fixed), snapped(system, r)):
         moving = newton_components(system.law, start, system.active)
         index = np.flatnonzero(moving.ravel())
         new = start.copy()
@@ -333,38 +221,15 @@ def _polish(system: CondensedProblem, r: Array) -> Array:
     return best
 
 
-def snapped(law: ContactLaw, r: Array) -> Array:
-    """``r`` with the components that miss a kink by rounding put on it."""
-    out = r.copy()
-    near = 1e-11 * float(np.abs(r).max(initial=0.0))
-    sizes = [r[:, 0]] if r.shape[1] == 1 else [r[:, 0], np.linalg.norm(r[:, 1:], axis=1)]
-    for c, (size, scalar) in enumerate(zip(sizes, (law.normal, law.tangential), strict=False)):
-        knot = scalar.kink_within(size, near)
-        hit = np.isfinite(knot)
-        if c == 0:
-            out[:, 0] = np.where(hit, knot, r[:, 0])
-        else:
-            scale = np.where(hit & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
-            out[:, 1:] = r[:, 1:] * scale[:, None]
-    return out
-
-
 def lower_energy(system: CondensedProblem, r: Array, steps: int) -> Array:
     """Where some diagonal minimisations lead from ``r``; methods that are stuck start again from there."""
     factor = majorant(system)
     for _ in range(steps):
-        new, _, _, factor = diagonal_step(system, r, factor)
-        if new is None:
+        move = diagonal_step(system, r, system.out_of_balance(r), factor)
+        if move.endless:
             break
-        r = new
+        r, factor = move.r, move.factor
     return r
-
-
-def newton_components(law: ContactLaw, r: Array, active: BoolArray) -> BoolArray:
-    """Components on which the law is smooth at ``r`` and that are free to move, (m, d)."""
-    smooth = law.linearise(r).smooth
-    spread = np.concatenate([smooth[:, :1], np.repeat(smooth[:, 1:], r.shape[1] - 1, axis=1)], axis=1)
-    return np.asarray(active & spread)
 
 
 def newton_system(system: CondensedProblem, r: Array, index: IntArray, force: Array) -> tuple[Array, Array]:

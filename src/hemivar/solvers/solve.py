@@ -15,23 +15,22 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.discrete.hold import Verdict, decide
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import residual
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.free_motion import known_to_be_held
 from hemivar.fem.posed import posed
-from hemivar.linear.cycle import sole_use
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics.statement import ContactProblem
-from hemivar.solvers.base import Solver, State, System
+from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
-from hemivar.solvers.loop import iterate
+from hemivar.solvers.loop import finish, iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
-from hemivar.systems.condensed import CondensedProblem, depends_on_state
+from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["solve", "suited"]
 
@@ -57,7 +56,7 @@ def solve(
     controls: Controls | None = None,
     *,
     initial: Solution | Array | None = None,
-    condensed: CondensedProblem | None = None,
+    workspace: Workspace | None = None,
 ) -> Solution:
     """Solve a discrete contact problem.
 
@@ -73,9 +72,9 @@ def solve(
         Tolerances, limits, callback.
     initial : Solution or array (n,), optional
         Where to start; zero displacement by default.
-    condensed : CondensedProblem, optional
-        The condensation of this very problem, to be shared by several methods; of no use to one that works on all
-        unknowns.
+    workspace : Workspace, optional
+        Where factors and levels of the body are kept; pass the same one to solve for another method, load, gap or law,
+        to certify, and to search for other solutions.
 
     Returns
     -------
@@ -92,16 +91,19 @@ def solve(
     problem = posed(problem, "solve")
     if solver is not None and not isinstance(solver, Solver):
         raise _no_method(solver)
-    if condensed is not None:
-        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    if workspace is None:
+        workspace = Workspace()
+    expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
     if solver is None:
         chosen, reason = choose(problem)
-        solver = suited(chosen if condensed is None else NonsmoothNewton(), problem)
+        if workspace.condenses(problem) and not isinstance(chosen, NonsmoothNewton):
+            chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
+        solver = suited(chosen, problem)
         logging.getLogger("hemivar").info("%s", reason)
     controls = Controls() if controls is None else controls
-    if depends_on_state(problem.law) and not solver.handles_state:
+    if problem.law.state_dependent and not solver.handles_state:
         raise MethodError(
             f"{solver.name} cannot solve this problem: a friction bound depends on the solution; "
             "wrap the method, FixedPoint(inner=...)"
@@ -110,10 +112,8 @@ def solve(
     why = solver.refuse(problem)
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
-    if condensed is not None and condensed.problem is not problem:
-        raise ProblemError("the condensation given belongs to another problem; condense this one")
-    with one_thread(not solver.condenses), sole_use(problem, not solver.condenses):
-        return _run(problem, solver, controls, initial, condensed)
+    with one_thread(not solver.condenses):
+        return _run(problem, solver, controls, initial, workspace)
 
 
 def _no_method(given: object) -> MethodError:
@@ -136,11 +136,11 @@ def _run(
     solver: Solver,
     controls: Controls,
     initial: Solution | Array | None,
-    condensed: CondensedProblem | None,
+    workspace: Workspace,
 ) -> Solution:
     """Set up, start, iterate and recover."""
     try:
-        system: System = condensed if condensed is not None and solver.condenses else solver.prepare(problem)
+        system: PosedSystem = solver.prepare(problem, workspace)
         _check_held(system)
         if isinstance(system, CondensedProblem):
             _check_coercive(system)
@@ -175,23 +175,12 @@ class _End:
     seconds: float
 
 
-def _solution(system: System, end: _End) -> Solution:
+def _solution(system: PosedSystem, end: _End) -> Solution:
     """All unknowns from the iterate, with the residual of the full problem and the status that this allows."""
-    problem, state, status, controls = system.problem, end.state, end.status, end.controls
+    problem, state = system.problem, end.state
     began = time.perf_counter()
-    unknowns, found = system.recover(state.r, state.lam)
-    multiplier, r = state.lam, system.local(state.r)
-    law = system.law_at(state.r, state.lam) if np.isfinite(r).all() else None
-    if problem.contact_points and law is not None and np.isfinite(law.value(r)).all():
-        # Rounding aside, a multiplier of the law itself: no pressure at all where the body has lifted.
-        exact = np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam)
-        with_exact = residual(problem, unknowns, exact)
-        if with_exact.total <= found.total + found.rounding:
-            multiplier, found = exact, with_exact
-    if found.below(controls.atol, controls.rtol):
-        status = Status.CONVERGED
-    elif status is Status.CONVERGED and not (state.error_bound is not None and found.below(0.0, _EXCUSED)):
-        status = Status.INACCURATE
+    excused = 0.0 if state.error_bound is None else _EXCUSED
+    unknowns, multiplier, found, status = finish(system, state, end.status, end.controls, excused)
     return Solution(
         problem=problem,
         unknowns=unknowns,
@@ -214,10 +203,10 @@ def _solution(system: System, end: _End) -> Solution:
 
 def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     """The method, inside a :class:`FixedPoint` where the law of the problem depends on the solution."""
-    return FixedPoint(solver) if depends_on_state(problem.law) and not solver.handles_state else solver
+    return FixedPoint(solver) if problem.law.state_dependent and not solver.handles_state else solver
 
 
-def _start(system: System, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
+def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:
     """The starting point, checked and moved into the domain of the laws."""
     if initial is None:
         r, stopped = solver.first_guess(system, budget)
@@ -235,10 +224,10 @@ def _start(system: System, solver: Solver, initial: Solution | Array | None, bud
     return State(r, system.multiplier(r))
 
 
-def _check_held(system: System) -> None:
+def _check_held(system: PosedSystem) -> None:
     """Refuse a convex problem whose energy falls without end along a motion that deforms nothing."""
     law = system.law
-    if depends_on_state(law) or any((alpha > 0.0).any() for alpha in law.weak_convexity):
+    if law.state_dependent or any((alpha > 0.0).any() for alpha in law.weak_convexity):
         return
     if known_to_be_held(system.problem):
         return

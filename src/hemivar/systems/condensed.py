@@ -21,25 +21,21 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.parts import free_motions
 from hemivar.fem.posed import posed
+from hemivar.fem.rigid import free_motions
 from hemivar.laws import ContactLaw
 from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.linear.factorisation import Factorisation, factorise
+from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["CondensedProblem", "condense", "depends_on_state"]
+__all__ = ["CondensedProblem", "condense"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
 #: Local displacements that count as none in a motion whose stiffness is zero up to rounding.
-_ROUNDED = 1e-9
-
-
-def depends_on_state(law: ContactLaw) -> bool:
-    """Whether a bound of the law depends on the solution (the two-argument functional J(w, v))."""
-    return law.state_dependent
+ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +120,15 @@ class CondensedProblem(Portable):
         return np.where(diagonal > 1e-10 * local, diagonal, local)
 
     @property
+    def vectors(self) -> Vectors:
+        """A condensed body is in one piece."""
+        return WHOLE
+
+    def couple(self, step: Array) -> Array:
+        """Elastic force ``A step`` (m, d) that a step (m, d) of the local displacements takes away."""
+        return np.asarray(self.matrix @ step.ravel()).reshape(step.shape)
+
+    @property
     def tangential_blocks(self) -> Array:
         """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
         m, d = self.shape
@@ -171,7 +176,7 @@ class CondensedProblem(Portable):
         moved = np.stack([self._recovery.linear(r) for r in local.transpose(2, 0, 1)], axis=1)
         load = self.problem.load
         size = float(np.abs(load) @ np.abs(moved).max(axis=1))
-        return [growth_along(self.law, local, self.weights, moved.T @ load, size, _ROUNDED)]
+        return [growth_along(self.law, local, self.weights, moved.T @ load, size, ROUNDED)]
 
     @cached_property
     def length_scale(self) -> float:
@@ -226,7 +231,7 @@ class CondensedProblem(Portable):
 
     def law_at(self, r: Array, lam: Array | None = None) -> ContactLaw:
         """The law, with a bound that depends on the solution evaluated at ``r`` and the multiplier ``lam``."""
-        if not depends_on_state(self.law):
+        if not self.law.state_dependent:
             return self.law
         return self.law.frozen(r, self.out_of_balance(r) / self.weights[:, None] if lam is None else lam)
 
@@ -276,12 +281,21 @@ class CondensedProblem(Portable):
         if problem.stiffness.shape != old.stiffness.shape or problem.trace.shape != old.trace.shape:
             raise ProblemError("the other problem is of another size; condense it by itself")
         began = time.perf_counter()
-        same_load = problem.load is old.load and problem.constant == old.constant
-        if same_load and problem.gap is old.gap and problem.slip_offset is old.slip_offset:
+        if problem is old:
+            return self
+        if problem.bulk is old.bulk and problem.contact.offset is old.contact.offset:
             return replace(self, problem=problem, seconds=0.0)
         return _load(self._body, problem, began)
 
+    def with_law(self, law: ContactLaw) -> CondensedProblem:
+        """The same body on another foundation."""
+        return self.for_problem(self.problem.with_law(law))
+
     # ---- the way back --------------------------------------------------------------------------------------
+
+    def full_residual(self, unknowns: Array, lam: Array) -> Residual:
+        """The residual of the problem with all its unknowns (n,)."""
+        return residual(self.problem, unknowns, lam)
 
     def unknowns(self, r: Array) -> Array:
         """All unknowns u (n,) in equilibrium with the local displacements ``r (m, d)``."""

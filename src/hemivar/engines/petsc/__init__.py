@@ -2,18 +2,16 @@
 
 from hemivar.engines.petsc.assembly import BodyOnRanks, assemble
 from hemivar.engines.petsc.checkpoint import read_checkpoint, write_checkpoint
-from hemivar.engines.petsc.newton import DistributedNewton
 from hemivar.engines.petsc.pieces import Piece, family
-from hemivar.engines.petsc.ranks import Ranks, all_or_none, world
-from hemivar.engines.petsc.solve import DistributedSolution, solve_distributed
+from hemivar.engines.petsc.ranks import Ranks, world
+from hemivar.engines.petsc.solve import DistributedSolution, Saved, solve_distributed
 
 __all__ = [
     "BodyOnRanks",
-    "DistributedNewton",
     "DistributedSolution",
     "Piece",
     "Ranks",
-    "all_or_none",
+    "Saved",
     "assemble",
     "family",
     "read_checkpoint",

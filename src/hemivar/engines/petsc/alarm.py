@@ -10,17 +10,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-__all__ = ["CALLED", "LATE", "Alarm"]
+from hemivar.basics.deadline import CALLED, Budget
 
-#: What :meth:`Alarm.due` returns: nothing, the time is over, a signal has come.
-LATE, CALLED = 1.0, 2.0
+__all__ = ["Alarm"]
 
 #: ``mpirun`` hands SIGUSR1 on without ending the ranks after it, as it does after the others.
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 
 
-class Alarm:
-    """A limit of time and a bell for signals, looked at by the ranks together, each having its own.
+class Alarm(Budget):
+    """A limit of time with a bell for signals, looked at by the ranks together, each having its own.
 
     Parameters
     ----------
@@ -28,29 +27,22 @@ class Alarm:
         Seconds from now.
     """
 
-    def __init__(self, limit: float = math.inf) -> None:
-        self.limit = limit
-        self.began = time.perf_counter()
-        self._called: float | None = None
+    def __init__(self, limit: float = math.inf, bell: list[float] | None = None) -> None:
+        super().__init__(limit)
+        self._bell: list[float]
+        object.__setattr__(self, "_bell", [] if bell is None else bell)
 
-    def start(self, limit: float) -> None:
-        """Begin to count the time."""
-        self.limit, self.began = limit, time.perf_counter()
-
-    @property
-    def spent(self) -> float:
-        """Seconds since the start."""
-        return time.perf_counter() - self.began
+    def limited(self, limit: float) -> Alarm:
+        """The same bell with another limit of time, from now."""
+        return Alarm(limit, self._bell)
 
     def due(self) -> float:
         """:data:`CALLED`, :data:`LATE` or 0 on this rank; the largest over the ranks holds for all."""
-        if self._called is not None:
-            return CALLED
-        return LATE if self.spent > self.limit else 0.0
+        return CALLED if self._bell else super().due()
 
     def ring(self) -> None:
         """End the work as a signal does."""
-        self._called = time.perf_counter()
+        self._bell.append(time.perf_counter())
 
     @contextmanager
     def listening(self) -> Iterator[None]:
@@ -58,7 +50,7 @@ class Alarm:
 
         def hear(number: int, _: FrameType | None) -> None:
             # a launcher and a terminal may both send the first one
-            if self._called is not None and time.perf_counter() - self._called > 1.0:
+            if self._bell and time.perf_counter() - self._bell[0] > 1.0:
                 os._exit(128 + number)
             self.ring()
 

@@ -19,25 +19,27 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.hold import Growth, decide, growth_along
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import LoadScale
 from hemivar.engines.petsc.pieces import Piece
+from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
+from hemivar.engines.petsc.stiffness import Stiffness
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
 from hemivar.fem.discretize import discretize, friction_warning
 from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
-from hemivar.fem.parts import admitted, free_motions, rigid_basis
+from hemivar.fem.rigid import admitted, free_motions, rigid_basis
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
+from hemivar.systems.body import Body, Truncation, embedded
 
 __all__ = ["BodyOnRanks", "assemble"]
 
 
-@dataclass(frozen=True, eq=False)
-class BodyOnRanks:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyOnRanks(Body):
     """Energy of a discrete contact problem, spread over the ranks by nodes.
 
     Every node has d unknowns, those along its directions; the ones that supports hold are zero, with a row of the unit
@@ -50,82 +52,50 @@ class BodyOnRanks:
         Cells and nodes of this rank.
     statement : ContactProblem
         The problem on this piece.
-    K, f : petsc4py Mat and Vec
-        Stiffness and load.
+    elastic : Stiffness
     near : petsc4py NullSpace
         Rigid motions, for algebraic multigrid.
     places : int array (N,)
-        Global number, in the order of ``f``, of each node of the piece.
+        Global number, in the order of the vectors, of each node of the piece.
     directions : array (N, d, d)
     free : bool array (N, d)
     prescribed : array (N, d)
         Prescribed displacements.
     contact : ContactPoints
         Contact points at the nodes of this rank; ``names`` are all contact boundaries of the whole problem.
-    law : ContactLaw
-        Their law.
-    unknown : int array (k,)
-        Place in the local part of a vector of each active component of the contact points.
-    sign : array (k,)
-        Its sign in the local displacement.
-    active : bool array (m, d)
-    fixed : array (m, d)
-        Values of the components that are not active.
-    compliance : array (m, 2)
-        Displacement for a unit pressure at each contact point when all else is held.
-    contact_diagonal : array (k,)
-        Diagonal of K at the active components.
     typical : float
         Mean of the diagonal of K.
     supported : bool
         Whether the supports alone stop every rigid motion.
-    row_sums : petsc4py Vec
-        Sums of absolute values in the rows of K, or a little more.
     unknowns, contact_points : int
         Of the whole problem.
-    constant : float
-        Energy that does not depend on the unknowns.
-    load_scale : float
-        ``|f|``.
-    against : LoadScale
-        What residuals are held against.
     warnings : tuple of str
         As :attr:`hemivar.mechanics.DiscreteProblem.warnings`.
-    seconds : float
-        Time to assemble.
     coarser : BodyOnRanks or None
-        The problem on the next coarser mesh.
+        The problem on the next coarser mesh; a solve starts there if it is ``below`` as well.
     """
 
     ranks: Ranks
     piece: Piece
     statement: ContactProblem
-    K: Any
-    f: Any
+    elastic: Stiffness
     near: Any
     places: IntArray
     directions: Array
     free: BoolArray
     prescribed: Array
     contact: ContactPoints
-    law: ContactLaw
-    unknown: IntArray
-    sign: Array
-    active: BoolArray
-    fixed: Array
-    compliance: Array
-    contact_diagonal: Array
     typical: float
     supported: bool
-    row_sums: Any
     unknowns: int
     contact_points: int
-    constant: float
-    load_scale: float
-    against: LoadScale
     warnings: tuple[str, ...]
-    seconds: float
     coarser: BodyOnRanks | None = None
+
+    @property
+    def K(self) -> Any:  # noqa: N802 - the matrix
+        """Stiffness, a petsc4py Mat."""
+        return self.elastic.K
 
     @property
     def dim(self) -> int:
@@ -133,14 +103,9 @@ class BodyOnRanks:
         return self.piece.mesh.dim
 
     @property
-    def weights(self) -> Array:
-        """Quadrature weights (m,)."""
-        return self.contact.weights
-
-    @property
     def points(self) -> int:
         """Contact points m of this rank."""
-        return len(self.contact.weights)
+        return len(self.weights)
 
     @cached_property
     def owned(self) -> BoolArray:
@@ -149,7 +114,7 @@ class BodyOnRanks:
 
     @cached_property
     def held(self) -> BoolArray:
-        """Local entries of a vector that supports hold."""
+        """Entries of a vector that supports hold."""
         return np.asarray(~self.free[self.owned].ravel())
 
     @cached_property
@@ -165,46 +130,57 @@ class BodyOnRanks:
 
         local = PETSc.Vec().createSeq(self.places.size * self.dim, bsize=self.dim, comm=PETSc.COMM_SELF)
         chosen = PETSc.IS().createBlock(self.dim, self.places.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-        return PETSc.Scatter().create(self.f, chosen, local, None), local
+        return PETSc.Scatter().create(self.vector(), chosen, local, None), local
 
-    def local(self, x: Any) -> Array:
-        """Local displacements (m, d) of a vector."""
-        r = self.fixed.copy()
-        offset = self.contact.offset
-        r[self.active] = self.sign * x.array_r[self.unknown] - offset[self.active]
-        return r
+    # ---- what the methods ask for ------------------------------------------------------------------------
 
-    def move(self, x: Any, r: Array) -> None:
-        """Change the contact unknowns of a vector so that its local displacements are ``r``."""
-        x.array_w[self.unknown] = self.sign * (r + self.contact.offset)[self.active]
+    def multiply(self, x: Array) -> Array:
+        return self.elastic.multiply(x)
 
-    def spread(self, values: Array) -> Array:
-        """Values (k,) of the contact unknowns as (m, d), signs observed."""
-        out = np.zeros(self.active.shape)
-        out[self.active] = self.sign * values
-        return out
+    def pull(self, x: Array) -> Array:
+        return self.elastic.pull(x)
 
-    def gather(self, values: Array) -> Array:
-        """The contrary of :meth:`spread`."""
-        return np.asarray(self.sign * values[self.active])
+    def push(self, values: Array) -> Array:
+        return self.elastic.push(values)
 
-    def displacement(self, x: Any) -> Array:
+    def couple(self, step: Array) -> Array:
+        return self.spread(self.elastic.couple(self.gather(step)))
+
+    @cached_property
+    def own_block(self) -> sp.csr_array:
+        return embedded(self.elastic.own_block, self.active, self.sign)
+
+    def truncation(self) -> Truncation:
+        return Multigrid(self)
+
+    def from_below(self, x: Array) -> Array:
+        below, ends = self.below, self.piece.ends
+        assert below is not None
+        assert ends is not None
+        return self.restrict(below.displacement(x)[ends].mean(axis=1))
+
+    def with_law(self, law: ContactLaw) -> BodyOnRanks:
+        return replace(self, law=law, below=None)
+
+    # ---- vectors and displacements -----------------------------------------------------------------------
+
+    def vector(self, x: Array | None = None) -> Any:
+        """A petsc4py Vec with a copy of the entries of an array (n,), or zeros."""
+        vector = self.K.createVecRight()
+        vector.array_w[:] = 0.0 if x is None else x
+        return vector
+
+    def displacement(self, x: Array) -> Array:
         """Displacements (N, d) of all nodes of the piece."""
         scatter, local = self._scatter
-        scatter.scatter(x, local)
+        scatter.scatter(self.vector(x), local)
         values = np.where(self.free, local.array_r.reshape(self.free.shape), 0.0)
         return np.asarray(np.einsum("nc,ncd->nd", values, self.directions) + self.prescribed)
 
-    def restrict(self, displacement: Array) -> Any:
-        """Vector of a displacement (N, d) of the nodes of the piece."""
-        x = self.f.duplicate()
+    def restrict(self, displacement: Array) -> Array:
+        """Vector (n,) of a displacement (N, d) of the nodes of the piece."""
         along = np.einsum("ncd,nd->nc", self.directions, displacement - self.prescribed)
-        x.array_w[:] = np.where(self.free, along, 0.0)[self.owned].ravel()
-        return x
-
-    def with_law(self, law: ContactLaw) -> BodyOnRanks:
-        """The same body on another foundation."""
-        return replace(self, law=law)
+        return np.where(self.free, along, 0.0)[self.owned].ravel()
 
 
 def assemble(
@@ -277,41 +253,41 @@ def assemble(
         )
     del blocks
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
-    diagonal = K.getDiagonal().array_r
+    elastic = Stiffness(K, unknown)
     admissible, moves = _admissible_motions(ranks, nodal, skin, piece, owned)
-    compliance = _compliance(ranks, contact.weights, active, unknown, diagonal)
-    load_size = float(ranks.norms(f.array_r)[0])
+    dependent = ranks.largest(float(law.state_dependent))[0]  # else a solve may start on the coarser mesh
     body = BodyOnRanks(
+        vectors=ranks,
+        law=law,
+        weights=contact.weights,
+        offset=contact.offset,
+        unknown=unknown,
+        sign=sign,
+        active=active,
+        load=f.array_r.copy(),
+        row_sums=row_sums.array_r.copy(),
+        constant=float(constant),
+        compliance=_compliance(ranks, contact.weights, active, unknown, elastic.diagonal),
+        seconds=time.perf_counter() - began,
+        below=None if dependent else coarser,
         ranks=ranks,
         piece=piece,
         statement=replace(stated, mesh=piece.mesh),
-        K=K,
-        f=f,
+        elastic=elastic,
         near=_near_null_space(piece.mesh, directions, owned, f),
         places=places,
         directions=directions,
         free=free,
         prescribed=prescribed,
         contact=contact,
-        law=law,
-        unknown=unknown,
-        sign=sign,
-        active=active,
-        fixed=np.where(active, 0.0, -contact.offset),
-        compliance=compliance,
-        contact_diagonal=diagonal[unknown].copy(),
         typical=typical,
         supported=_supported(ranks, piece, state, coarser) if piece.parts > 1 else admissible.shape[1] == 0,
-        row_sums=row_sums,
         unknowns=int(unknowns),
         contact_points=int(points),
-        constant=float(constant),
-        load_scale=load_size,
         warnings=_warnings(ranks, own, contact, piece),
-        against=_against(ranks, load_size, contact, law, active, compliance),
-        seconds=time.perf_counter() - began,
         coarser=coarser,
     )
+    _ = body.load_scale  # found by all ranks together, so that each may look at it alone
     if check_coercivity and piece.parts > 1:
         ranks.agree(lambda: None if piece.whole is None else refuse_free_motion(_unrefined(piece.whole, state)))
     elif check_coercivity:
@@ -417,7 +393,7 @@ def _with_facets_around(ranks: Ranks, piece: Piece) -> Mesh:
             _, chosen = np.unique(key, axis=0, return_index=True)
             facets = facets[chosen]
         boundaries[name] = facets
-    return Mesh._trusted(points, mesh.cells, boundaries, mesh.regions)
+    return Mesh.trusted(points, mesh.cells, boundaries, mesh.regions)
 
 
 def _places(ranks: Ranks, piece: Piece) -> IntArray:
@@ -528,23 +504,6 @@ def _warnings(ranks: Ranks, own: ContactProblem, contact: ContactPoints, piece: 
     return tuple(sentence for sentence in (text, left_out) if sentence)
 
 
-def _against(
-    ranks: Ranks, load: float, contact: ContactPoints, law: ContactLaw, active: BoolArray, compliance: Array
-) -> LoadScale:  # fmt: skip
-    """As :func:`hemivar.discrete.residual.load_scale`."""
-    force = np.zeros(0)
-    if len(contact.weights):
-        start = -contact.offset
-        inside = start.copy()
-        inside[:, 0] = np.clip(start[:, 0], law.normal.domain.lower, law.normal.domain.upper)
-        with np.errstate(all="ignore"):
-            zero = np.zeros_like(inside)
-            lam = law.frozen(inside, zero).nearest_multiplier(inside, zero)
-            lam[:, 0] += (start - inside)[:, 0] / compliance[:, 0]
-            force = np.where(active, contact.weights[:, None] * lam, 0.0).ravel()
-    return LoadScale(load, float(ranks.norms(force)[0]))
-
-
 def _near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) -> Any:
     """Translations and rotations in terms of the unknowns."""
     from petsc4py import PETSc
@@ -598,9 +557,9 @@ def _check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
     rigid = moves @ admissible
     vectors = []
     for k in range(admissible.shape[1]):
-        vectors.append(body.restrict(rigid[:, :, k] + body.prescribed).array_r.copy())
+        vectors.append(body.restrict(rigid[:, :, k] + body.prescribed))
     columns = np.stack(vectors, axis=1)
-    load = body.f.array_r
+    load = body.load
     local = np.stack([body.spread(column[body.unknown]) for column in columns.T], axis=2)
     totals = ranks.total(*(columns.T @ load), float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0)))
     own = growth_along(body.law, local, body.weights, totals[:-1], float(totals[-1]))
@@ -639,11 +598,11 @@ def _prolongation(coarse: BodyOnRanks, fine: BodyOnRanks) -> Any:
         rows.append(node * dim + here)
         columns.append(coarse.places[end[node]] * dim + there)
         data.append(entry[keep])
-    shape = (count * dim, coarse.f.getSize())
+    shape = (count * dim, coarse.K.getSize()[0])
     index = (np.concatenate(rows), np.concatenate(columns))
     local = sp.coo_array((np.concatenate(data), index), shape=shape).tocsr()
     matrix = PETSc.Mat().createAIJ(
-        ((count * dim, None), (coarse.f.getLocalSize(), None)),
+        ((count * dim, None), (coarse.load.size, None)),
         csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
         comm=fine.ranks.comm,
     )

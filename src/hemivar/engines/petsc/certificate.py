@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,9 +13,10 @@ from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import DistributedSolution
+from hemivar.engines.petsc.stiffness import applied
 from hemivar.solvers import Status
 
-__all__ = ["certify_on_ranks", "largest_ratio"]
+__all__ = ["ESTIMATE", "NOTHING", "certify_on_ranks", "largest_ratio"]
 
 _STEPS = 60
 _SETTLED = 1e-4
@@ -29,6 +29,8 @@ _TRIALS = (5e-5, 1e-3)
 #: K counts as singular if the smallest eigenvalue of it, scaled to a unit diagonal, is below this.
 _SINGULAR = 1e-12
 _SAFETY = 0.5
+#: Methods of a margin that nothing shows, and of none.
+ESTIMATE, NOTHING = "LOBPCG, an estimate", "none"
 
 
 @dataclass(frozen=True)
@@ -43,82 +45,99 @@ class _Margin:
         return 1.0 - self.constant
 
 
-def certify_on_ranks(
-    solution: DistributedSolution, tolerance: float = 1e-8, alarm: Alarm | None = None
-) -> dict[str, Any]:
-    """The record of :meth:`hemivar.certify.Certificate.record`, as far as it is known; other values are None.
+def certify_on_ranks(solution: DistributedSolution, tolerance: float = 1e-8, alarm: Alarm | None = None) -> Certificate:
+    """A certificate, as far as it is known; what is not is named in ``left_out``.
 
     For convex laws the margin is 1.  Else ``1 - c`` comes from the largest eigenvalue c of ``(B'W diag(alpha) B, K)``,
     which LOBPCG (Knyazev 2001) finds from below, so that the margin is an estimate from the optimistic side.  A
     factorisation by MUMPS, all pivots of ``c K - B'W diag(alpha) B`` being positive, shows that c is no larger; where
     that is too much work (:data:`_FACTORISED`), where MUMPS is missing, or where a law knows its alpha from samples
-    only, uniqueness and a bound are not claimed.  The key ``method`` says which it was.
+    only, uniqueness and a bound are not claimed.  ``method`` says which it was.
 
     The bound of the distance to the exact discrete solution is ``|f - K u - B'W lam'|_{K^-1} / margin`` with ``lam'``
     in ``dj(r)`` (docs/certificates.md), its norm found by conjugate gradients to 1e-4 of itself, rounding included.
+
+    Numbers that are left out are nan, "not known"; the margin without a mesh that holds the body, or with a derivative
+    that jumps down, is -inf, and the bound without a positive margin inf.
     """
     with np.errstate(all="ignore"):
         return _certified(solution, tolerance, Alarm() if alarm is None else alarm)
 
 
-def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) -> dict[str, Any]:
+def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) -> Certificate:
     began = time.perf_counter()
-    body = solution.body
-    record: dict[str, Any] = {
-        item.name: None
-        for owner in (Certificate, Smallness)
-        for item in fields(owner)
-        if item.name not in ("residual", "smallness")
-    }
-    residual = solution.residual
+    body, residual = solution.body, solution.residual
     finite = bool(np.isfinite([residual.total, residual.scale, solution.energy]).all())
     stationary = finite and residual.below(0.0, tolerance)
-    record |= {
-        "inclusion": _finite(residual.inclusion),
-        "inclusion_relative": _finite(
-            residual.inclusion / residual.scale if residual.scale > 0.0 else residual.inclusion
-        ),
-        "energy": _finite(solution.energy),
-        "stationary": stationary,
-        "tolerance": tolerance,
-        "warnings": list(body.warnings),
-    }
-    infinite: list[str] = []
-    minus: list[str] = []
     normal, tangential, dependent, sampled = _alphas(body)
-    record |= {"alpha_normal": _finite(normal), "alpha_sampled": sampled, "error_bound_sampled": False}
-    if not dependent:  # else it is that of one state only
-        record |= {"alpha_tangential": _finite(tangential), "m_alpha": _finite(max(normal, tangential))}
-    infinite += [
-        name for name, value in (("alpha_normal", normal), ("alpha_tangential", tangential)) if value == np.inf
-    ]
-    if max(normal, tangential) == np.inf:
-        infinite += ["m_alpha", "constant", "error_bound", "error_bound_relative"]
-        minus.append("margin")
-    elif not dependent and body.supported and finite and solution.status is Status.CONVERGED:
+    jumps = max(normal, tangential) == np.inf
+    constant, bound, relative, method = (np.inf, np.inf, np.inf, NOTHING) if jumps else (np.nan,) * 3 + (NOTHING,)
+    unique = False
+    if not jumps and not dependent and body.supported and finite and solution.status is Status.CONVERGED:
         cycle = Multigrid(body)
         cycle.build(np.zeros(body.unknown.size, dtype=bool), np.zeros((*body.active.shape, body.dim)))
         margin = _margin(body, cycle, alarm)
         if margin is not None:
-            record |= {"constant": margin.constant, "margin": margin.value, "coupling": 0.0}
-            record["method"] = "LOBPCG, an estimate"
+            constant, method = margin.constant, ESTIMATE
         if margin is not None and margin.shown:
             lowest, factorised = _lowest(body, cycle, alarm)
-            record["method"] = "factorisation" if factorised else "multigrid"
+            method = "factorisation" if factorised else "multigrid"
             if lowest > _SINGULAR and margin.value > 0.0 and not sampled:
-                record["unique"] = True
-                if stationary:
-                    record["kind"] = PointKind.UNIQUE_MINIMISER.value
-                bound, size = _error_bound(solution, cycle, margin.value, lowest)
-                if np.isfinite(bound):
-                    record |= {"error_bound": bound, "error_bound_relative": bound / size if size > 0.0 else bound}
-        cycle.destroy()
-    record["seconds"] = time.perf_counter() - began
-    return {**record, "infinite": infinite, "minus_infinite": minus}
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+                unique = True
+                found, size = _error_bound(solution, cycle, margin.value, lowest)
+                if np.isfinite(found):
+                    bound, relative = found, found / size if size > 0.0 else found
+        cycle.release()
+    kind = PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY
+    left_out = ["equilibrium", "trace constant"]
+    if np.isnan(constant):
+        left_out.append("margin")
+    if np.isnan(bound):
+        left_out.append("error bound")
+    if stationary and not unique:
+        left_out.append("kind")
+    frozen_only = np.nan if dependent else tangential  # else it is that of one state only
+    smallness = Smallness(
+        alpha_normal=normal,
+        alpha_tangential=frozen_only,
+        alpha_sampled=sampled,
+        m_alpha=np.nan if dependent else max(normal, tangential),
+        m_L=np.nan,
+        m_A=None,
+        trace_constant=None,
+        survey_condition=None,
+        survey_margin=None,
+        constant=constant,
+        constant_normal=None,
+        constant_tangential=None,
+        coupling=np.nan if np.isnan(constant) or jumps else 0.0,
+        contraction=np.nan,
+        margin=1.0 - constant,
+    )
+    inclusion = residual.inclusion
+    return Certificate(
+        equilibrium=np.nan,
+        equilibrium_relative=np.nan,
+        inclusion=inclusion,
+        inclusion_relative=inclusion / residual.scale if residual.scale > 0.0 else inclusion,
+        inclusion_distance=np.nan,
+        residual=residual,
+        energy=solution.energy,
+        margin=smallness.margin,
+        error_bound=bound,
+        error_bound_relative=relative,
+        kind=PointKind.UNIQUE_MINIMISER if unique and stationary else kind,
+        unique=True if unique else None,
+        curvature=None,
+        direction=None,
+        stationary=stationary,
+        tolerance=tolerance,
+        smallness=smallness,
+        method=method,
+        seconds=time.perf_counter() - began,
+        warnings=body.warnings,
+        left_out=tuple(left_out),
+    )
 
 
 def _margin(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm) -> _Margin | None:
@@ -150,10 +169,9 @@ def _late(body: BodyOnRanks, alarm: Alarm) -> bool:
 def _softening(body: BodyOnRanks) -> Array:
     """The diagonal of ``B'W diag(alpha) B`` at the contact unknowns, (k,)."""
     weight = np.zeros(body.active.shape)
-    if body.points:
-        normal, tangential = (np.broadcast_to(alpha, (body.points,)) for alpha in body.law.weak_convexity)
-        weight[:, 0] = body.weights * normal
-        weight[:, 1:] = (body.weights * tangential)[:, None]
+    normal, tangential = (np.broadcast_to(alpha, (body.points,)) for alpha in body.law.weak_convexity)
+    weight[:, 0] = body.weights * normal
+    weight[:, 1:] = (body.weights * tangential)[:, None]
     return np.asarray(np.abs(body.gather(weight) * body.sign))
 
 
@@ -182,7 +200,7 @@ def _definite(body: BodyOnRanks, factor: float, less: Array, scaled: float = 0.0
         pc.getFactorMatrix().setMumpsIcntl(24, 1)  # and of those that are zero
         pc.setUp()
         _, _, positive = pc.getFactorMatrix().getInertia()
-        return bool(positive == body.f.getSize())
+        return bool(positive == body.K.getSize()[0])
     except PETSc.Error:  # no MUMPS, or no memory for it
         return None
     finally:
@@ -195,27 +213,21 @@ def _lowest(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm) -> tuple[float, b
 
     On small problems a factorisation shows it; it is 0 where it is not known.
     """
-    diagonal = body.K.getDiagonal()
-    x, out, bent = body.f.duplicate(), body.f.duplicate(), body.f.duplicate()
-    x.array_w[:] = np.where(body.held, 0.0, 1.5 + np.cos(1.0 + np.arange(*x.getOwnershipRange()) ** 1.3))
-    ksp = _solver(body, cycle, 0.1, 20)
+    diagonal, start = body.elastic.diagonal, body.K.getOwnershipRange()
+    x = np.where(body.held, 0.0, 1.5 + np.cos(1.0 + np.arange(*start) ** 1.3))
     value = np.inf
     for _ in range(4):
         if _late(body, alarm):
             value = 0.0
             break
-        bent.array_w[:] = diagonal.array_r * x.array_r
-        ksp.solve(bent, out)
-        out.array_w[body.held] = 0.0
-        body.K.mult(out, bent)
-        stiff, size = body.ranks.total(_dot(out, bent), float(diagonal.array_r @ out.array_r**2))
+        out, _ = _solved(body, cycle, diagonal * x, 0.1, 20)
+        out[body.held] = 0.0
+        stiff, size = body.ranks.total(float(out @ body.multiply(out)), float(diagonal @ out**2))
         if not (stiff > 0.0 and size > 0.0):
             value = 0.0
             break
         value = min(value, float(stiff / size))
-        out.copy(x)
-        x.scale(1.0 / float(np.sqrt(size)))
-    ksp.destroy()
+        x = out / float(np.sqrt(size))
     lowest = _SAFETY * value if np.isfinite(value) else 0.0
     if lowest > _SINGULAR and body.unknowns <= _FACTORISED[1][body.dim == 3] and not _late(body, alarm):
         shown = _definite(body, 1.0, np.zeros(body.unknown.size), lowest)
@@ -223,8 +235,8 @@ def _lowest(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm) -> tuple[float, b
     return lowest, False
 
 
-def _solver(body: BodyOnRanks, cycle: Multigrid, rtol: float, limit: int) -> Any:
-    """Conjugate gradients for K, in the norm of the preconditioner."""
+def _solved(body: BodyOnRanks, cycle: Multigrid, right: Array, rtol: float, limit: int) -> tuple[Array, bool]:
+    """``K^-1 right`` by conjugate gradients in the norm of the preconditioner, and whether they got there."""
     from petsc4py import PETSc
 
     ksp = PETSc.KSP().create(body.ranks.comm)
@@ -233,20 +245,20 @@ def _solver(body: BodyOnRanks, cycle: Multigrid, rtol: float, limit: int) -> Any
     ksp.setPC(cycle.pc)
     ksp.setNormType(PETSc.KSP.NormType.NATURAL)
     ksp.setTolerances(rtol=rtol, atol=1e-300, max_it=limit)
-    return ksp
+    found = applied(ksp.solve, body.vector(), body.vector(), right)
+    reached = ksp.getConvergedReason() > 0
+    ksp.destroy()
+    return found, reached
 
 
 def _alphas(body: BodyOnRanks) -> tuple[float, float, bool, bool]:
     """Largest weak convexity constants of normal law and friction; whether a bound depends on the solution, and whether
     one of the constants is known from samples only."""
-    normal = tangential = 0.0
-    dependent = bool(body.points) and body.law.state_dependent
-    sampled = False
-    if body.points:
-        sampled = bool(body.law.normal.alpha_sampled or body.law.friction.profile.alpha_sampled)
-        normal = float(np.max(body.law.normal.weak_convexity))
-        if not dependent:
-            tangential = float(np.max(body.law.weak_convexity[1]))
+    law = body.law
+    dependent = law.state_dependent
+    sampled = bool(law.normal.alpha_sampled or law.friction.profile.alpha_sampled) and body.points > 0
+    normal = float(np.max(law.normal.weak_convexity, initial=0.0))
+    tangential = 0.0 if dependent else float(np.max(law.weak_convexity[1], initial=0.0))
     found = body.ranks.largest(normal, tangential, float(dependent), float(sampled))
     return float(found[0]), float(found[1]), bool(found[2]), bool(found[3])
 
@@ -261,56 +273,39 @@ def largest_ratio(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm | None = Non
     if not body.ranks.largest(float(alpha.max(initial=0.0)))[0] > 0.0:
         return 0.0
 
-    def soften(v: Any) -> Any:
-        out = body.f.duplicate()
-        out.array_w[body.unknown] = alpha * v.array_r[body.unknown]
+    def soften(v: Array) -> Array:
+        out = np.zeros(v.size)
+        out[body.unknown] = alpha * v[body.unknown]
         return out
 
-    def stiffen(v: Any) -> Any:
-        out = body.f.duplicate()
-        body.K.mult(v, out)
+    def pressed(v: Array) -> Array:
+        out = applied(cycle.pc.apply, body.vector(), body.vector(), v)
+        out[body.held] = 0.0
         return out
 
-    def pressed(v: Any) -> Any:
-        out = body.f.duplicate()
-        cycle.apply(v, out)
-        out.array_w[body.held] = 0.0
-        return out
-
-    start = body.f.duplicate()
     place = body.K.getOwnershipRange()[0] + body.unknown
-    start.array_w[body.unknown] = alpha * (1.5 + np.cos(1.0 + place**1.3))
+    start = np.zeros(body.load.size)
+    start[body.unknown] = alpha * (1.5 + np.cos(1.0 + place**1.3))
     x, p = pressed(start), None
     ratio = 0.0
     for _ in range(_STEPS):
         if _late(body, alarm):
             return None
-        rest, bent = soften(x), stiffen(x)
-        soft_part, stiff_part = body.ranks.total(_dot(x, rest), _dot(x, bent))
+        rest, bent = soften(x), body.multiply(x)
+        soft_part, stiff_part = body.ranks.total(float(x @ rest), float(x @ bent))
         ratio_now = float(soft_part / stiff_part)
-        rest.axpy(-ratio_now, bent)
+        rest -= ratio_now * bent
         done = ratio_now - ratio <= 0.1 * _SETTLED * ratio_now
         ratio = ratio_now
         if done and p is not None:
             break
-        basis = [x, pressed(rest)] + ([] if p is None else [p])
-        soft, stiff = [soften(v) for v in basis], [stiffen(v) for v in basis]
-        count = len(basis)
-        entries = [_dot(basis[i], images_[j]) for images_ in (soft, stiff) for i in range(count) for j in range(count)]
-        A, K = body.ranks.total(*entries).reshape(2, count, count)
+        basis = np.stack([x, pressed(rest)] + ([] if p is None else [p]))
+        parts = [basis @ np.stack([image(v) for v in basis]).T for image in (soften, body.multiply)]
+        A, K = body.ranks.total(*np.ravel(parts)).reshape(2, len(basis), len(basis))
         factors = _top_vector(A, K)
-        new = body.f.duplicate()
-        p = body.f.duplicate()
-        for factor, vector in zip(factors[1:], basis[1:], strict=True):
-            p.axpy(factor, vector)
-        p.copy(new)
-        new.axpy(factors[0], x)
-        x = new
+        p = factors[1:] @ basis[1:]
+        x = p + factors[0] * x
     return ratio
-
-
-def _dot(a: Any, b: Any) -> float:
-    return float(a.array_r @ b.array_r)
 
 
 def _top_vector(A: Array, K: Array) -> Array:
@@ -330,39 +325,26 @@ def _error_bound(solution: DistributedSolution, cycle: Multigrid, margin: float,
     most ``|D^-1/2 e| / sqrt(lowest)``, D the diagonal of K; local displacements are rounded as well, which moves the
     point that the multiplier belongs to.
     """
-    body, ranks = solution.body, solution.body.ranks
-    lam = solution.multiplier
-    if body.points:
-        lam = np.where(body.active, body.law.nearest_multiplier(solution.local, lam), lam)
+    body, ranks, x = solution.body, solution.body.ranks, solution.x
+    lam = np.where(body.active, body.law.nearest_multiplier(solution.local, solution.multiplier), solution.multiplier)
     pressed = body.gather(body.weights[:, None] * lam)
-    rest = solution.force.copy()
-    rest.array_w[body.unknown] -= pressed
-    ksp = _solver(body, cycle, 1e-3 * _SOLVED, 200)
-    error = body.f.duplicate()
-    ksp.solve(rest, error)
-    solved = ksp.getConvergedReason() > 0 or not ranks.norms(rest.array_r)[0] > 0.0
-    ksp.destroy()
-    bent = body.f.duplicate()
-    body.K.mult(solution.x, bent)
-    diagonal = body.K.getDiagonal().array_r
-    eps = float(np.finfo(float).eps)
-    terms = body.row_sums.array_r * np.abs(solution.x.array_r) + np.abs(body.f.array_r)
+    rest = body.force(x)
+    rest[body.unknown] -= pressed
+    error, solved = _solved(body, cycle, rest, 1e-3 * _SOLVED, 200)
+    solved = solved or not ranks.norms(rest)[0] > 0.0
+    diagonal, eps = body.elastic.diagonal, float(np.finfo(float).eps)
+    terms = body.row_sums * np.abs(x) + np.abs(body.load)
     terms[body.unknown] += np.abs(pressed)
-    moved = (
-        eps
-        * np.sqrt(diagonal[body.unknown])
-        * (np.abs(solution.x.array_r[body.unknown]) + np.abs(body.contact.offset[body.active]))
-    )
-    edges = body.piece.mesh.edges if body.piece.mesh.number_of_cells else np.zeros((0, 2), dtype=np.int64)
-    joined = np.bincount(edges.ravel(), minlength=body.piece.mesh.number_of_nodes).astype(float)
+    moved = eps * np.sqrt(diagonal[body.unknown]) * (np.abs(x[body.unknown]) + np.abs(body.offset[body.active]))
+    mesh = body.piece.mesh
+    edges = mesh.edges if mesh.number_of_cells else np.zeros((0, 2), dtype=np.int64)
+    joined = np.bincount(edges.ravel(), minlength=mesh.number_of_nodes).astype(float)
     joined = body.piece.summed(ranks, joined[:, None])
-    spread, most = ranks.largest(
-        float((body.row_sums.array_r / diagonal).max(initial=1.0)), float(joined.max(initial=0.0))
-    )
+    spread, most = ranks.largest(float((body.row_sums / diagonal).max(initial=1.0)), float(joined.max(initial=0.0)))
     rounded, shift = ranks.norms(terms / np.sqrt(diagonal), moved)
     rounded *= eps * (body.dim * (1.0 + most) + 4.0) / np.sqrt(lowest)
     shift *= np.sqrt(spread)
-    work, square = ranks.total(_dot(rest, error), _dot(solution.x, bent))
+    work, square = ranks.total(float(rest @ error), float(x @ body.multiply(x)))
     found = float(np.sqrt(max(work, 0.0))) * (1.0 + _SOLVED)
     bound = shift + (found + rounded + shift) / margin if solved else np.inf
     return float(bound), float(np.sqrt(max(square, 0.0)))

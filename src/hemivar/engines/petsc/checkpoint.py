@@ -20,15 +20,18 @@ from hemivar.basics.disk import regular_file, shown
 from hemivar.basics.types import Array, IntArray
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.files import one_writer, read_rows, write_rows
-from hemivar.engines.petsc.newton import Iterate
+from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
-from hemivar.engines.petsc.solve import Saved
+from hemivar.engines.petsc.solve import Saved, depends_on_ranks
 from hemivar.errors import ProblemError
 from hemivar.solvers import Progress
+from hemivar.solvers.base import State
+from hemivar.solvers.fixed_point import Outer
+from hemivar.solvers.multigrid import Memory
 
 __all__ = ["read_checkpoint", "write_checkpoint"]
 
-_FORMAT = 2
+_FORMAT = 3
 _LONGEST_LINE = 1 << 26
 _LENGTHS = 10.0 ** np.arange(-6, 1)  # of displacements at which laws are compared, in terms of the size of the body
 
@@ -36,46 +39,48 @@ _KNOWN: WeakKeyDictionary[BodyOnRanks, list[float]] = WeakKeyDictionary()
 
 
 def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
-    """Write an iterate; what stood there before stays until all of it is written. All ranks call this.
+    """Write a state; what stood there before stays until all of it is written. All ranks call this.
 
     Returns
     -------
     bool
-        False if the iterate is not finite; then nothing is written.
+        False if the state is not finite; then nothing is written.
 
     Raises
     ------
     ProblemError
         On all ranks: the file cannot be written.
     """
-    path, ranks = Path(path), body.ranks
-    vectors = [saved.iterate.x]
-    if saved.iterate.built_at is not None:
-        vectors.append(saved.iterate.built_at)
-    if saved.state is not None:
-        vectors += [saved.state[0], *_as_vectors(body, saved.state[1])]
+    path, ranks, state = Path(path), body.ranks, saved.state
+    memory: Memory | Outer = state.memory
+    factor, energy, built, changes = 1.0, 0.0, False, []
+    if isinstance(memory, Outer):
+        arrays = [memory.r, *_as_vectors(body, memory.lam)]
+        changes = [memory.change, *memory.ratios] if np.isfinite(memory.change) else []
+    else:
+        assert isinstance(memory.matrix, Multigrid)
+        factor, energy, built = memory.factor, float(state.energy or 0.0), memory.matrix.built_at is not None
+        arrays = [state.r, memory.force, *([] if memory.matrix.built_at is None else [memory.matrix.built_at])]
     naturals = []
-    for vector in vectors:
-        naturals.append(_natural(body))
-        _scatter(body, vector, naturals[-1]).scatter(vector, naturals[-1])
+    for array in arrays:
+        vector, natural = body.vector(array), _natural(body)
+        _scatter(body, vector, natural).scatter(vector, natural)
+        naturals.append(natural)
     wrong = [float(not np.isfinite(natural.array_r).all()) for natural in naturals]
-    wrong.append(float(not np.isfinite([saved.iterate.energy, saved.iterate.stiffening, *saved.changes]).all()))
-    if ranks.largest(*wrong).any():
+    if ranks.largest(*wrong, float(not np.isfinite([energy, factor, *changes]).all())).any():
         return False
     record = {
         "format": _FORMAT,
         "nodes": body.piece.total,
         "dim": body.dim,
         "unknowns": body.unknowns,
-        "load": body.load_scale,
+        "load": body.load_scale.load,
         "marks": _marks(body),
-        "step": saved.iterate.step,
-        "energy": saved.iterate.energy,
-        "stiffening": saved.iterate.stiffening,
-        "built": saved.iterate.built_at is not None,
-        "state": saved.state is not None,
-        "outer": saved.outer,
-        "changes": list(saved.changes),
+        "energy": energy,
+        "stiffening": factor,
+        "built": built,
+        "state": isinstance(memory, Outer),
+        "changes": changes,
         "history": [_plain(line) for line in saved.history],
         "sums": _sums(ranks, naturals),
     }
@@ -88,7 +93,7 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
 
 
 def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
-    """Read an iterate of the same problem, written on any number of ranks. All ranks call this.
+    """Read a state of the same problem, written on any number of ranks. All ranks call this.
 
     Raises
     ------
@@ -98,8 +103,7 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
     from petsc4py import PETSc
 
     path, ranks = Path(path), body.ranks
-    marks = _marks(body)
-    dependent = bool(ranks.largest(float(bool(body.points) and body.law.state_dependent))[0])
+    marks, dependent = _marks(body), depends_on_ranks(body)
     with ExitStack() as stack:
 
         def head() -> tuple[IO[bytes], dict[str, Any]] | None:
@@ -111,28 +115,35 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
         found = ranks.agree(head)
         stream = None if found is None else found[0]
         record = ranks.mpi.bcast(None if found is None else found[1])
-        naturals, vectors = [], []
+        naturals: list[Any] = []
+        arrays: list[Array] = []
         for _ in record["sums"]:
-            natural, vector = _natural(body), body.f.duplicate()
+            natural, vector = _natural(body), body.vector()
             natural.array_w[:] = read_rows(ranks, stream, natural.getLocalSize())
             _scatter(body, vector, natural).scatter(natural, vector, mode=PETSc.ScatterMode.REVERSE)
             naturals.append(natural)
-            vectors.append(vector)
+            arrays.append(vector.array_r.copy())
     sums = _sums(ranks, naturals)
     finite = float(all(np.isfinite(natural.array_r).all() for natural in naturals))
     for natural in naturals:
         natural.destroy()
     if sums != record["sums"] or ranks.largest(1.0 - finite)[0]:
         raise shared(ProblemError(f"checkpoint '{shown(path)}' is damaged: numbers in it have changed; start anew"))
-    x = vectors.pop(0)
-    built_at = vectors.pop(0) if record["built"] else None
-    state = (vectors[0], _from_vectors(body, vectors[1:])) if record["state"] else None
-    force = body.f.duplicate()
-    body.K.mult(x, force)
-    force.aypx(-1.0, body.f)
-    iterate = Iterate(x, force, record["energy"], record["stiffening"], built_at, record["step"])
-    history = tuple(_progress(line) for line in record["history"])
-    return Saved(iterate, history, state, record["outer"], tuple(record["changes"]))
+    with np.errstate(all="ignore"):
+        return Saved(_state(body, record, arrays), tuple(_progress(line) for line in record["history"]))
+
+
+def _state(body: BodyOnRanks, record: dict[str, Any], arrays: list[Array]) -> State:
+    """The state that these arrays stand for."""
+    x = arrays[0]
+    if record["state"]:
+        lam, changes = _from_vectors(body, arrays[1:]), tuple(record["changes"])
+        outer = Outer(x, lam, changes[0], changes[1:]) if changes else Outer(x, lam)
+        return State(x, lam, memory=outer)
+    memory = Memory(record["stiffening"], arrays[1], Multigrid(body, arrays[2] if record["built"] else None))
+    lam = body.multiplier(x, memory.force)
+    found = body.residual(x, lam, memory.force)
+    return State(x, lam, energy=record["energy"], residual=found, memory=memory)
 
 
 def _progress(line: dict[str, Any]) -> Progress:
@@ -168,13 +179,11 @@ def _marks(body: BodyOnRanks) -> list[float]:
     points = body.piece.mesh.points
     ends = ranks.largest(*points.max(axis=0, initial=-np.inf), *-points.min(axis=0, initial=np.inf))
     size = float((ends[: body.dim] + ends[body.dim :]).max())
-    values = [float(w.sum()), float(w @ np.abs(body.contact.offset).sum(axis=1))]
+    values = [float(w.sum()), float(w @ np.abs(body.offset).sum(axis=1))]
     ones = np.ones(body.active.shape)
     for length in (*-_LENGTHS, *_LENGTHS):
-        there = np.zeros(0)
-        if body.points:
-            with np.errstate(all="ignore"):
-                there = law.frozen(size * length * ones, ones).value(size * length * ones)
+        with np.errstate(all="ignore"):
+            there = law.frozen(size * length * ones, ones).value(size * length * ones)
         finite = np.isfinite(there)
         values += [float(w[finite] @ np.abs(there[finite])), float(np.count_nonzero(~finite))]
     totals = ranks.total(*values)
@@ -213,13 +222,13 @@ def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], 
     ):
         if record[key] != mine:
             raise ProblemError(f"{other}: it has {record[key]} {what}, this one {mine}")
-    if not _alike(record["load"], body.load_scale):
-        raise ProblemError(f"{other}: its load is {record['load']:.6g}, this one's {body.load_scale:.6g}")
+    if not _alike(record["load"], body.load_scale.load):
+        raise ProblemError(f"{other}: its load is {record['load']:.6g}, this one's {body.load_scale.load:.6g}")
     if len(record["marks"]) != len(marks) or not all(map(_alike, record["marks"], marks)):
         raise ProblemError(f"{other}: body, supports or laws differ")
     if record["state"] is not dependent:
         raise ProblemError(f"{other}: a bound depends on the solution in one of the two only")
-    count = 1 + record["built"] + (1 + body.dim) * record["state"]
+    count = 1 + body.dim if record["state"] else 2 + record["built"]
     size = path.stat().st_size - stream.tell()
     if len(record["sums"]) != count or size != count * 8 * body.dim * body.piece.total:
         raise ProblemError(
@@ -234,8 +243,8 @@ def _alike(one: float, other: float) -> bool:
 
 
 _KINDS: dict[str, tuple[type, ...]] = {
-    "nodes": (int,), "dim": (int,), "unknowns": (int,), "load": (float,), "marks": (list,), "step": (int,),
-    "energy": (float,), "stiffening": (float,), "built": (bool,), "state": (bool,), "outer": (int,),
+    "nodes": (int,), "dim": (int,), "unknowns": (int,), "load": (float,), "marks": (list,),
+    "energy": (float,), "stiffening": (float,), "built": (bool,), "state": (bool,),
     "changes": (list,), "history": (list,), "sums": (list,),
 }  # fmt: skip
 
@@ -293,16 +302,15 @@ def _slots(body: BodyOnRanks) -> IntArray:
     return np.asarray(node * body.dim + slot)
 
 
-def _as_vectors(body: BodyOnRanks, values: Array) -> list[Any]:
+def _as_vectors(body: BodyOnRanks, values: Array) -> list[Array]:
     """Values (m, d) of the contact points as d vectors."""
     out = []
     for column in values.T:
-        vector = body.f.duplicate()
-        vector.array_w[:] = 0.0
-        vector.array_w[_slots(body)] = column
+        vector = np.zeros(body.load.size)
+        vector[_slots(body)] = column
         out.append(vector)
     return out
 
 
-def _from_vectors(body: BodyOnRanks, vectors: list[Any]) -> Array:
-    return np.stack([vector.array_r[_slots(body)] for vector in vectors], axis=1)
+def _from_vectors(body: BodyOnRanks, vectors: list[Array]) -> Array:
+    return np.stack([vector[_slots(body)] for vector in vectors], axis=1)

@@ -17,8 +17,7 @@ from hemivar.basics.memory import problem_bytes, refined_cells, require
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.engines.petsc.ranks import Ranks
 from hemivar.errors import ProblemError
-from hemivar.fem.parts import parts
-from hemivar.mesh._keys import _facet_keys
+from hemivar.mesh.keys import cell_facets, facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Piece", "distribute", "family", "grid_numbers", "refine", "renumber"]
@@ -167,8 +166,8 @@ def distribute(ranks: Ranks, mesh: Mesh | None) -> Piece:
     if mesh is not None and ranks.rank == 0:
         packets = [_packet(mesh, cells) for cells in wanted]
     points, cells, numbers, boundaries, regions, total = ranks.mpi.scatter(packets)
-    piece = Mesh._trusted(points, cells, boundaries, regions)
-    count = int(ranks.mpi.bcast(parts(mesh).count if mesh is not None and ranks.rank == 0 else None))
+    piece = Mesh.trusted(points, cells, boundaries, regions)
+    count = int(ranks.mpi.bcast(mesh.parts.count if mesh is not None and ranks.rank == 0 else None))
     whole = mesh if ranks.rank == 0 and count > 1 else None
     return replace(_shared(ranks, piece, numbers, total, None), parts=count, whole=whole)
 
@@ -202,13 +201,13 @@ def _packet(mesh: Mesh, cells: IntArray) -> tuple[Any, ...]:
     """What a rank needs to hold these cells: points, cells, numbers, boundaries, regions, number of nodes."""
     connectivity = mesh.cells[cells]
     numbers, local = np.unique(connectivity, return_inverse=True)
-    _, keys, owner = mesh._facets()
+    _, keys, owner = cell_facets(mesh.cells, mesh.number_of_nodes)
     order = np.argsort(keys)
     mine = np.zeros(mesh.number_of_cells, dtype=bool)
     mine[cells] = True
     boundaries = {}
     for name, facets in mesh.boundaries.items():
-        at = order[np.searchsorted(keys, _facet_keys(facets, mesh.number_of_nodes), sorter=order)]
+        at = order[np.searchsorted(keys, facet_keys(facets, mesh.number_of_nodes), sorter=order)]
         boundaries[name] = np.searchsorted(numbers, facets[mine[owner[at]]])
     regions = {name: np.searchsorted(cells, ids[mine[ids]]) for name, ids in mesh.regions.items()}
     connectivity = local.reshape(connectivity.shape).astype(np.int64)
@@ -268,7 +267,7 @@ def _crossed(mesh: Mesh) -> Mesh:
     centre, (low, right, left) = outer[:, 2], inner.T
     third, fourth = np.column_stack([centre, low, right]), np.column_stack([low, centre, left])
     cells = np.concatenate([first, second, third, fourth])
-    return Mesh._trusted(mesh.points, cells, mesh.boundaries, mesh.regions)
+    return Mesh.trusted(mesh.points, cells, mesh.boundaries, mesh.regions)
 
 
 def _edge_numbers(ranks: Ranks, pairs: IntArray, total: int) -> tuple[IntArray, int]:

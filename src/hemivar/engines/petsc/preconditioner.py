@@ -2,42 +2,60 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.engines.petsc.stiffness import applied
+
+if TYPE_CHECKING:
+    from hemivar.engines.petsc.assembly import BodyOnRanks
 
 __all__ = ["Multigrid"]
 
 _SHIFT = 1e-6  # what is added to the diagonal of a body that supports do not hold
 _DIRECT = 6000  # unknowns of a coarsest level that every rank may factorise
+_OTHER = 0.3  # change of a second derivative, in terms of the stiffness there, after which the cycle is set up anew
 
-#: PETSc options set unless the user sets them. GAMG keeps its own smoothers: its coarse matrices may have zero rows.
+#: PETSc options set unless the user sets them: one sweep of Gauss-Seidel before and one back after the coarser levels,
+#: so that the cycle is symmetric. GAMG keeps its own smoothers: its coarse matrices may have zero rows.
 _DEFAULTS = {
-    "hemivar_mg_levels_ksp_type": "richardson",
-    "hemivar_mg_levels_ksp_max_it": "1",
-    "hemivar_mg_levels_pc_type": "sor",
+    f"hemivar_mg_{when}_{name}": value
+    for when, way in (("levels", "forward"), ("up", "backward"))
+    for name, value in (
+        ("ksp_type", "richardson"),
+        ("ksp_max_it", "1"),
+        ("pc_type", "sor"),
+        (f"pc_sor_local_{way}", "1"),
+    )
 }
 
 
 class Multigrid:
-    """One cycle for Newton's equation, with the unknowns at kinks taken out on every level.
+    """Newton's matrix, and one cycle for it, with the unknowns at kinks taken out on every level.
 
     Prolongations are those of linear elements, coarse matrices are ``P'AP``.  Where there is one mesh only, it is
     PETSc's algebraic multigrid GAMG. Options of PETSc (in the environment variable PETSC_OPTIONS) with the prefixes
-    ``hemivar_`` and, for one mesh, ``hemivar_amg_`` change them, such as ``-hemivar_mg_levels_pc_type jacobi`` or
-    ``-hemivar_amg_pc_type hypre``.
+    ``hemivar_`` and, for one mesh, ``hemivar_amg_`` change them, such as ``-hemivar_amg_pc_type hypre``; those of the
+    smoothers before and after the coarser levels begin with ``-hemivar_mg_levels_`` and ``-hemivar_mg_up_``.
+
+    The cycle is set up anew only where other unknowns are held, or the laws have become much stiffer or softer; with
+    second derivatives that are negative left out.
+
+    Parameters
+    ----------
+    body : BodyOnRanks
+    built_at : array (n,), optional
+        Where it is set up at first.
 
     Attributes
     ----------
-    body : BodyOnRanks
-    setups, applications : int
-        How often it was set up and used.
+    built_at : array (n,) or None
+        Where the cycle was set up; it is a function of this place.
     """
 
-    def __init__(self, body: BodyOnRanks) -> None:
+    def __init__(self, body: BodyOnRanks, built_at: Array | None = None) -> None:
         from petsc4py import PETSc
 
         options = PETSc.Options()
@@ -45,10 +63,12 @@ class Multigrid:
             if not options.hasName(name):
                 options.setValue(name, value)
         self.body = body
-        self.setups = 0
-        self.applications = 0
-        self.held = np.zeros(0, dtype=bool)
-        self.curvature = np.zeros(0)
+        self.built_at: Array | None = None
+        self.diagonal = body.elastic.diagonal
+        self._held, self._curvature = np.zeros(0, dtype=bool), np.zeros(0)
+        self._out = self._held
+        self._built: tuple[BoolArray, Array] = self._held, self._curvature
+        self._given, self._made = body.K.createVecs()
         self.levels = [body]
         while self.levels[0].coarser is not None:
             self.levels.insert(0, self.levels[0].coarser)
@@ -60,15 +80,49 @@ class Multigrid:
             self.pc.setOptionsPrefix("hemivar_amg_")
             self.pc.setType("gamg")
             self.pc.setFromOptions()
-            return
+        else:
+            self._set_levels()
+        if built_at is not None:
+            _, moving, curvature = body.linearised(body.local(built_at))
+            self.change(built_at, ~moving[body.active], curvature)
+
+    def _set_levels(self) -> None:
         self.masked = self.prolongations[-1].copy()
         self.pc.setType("mg")
         self.pc.setMGLevels(len(self.levels))
         for number, matrix in enumerate([*self.prolongations[:-1], self.masked], start=1):
             self.pc.setMGInterpolation(number, matrix)
+            self.pc.getMGSmootherUp(number).setOptionsPrefix("hemivar_mg_up_")
         coarse = self.pc.getMGCoarseSolve()
         coarse.setType("preonly")
-        coarse.getPC().setType("redundant" if self.levels[0].f.getSize() <= _DIRECT else "gamg")
+        coarse.getPC().setType("redundant" if self.levels[0].K.getSize()[0] <= _DIRECT else "gamg")
+
+    # ---- Newton's matrix -----------------------------------------------------------------------------------
+
+    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+        """See :class:`hemivar.systems.body.Truncation`."""
+        body = self.body
+        self._held, self._curvature = held, curvature
+        self._out = np.concatenate([body.unknown[held], np.flatnonzero(body.held)])
+        stiff = _positive(curvature)
+        if self.built_at is None or self._stale(held, stiff):
+            self.build(held, stiff)
+            self.built_at = x
+
+    def __matmul__(self, vector: Array) -> Array:
+        body = self.body
+        out = body.multiply(vector)
+        way = body.spread(vector[body.unknown])
+        out[body.unknown] += body.gather(np.einsum("mij,mj->mi", self._curvature, way))
+        out[self._out] = 0.0
+        return out
+
+    def cycle(self, right: Array) -> Array:
+        out = applied(self.pc.apply, self._made, self._given, right)
+        out[self._out] = 0.0
+        return out
+
+    # ---- the cycle -----------------------------------------------------------------------------------------
 
     def build(self, held: BoolArray, curvature: Array) -> None:
         """Set up for unknowns ``held (k,)`` at kinks and second derivatives ``curvature (m, d, d)`` of the laws."""
@@ -84,13 +138,18 @@ class Multigrid:
             self._coarsen(top, held, first)
             self.pc.setOperators(top)
             for number, matrix in enumerate(self.matrices):
-                smoother = self.pc.getMGSmoother(number) if number else self.pc.getMGCoarseSolve()
-                smoother.setOperators(matrix)
+                for smoother in self._smoothers(number):
+                    smoother.setOperators(matrix)
             if first:
                 self.pc.setFromOptions()
         self.pc.setUp()
-        self.setups += 1
-        self.held, self.curvature = held.copy(), _diagonal(self.body, curvature)
+        self._built = held.copy(), _diagonal(self.body, curvature)
+
+    def _smoothers(self, number: int) -> list[Any]:
+        """What works on a level before and after the coarser ones."""
+        if not number:
+            return [self.pc.getMGCoarseSolve()]
+        return [self.pc.getMGSmootherDown(number), self.pc.getMGSmootherUp(number)]
 
     def _top(self, held: BoolArray, curvature: Array) -> Any:
         """Newton's matrix on the finest level, with unit rows (times the mean diagonal) for what is taken out."""
@@ -121,9 +180,9 @@ class Multigrid:
         from petsc4py import PETSc
 
         body = self.body
-        mask = body.f.duplicate()
-        mask.set(1.0)
-        mask.array_w[body.unknown[held]] = 0.0
+        ones = np.ones(body.load.size)
+        ones[body.unknown[held]] = 0.0
+        mask = body.vector(ones)
         whole = self.prolongations[-1]
         whole.copy(self.masked, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self.masked.diagonalScale(mask, None)
@@ -138,26 +197,26 @@ class Multigrid:
                 finer.ptap(chain[number], result=self.matrices[number])
             _fill_diagonal(self.matrices[number], self.levels[number].typical)
 
-    def stale(self, held: BoolArray, curvature: Array) -> float:
-        """Part of all contact unknowns for which it was set up otherwise."""
-        body = self.body
-        own = _diagonal(body, curvature)
-        stiff = np.abs(own - self.curvature) > 0.3 * (body.contact_diagonal + np.minimum(own, self.curvature))
-        changed, count = body.ranks.total(np.count_nonzero((held != self.held) | (stiff & ~held)), held.size)
-        return float(changed / count) if count else 0.0
+    def _stale(self, held: BoolArray, curvature: Array) -> bool:
+        """Whether the cycle was set up for something else."""
+        body, (held_then, before) = self.body, self._built
+        own, stiffness = _diagonal(body, curvature), body.stiffness[body.active]
+        other = np.abs(own - before) > _OTHER * (stiffness + np.minimum(own, before))
+        return bool(body.ranks.largest(float(((held != held_then) | (other & ~held)).any()))[0])
 
-    def apply(self, residual: Any, out: Any) -> None:
-        """One cycle."""
-        self.applications += 1
-        self.pc.apply(residual, out)
-
-    def destroy(self) -> None:
+    def release(self) -> None:
         """Give its memory back."""
         self.pc.destroy()
         for matrix in self.matrices:
             matrix.destroy()
         if len(self.levels) > 1:
             self.masked.destroy()
+
+
+def _positive(curvature: Array) -> Array:
+    """Second derivatives (m, d, d) without what is negative."""
+    values, vectors = np.linalg.eigh(curvature)
+    return np.asarray(np.einsum("mic,mc,mjc->mij", vectors, np.maximum(values, 0.0), vectors))
 
 
 def _fill_diagonal(matrix: Any, typical: float) -> None:

@@ -1,16 +1,10 @@
-"""The ranks of a run: counted exchanges and reductions, errors that all ranks share, and an end for all at once."""
+"""The ranks of a run: counted exchanges and reductions, and errors that all ranks share."""
 
 from __future__ import annotations
 
-import math
-import os
-import sys
-import time
-import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,13 +12,14 @@ from hemivar.basics.disk import shown
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import HemivarError, MethodError, ProblemError
 
-__all__ = ["Ranks", "all_or_none", "shared", "world"]
+__all__ = ["NO_MEMORY", "Ranks", "shared", "world"]
 
 T = TypeVar("T")
 
 #: Sums of squares between these are neither rounded to nothing nor overflowing.
 _TINY, _HUGE = 1e-250, 1e300
-_NO_MEMORY = "not enough memory for this problem; take more ranks on more machines, or fewer cells"
+#: What is said where the memory does not suffice.
+NO_MEMORY = "not enough memory for this problem; take more ranks on more machines, or fewer cells"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +49,11 @@ class Ranks:
         """Number of ranks."""
         return int(self.mpi.size)
 
+    @property
+    def alone(self) -> bool:
+        """Whether there is no other rank."""
+        return self.size == 1
+
     def total(self, *values: float | np.integer[Any]) -> Array:
         """Sums over the ranks, all in one reduction."""
         from mpi4py import MPI
@@ -81,6 +81,15 @@ class Ranks:
             scaled = [v / scale for v, scale in zip(vectors, scales, strict=True)]
             norms = scales * np.sqrt(self.total(*(float(v @ v) for v in scaled)))
         return np.asarray(np.where(sizes < np.inf, norms, np.inf))
+
+    def lowest(self, value: float) -> tuple[float, bool]:
+        """The lowest number of all ranks, and whether it is that of this one; of equals the first."""
+        number, who = min(self.mpi.allgather((value, self.rank)))
+        return float(number), bool(who == self.rank)
+
+    def before(self, count: int) -> int:
+        """How many of something the ranks before this one have."""
+        return self.offset(count)[0]
 
     def _reduce(self, values: Any, operation: Any) -> Array:
         self.counts["reductions"] += 1
@@ -151,7 +160,7 @@ class Ranks:
             named = f"{shown(error.filename)}: " if error.filename else ""
             complaint = False, f"{named}{error.strerror or error}; check path and disk"
         except MemoryError:
-            complaint = False, _NO_MEMORY
+            complaint = False, NO_MEMORY
         first = next((entry for entry in self.mpi.allgather(complaint) if entry is not None), None)
         if first is not None:
             raise shared((MethodError if first[0] else ProblemError)(first[1]))
@@ -209,57 +218,3 @@ def world() -> Ranks:
     if np.issubdtype(PETSc.ScalarType, np.complexfloating):
         raise ProblemError("this PETSc computes with complex numbers; take a build with real ones (PETSC_DIR)")
     return Ranks(PETSc.COMM_WORLD, MPI.COMM_WORLD)
-
-
-def _one_line(text: object) -> str:
-    return shown(" ".join(str(text).split()))
-
-
-@contextmanager
-def all_or_none(ranks: Ranks) -> Iterator[None]:
-    """Whatever ends the work on one rank ends it on all, with one message and exit code 2 for bad input, or 70.
-
-    With HEMIVAR_TRACEBACK=1 in the environment an error that should not occur is shown with its traceback.
-    """
-    try:
-        yield
-    except HemivarError as error:
-        if getattr(error, "shared", False):
-            if ranks.rank == 0:
-                _say(f"hemivar: error: {_one_line(error)}")
-            ranks.mpi.Barrier()
-            raise SystemExit(2) from None
-        _end_all(ranks, 2, f"hemivar: error: {_one_line(error)} (rank {ranks.rank} of {ranks.size})")
-    except KeyboardInterrupt:
-        _end_all(ranks, 130, "hemivar: interrupted")
-    except MemoryError:
-        _end_all(ranks, 2, f"hemivar: error: {_NO_MEMORY} (rank {ranks.rank} of {ranks.size})")
-    except Exception as error:
-        reason = f"{type(error).__name__}: {_one_line(error)[:300]}{_place(error)}"
-        line = f"hemivar: error: rank {ranks.rank} of {ranks.size} failed ({reason}); all ranks end"
-        _end_all(ranks, 70, line, error)
-
-
-def _place(error: Exception) -> str:
-    """Where in the code it was raised."""
-    frames = traceback.extract_tb(error.__traceback__)
-    return f", {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
-
-
-def _say(line: str) -> None:
-    """One line on standard error, whatever has become of the streams."""
-    for stream, text in ((sys.stdout, ""), (sys.stderr, f"{line}\n")):
-        with suppress(OSError, ValueError):
-            stream.write(text)
-            stream.flush()
-
-
-def _end_all(ranks: Ranks, code: int, line: str, error: Exception | None = None) -> NoReturn:
-    """End every rank; ranks that fail together leave the word to the lowest of them, whose end is that of all."""
-    time.sleep(0.5 * math.log2(1 + ranks.rank))
-    if error is not None and os.environ.get("HEMIVAR_TRACEBACK"):
-        traceback.print_exception(error)
-    _say(line)
-    if ranks.size > 1:
-        ranks.mpi.Abort(code)
-    raise SystemExit(code)

@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import Superpotential
-from hemivar.laws.contact import spread
+from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
@@ -337,7 +337,7 @@ class PrimalDualActiveSet(Solver):
         return None
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
-        laws = _component_laws(system)
+        laws = system.law.scalar_laws(system.shape[1])
         sets = _sets_of_start(system, laws, _parts(start.r if self.sets_from_guess else system.start()))
         if system.shape[1] > 2:
             return replace(start, memory=(sets, {}))
@@ -346,7 +346,7 @@ class PrimalDualActiveSet(Solver):
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         if system.shape[1] > 2:
             return self._radial_step(system, state, budget)
-        laws = _component_laws(system)
+        laws = system.law.scalar_laws(system.shape[1])
         sets, seen = state.memory
         flat, used = self.inner.solve(FixedSets(system, laws, sets), state.r.ravel(), budget)
         r = flat.reshape(state.r.shape)
@@ -366,7 +366,7 @@ class PrimalDualActiveSet(Solver):
         return State(r, lam, evaluations, ended, memory=(new, seen | {new.tobytes()}))
 
     def _radial_step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
-        laws = _component_laws(system)
+        laws = system.law.scalar_laws(system.shape[1])
         sets, seen = state.memory
         tau = np.stack([_step_length(system, law, c) for c, law in enumerate(laws)], axis=1)
         flat, used = self.inner.solve_radial(RadialSets(system, laws, sets, tau, state.r, state.lam), budget)
@@ -388,11 +388,6 @@ class PrimalDualActiveSet(Solver):
         known = seen.get(new.tobytes(), np.inf)
         ended = Status.CYCLING if not np.array_equal(new, sets) and off >= known else None
         return State(r, lam, evaluations, ended, memory=(new, {**seen, new.tobytes(): min(off, known)}))
-
-
-def _component_laws(system: CondensedProblem) -> tuple[Superpotential, ...]:
-    law = system.law
-    return (law.normal,) if system.shape[1] == 1 else (law.normal, law.tangential)
 
 
 def _parts(r: Array) -> Array:

@@ -1,0 +1,269 @@
+"""The motions that deform no part of a body: what a stiffness matrix cannot resist.
+
+Cells that share a facet move as one where they do not deform; cells that share no more than a node or, in space, an
+edge turn about it.  So the motions without deformation are the rigid motions of the parts (cells joined through
+facets) that agree at the nodes which parts share, and that the supports admit: the kernel of the stiffness matrix, told
+by the mesh and by the supports alone, whatever the rounding of the matrix.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.space import Field
+from hemivar.errors import ProblemError
+from hemivar.mesh.parts import Parts
+
+__all__ = ["FreeMotions", "MovingGroup", "admitted", "free_motions", "rigid_basis"]
+
+#: A motion that moves the supports by less than this, relative to its size, is free.
+_RANK = 1e-9
+#: Motions of parts that hang together at nodes only, up to which they are sorted out.
+_LARGEST = 1200
+
+
+@dataclass(frozen=True, eq=False)
+class MovingGroup:
+    """Parts that hang together, and the motions without deformation that are left to them.
+
+    Attributes
+    ----------
+    parts : int array (p,)
+        Their numbers.
+    columns : slice
+        Of :attr:`FreeMotions.motions`.
+    coefficients : array (p, 3 or 6, a)
+        What each part does in each of the motions: translations, then rotations about its middle that move its
+        farthest corner by one.
+    hinges : int array
+        Nodes that the parts share with one another or with parts that are held.
+    """
+
+    parts: IntArray
+    columns: slice
+    coefficients: Array
+    hinges: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotions:
+    """A basis of the motions that deform nothing and that the supports admit.
+
+    Attributes
+    ----------
+    motions : sparse array (nodes * d, a)
+        Nodal displacements, of size one.
+    groups : tuple of MovingGroup
+        Parts that move independently of one another.
+    parts : Parts
+        All of the body.
+    """
+
+    motions: sp.csc_array
+    groups: tuple[MovingGroup, ...]
+    parts: Parts
+
+    @property
+    def count(self) -> int:
+        """How many there are; the stiffness matrix is positive definite if there is none."""
+        return int(self.motions.shape[1])
+
+
+def rigid_basis(nodes: Array, corners: tuple[Array, Array] | None = None) -> tuple[Array, list[str]]:
+    """Translations and rotations about the middle, scaled to size one; shape (nodes * d, 3 or 6), and their names.
+
+    ``corners`` are the lowest and the highest of the body, shape (d,), where the nodes are not all of them.
+    """
+    count, dim = nodes.shape
+    lowest, highest = (nodes.min(axis=0), nodes.max(axis=0)) if corners is None else corners
+    middle = 0.5 * (highest + lowest)
+    arm = (nodes - middle) / (0.5 * np.linalg.norm(highest - lowest))
+    motions, names = [], []
+    for axis in range(dim):
+        motions.append(np.broadcast_to(np.eye(dim)[axis], nodes.shape).ravel())
+        names.append("(" + ", ".join(f"{value:g}" for value in np.eye(dim)[axis]) + ")")
+    for i, j in itertools.combinations(range(dim), 2):
+        turn = np.zeros((count, dim))
+        turn[:, i], turn[:, j] = -arm[:, j], arm[:, i]
+        motions.append(turn.ravel())
+        names.append("" if dim == 2 else f" about the {'zyx'[i + j - 1]} axis")
+    return np.column_stack(motions), names
+
+
+def admitted(moved: Array) -> Array:
+    """Orthonormal coefficients of the motions that move no support: ``moved`` is (conditions, motions)."""
+    if not len(moved):
+        return np.eye(moved.shape[1])
+    triangle = np.linalg.qr(moved, mode="r")
+    return np.asarray(scipy.linalg.null_space(triangle, rcond=_RANK))
+
+
+def free_motions(field: Field) -> FreeMotions:
+    """The motions without deformation that a body has left, by its mesh and its supports; the field remembers them.
+
+    Raises
+    ------
+    ProblemError
+        Several hundred parts hang together at nodes only.
+    """
+    known = field.__dict__.get("_free_motions")
+    if isinstance(known, FreeMotions):
+        return known
+    found = _of_one(field) if field.mesh.parts.count == 1 else _of_many(field)
+    object.__setattr__(field, "_free_motions", found)
+    return found
+
+
+def _stopped(field: Field) -> tuple[IntArray, Array]:
+    """Nodes that supports act on, and the projections (k, d, d) on what they fix there."""
+    dim, basis = field.mesh.dim, field.basis
+    filled = np.flatnonzero(np.diff(basis.indptr))
+    column_node = np.zeros(basis.shape[1], dtype=np.int64)
+    column_node[basis.indices] = np.repeat(filled // dim, np.diff(basis.indptr)[filled])
+    nodes = np.flatnonzero(np.bincount(column_node, minlength=field.number_of_nodes) < dim)
+    rows = (nodes[:, None] * dim + np.arange(dim)).ravel()
+    free = basis[rows]
+    product = (free @ free.T).tocoo()  # block diagonal, for a column belongs to one node
+    projection = np.tile(np.eye(dim), (len(nodes), 1, 1))
+    np.subtract.at(projection, (product.row // dim, product.row % dim, product.col % dim), product.data)
+    projection[np.abs(projection) < 1e-14] = 0.0
+    return nodes, projection
+
+
+def _of_one(field: Field) -> FreeMotions:
+    """The motions of a body of one part."""
+    nodes, dim = field.nodes, field.mesh.dim
+    corners = (nodes.min(axis=0), nodes.max(axis=0))
+    where, stop = _stopped(field)
+    count = 3 if dim == 2 else 6
+    admissible = np.eye(count)
+    if len(where):
+        moved = rigid_basis(nodes[where], corners)[0].reshape(len(where), dim, count)
+        admissible = admitted(np.einsum("kij,kjr->kir", stop, moved).reshape(-1, count))
+    left = admissible.shape[1]
+    motions = rigid_basis(nodes, corners)[0] @ admissible if left else np.zeros((nodes.size, 0))
+    everything = field.mesh.parts
+    if not left:
+        return FreeMotions(sp.csc_array(motions), (), everything)
+    group = MovingGroup(np.zeros(1, dtype=np.int64), slice(0, left), admissible[None], np.zeros(0, dtype=np.int64))
+    return FreeMotions(sp.csc_array(motions), (group,), everything)
+
+
+class _Body:
+    """The nodes of every part, and the rigid motions of it there."""
+
+    def __init__(self, field: Field) -> None:
+        self.dim, self.nodes = field.mesh.dim, field.nodes
+        self.all = field.mesh.parts
+        cells = field.mesh.cell_nodes(field.order)
+        pairs = np.unique(np.repeat(self.all.cell, cells.shape[1]) * np.int64(len(self.nodes)) + cells.ravel())
+        self.owner, self.node = pairs // len(self.nodes), pairs % len(self.nodes)
+        self.start = np.searchsorted(self.owner, np.arange(self.all.count + 1))
+        shared = np.bincount(self.node, minlength=len(self.nodes))
+        self.shared = shared > 1
+        self.kinds = 3 if self.dim == 2 else 6
+
+    def nodes_of(self, part: int) -> IntArray:
+        return np.asarray(self.node[self.start[part] : self.start[part + 1]])
+
+    def motions(self, part: int, nodes: IntArray) -> Array:
+        """Rigid motions of a part at nodes, (k, d, 3 or 6)."""
+        own = self.nodes[self.nodes_of(part)]
+        made = rigid_basis(self.nodes[nodes], (own.min(axis=0), own.max(axis=0)))[0]
+        return made.reshape(len(nodes), self.dim, self.kinds)
+
+
+def _of_many(field: Field) -> FreeMotions:
+    """The motions of a body of several parts: first the parts that supports hold, then what hangs on them."""
+    body = _Body(field)
+    dim, count, kinds = body.dim, body.all.count, body.kinds
+    where, projection = _stopped(field)
+    stop = np.zeros((len(body.nodes), dim, dim))
+    stop[where] = projection
+    stopped = np.zeros(len(body.nodes), dtype=bool)
+    stopped[where] = True
+    left = [np.eye(kinds)] * count
+    held = np.zeros(count, dtype=bool)
+    sharing = sp.csr_array(
+        (np.ones(len(body.node), dtype=np.int8), (body.node, body.owner)), shape=(len(body.nodes), count)
+    )
+    waiting = list(range(count))
+    while waiting:  # what hangs on parts that are held by enough nodes is held as well
+        part = waiting.pop()
+        if held[part]:
+            continue
+        nodes = body.nodes_of(part)
+        on = nodes[stopped[nodes]]
+        moved = np.einsum("kij,kjr->kir", stop[on], body.motions(part, on)).reshape(-1, kinds)
+        left[part] = admitted(moved)
+        if left[part].shape[1] == 0:
+            held[part] = True
+            joints = nodes[body.shared[nodes]]
+            stop[joints], stopped[joints] = np.eye(dim), True
+            waiting.extend(int(p) for p in np.unique(sharing[joints].indices) if not held[p])
+    return _clusters(body, left, held, stop, sharing)
+
+
+def _clusters(body: _Body, left: list[Array], held: BoolArray, stop: Array, sharing: sp.csr_array) -> FreeMotions:
+    """Motions of the parts that are not held, those that hang together being taken together."""
+    dim, kinds = body.dim, body.kinds
+    joints = np.flatnonzero(body.shared & ~stop[:, range(dim), range(dim)].all(axis=1))
+    among = sharing[joints].astype(float)
+    _, label = connected_components(sp.csr_array(among.T @ among), directed=False)
+    data: list[Array] = [np.zeros(0)]
+    rows_of: list[IntArray] = [np.zeros(0, dtype=np.int64)]
+    columns_of: list[IntArray] = [np.zeros(0, dtype=np.int64)]
+    groups: list[MovingGroup] = []
+    total = 0
+    for cluster in np.unique(label[~held]):
+        members: IntArray = np.flatnonzero((label == cluster) & ~held)
+        width = sum(left[p].shape[1] for p in members)
+        if width > _LARGEST:
+            place = ", ".join(f"{x:.6g}" for x in body.nodes[body.nodes_of(int(members[0]))].mean(axis=0))
+            raise ProblemError(
+                f"{len(members)} parts of the body, one of them around x = ({place}), hang together at nodes or edges "
+                "only; join their cells through common facets"
+            )
+        offset = np.concatenate([[0], np.cumsum([left[p].shape[1] for p in members])])
+        place_of = {int(p): i for i, p in enumerate(members)}
+        rows: list[Array] = []
+        for joint in joints[np.asarray(among[:, members].sum(axis=1)).ravel() > 1.0] if len(members) > 1 else []:
+            owners = [int(p) for p in sharing[[joint]].indices if int(p) in place_of]
+            first = owners[0]
+            mine = (body.motions(first, np.array([joint]))[0]) @ left[first]
+            for other in owners[1:]:
+                row = np.zeros((dim, width))
+                i, k = place_of[first], place_of[other]
+                row[:, offset[i] : offset[i + 1]] = mine
+                row[:, offset[k] : offset[k + 1]] = -body.motions(other, np.array([joint]))[0] @ left[other]
+                rows.append(row)
+        own = admitted(np.concatenate([*rows, np.zeros((0, width))]))
+        if own.shape[1] == 0:
+            continue
+        coefficients = np.zeros((len(members), kinds, own.shape[1]))
+        nodes_done: list[IntArray] = []
+        values: list[Array] = []
+        for i, p in enumerate(members):
+            coefficients[i] = left[p] @ own[offset[i] : offset[i + 1]]
+            nodes = body.nodes_of(int(p))
+            nodes_done.append(nodes)
+            values.append(body.motions(int(p), nodes) @ coefficients[i])
+        every, first_of = np.unique(np.concatenate(nodes_done), return_index=True)
+        moved = np.concatenate(values)[first_of].reshape(-1, own.shape[1])
+        entries = (every[:, None] * dim + np.arange(dim)).ravel()
+        data.append(moved.ravel())
+        rows_of.append(np.repeat(entries, own.shape[1]).astype(np.int64))
+        columns_of.append(np.tile(total + np.arange(own.shape[1]), len(entries)))
+        hinges = every[body.shared[every]]
+        groups.append(MovingGroup(members, slice(total, total + own.shape[1]), coefficients, hinges))
+        total += own.shape[1]
+    entries_at = (np.concatenate(rows_of), np.concatenate(columns_of))
+    motions = sp.csc_array((np.concatenate(data), entries_at), shape=(len(body.nodes) * dim, total))
+    return FreeMotions(motions, tuple(groups), body.all)

@@ -1,0 +1,260 @@
+"""The law of a contact point: a normal superpotential and a radial friction law in local components."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from hemivar.basics.arguments import described
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.consistency import check_own
+from hemivar.laws.friction import Friction, NoFriction
+from hemivar.laws.friction.bounds import StateBound, stack_bounds
+from hemivar.laws.stacked import stack
+from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.vector_law import Linearisation, VectorLaw
+
+__all__ = ["ContactLaw"]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactLaw(VectorLaw):
+    """The law that splits: j(r) = j_nu(r_nu) + h_tau j_tau(|r_tau|) at every contact point.
+
+    The bound h_tau may depend on penetration or pressure (:class:`~hemivar.laws.StateBound`); then only the parts
+    that do not need it answer, until :meth:`frozen` evaluates it.
+
+    With one local component (a bar, a membrane) there is no slip, and friction answers nothing.
+
+    Parameters
+    ----------
+    normal : Superpotential
+        Normal law j_nu.
+    friction : Friction
+        Friction law h_tau j_tau; none by default.
+    """
+
+    normal: Superpotential
+    friction: Friction = field(default_factory=NoFriction)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.normal, Friction) and isinstance(self.friction, Superpotential):
+            raise ProblemError("the normal law and the friction law are swapped; give the normal law first")
+        if not isinstance(self.normal, Superpotential):
+            raise ProblemError(
+                f"the normal law must be a superpotential such as SurveyLaw, not {described(self.normal)}"
+            )
+        if not isinstance(self.friction, Friction):
+            raise ProblemError(
+                f"the friction law must be a Friction such as Tresca(0.5), not {described(self.friction)}"
+            )
+        check_own(self.normal)
+
+    def at(self, points: Array | None) -> ContactLaw:
+        return ContactLaw(self.normal.at(points), self.friction.at(points))
+
+    @cached_property
+    def tangential(self) -> Superpotential:
+        """The even scalar law h_tau j_tau."""
+        return self.friction.radial
+
+    def scalar_laws(self, components: int) -> tuple[Superpotential, ...]:
+        """The normal law, and the tangential one where there are tangents."""
+        return (self.normal,) if components == 1 else (self.normal, self.tangential)
+
+    def take(self, index: IntArray) -> ContactLaw:
+        return ContactLaw(self.normal.take(index), self.friction.take(index))
+
+    @property
+    def state_dependent(self) -> bool:
+        return self.friction.state_dependent
+
+    def frozen(self, r: Array, lam: Array) -> ContactLaw:
+        if not self.state_dependent:
+            return self
+        r, lam = np.asarray(r, dtype=float), np.asarray(lam, dtype=float)
+        return ContactLaw(self.normal, self.friction.frozen(r[:, 0], lam[:, 0]))
+
+    def frozen_at(self, r: Array) -> ContactLaw:
+        if not self.state_dependent:
+            return self
+        lam = np.zeros(r.shape)
+        bound = self.normal.domain
+        interval = self.normal.subdifferential(np.clip(r[:, 0], bound.lower, bound.upper))
+        lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
+        return self.frozen(r, lam)
+
+    @property
+    def lipschitz(self) -> Array:
+        bound = self.friction.bound
+        return bound.lipschitz if isinstance(bound, StateBound) else np.zeros(1)
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        bound = self.friction.bound
+        if not isinstance(bound, StateBound) or not np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf)):
+            return False
+        return bound.lipschitz_sampled or self.friction.profile.growth_sampled
+
+    @staticmethod
+    def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:
+        """One law from laws for consecutive blocks of contact points, given as ``(law, number of points)``."""
+        laws = [(law, count) for law, count in laws if count > 0]
+        if len(laws) == 1:
+            return laws[0][0]
+        if not laws:
+            raise ProblemError("no contact point is left to put a law on")
+        bound: Array | StateBound
+        if any(law.state_dependent for law, _ in laws):
+            bound = stack_bounds(
+                [
+                    (law.friction.bound if isinstance(law.friction.bound, StateBound) else law.friction.bounds, count)
+                    for law, count in laws
+                ]
+            )
+        else:
+            bound = np.concatenate([np.broadcast_to(law.friction.bounds, (count,)) for law, count in laws])
+        profiles = [(law.friction.profile, count) for law, count in laws]
+        same = all(profile is profiles[0][0] for profile, _ in profiles)
+        return ContactLaw(
+            stack([(law.normal, count) for law, count in laws]),
+            Friction(bound, profiles[0][0] if same else stack(profiles)),
+        )
+
+    # ---- scalar questions, answered for the vector r ---------------------------------------------------
+
+    def value(self, r: Array) -> Array:
+        value = self.normal.value(r[:, 0])
+        return value + self.tangential.value(_norm(r[:, 1:])) if r.shape[1] > 1 else value
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        normal = self.normal.distance(r[:, 0], lam[:, 0])
+        if r.shape[1] == 1:
+            return normal
+        size, direction = _polar(r[:, 1:])
+        along = np.einsum("mi,mi->m", direction, lam[:, 1:])
+        across = _norm(lam[:, 1:] - along[:, None] * direction)
+        moving = np.hypot(self.tangential.distance(size, along), across)
+        resting = self.tangential.distance(size, _norm(lam[:, 1:]))
+        return np.hypot(normal, np.where(size > 0.0, moving, resting))
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
+        if r.shape[1] == 1:
+            return normal
+        size, direction = _polar(r[:, 1:])
+        along = np.einsum("mi,mi->m", direction, lam[:, 1:])
+        across = _norm(lam[:, 1:] - along[:, None] * direction)
+        moving = np.hypot(self.tangential.graph_distance(size, along, tau[:, 1]), across)
+        to_rest = self.tangential.distance(np.zeros_like(size), _norm(lam[:, 1:]))
+        resting = np.hypot(size / tau[:, 1], to_rest)
+        return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
+
+    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
+        out = np.empty_like(lam)
+        ends = self.normal.domain
+        interval = self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper))
+        out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
+        if r.shape[1] > 1:
+            size, direction = _polar(r[:, 1:])
+            interval = self.tangential.subdifferential(np.minimum(size, self.tangential.domain.upper))
+            along = np.clip(np.einsum("mi,mi->m", direction, lam[:, 1:]), interval.lower, interval.upper)
+            length, heading = _polar(lam[:, 1:])
+            rest = np.minimum(length, np.maximum(interval.upper, 0.0))
+            moving = (size > 0.0)[:, None]
+            out[:, 1:] = np.where(moving, along[:, None] * direction, rest[:, None] * heading)
+        return out
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        r = np.empty(b.shape)
+        r[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
+        if b.shape[1] > 1:
+            size, direction = _polar(b[:, 1:])
+            length = np.abs(self.tangential.local_argmin(a[:, 1], size))
+            r[:, 1:] = length[:, None] * np.where(size[:, None] > 0.0, direction, _first_axis(direction))
+        return r
+
+    def prox_jacobian(self, x: Array, tau: Array) -> Array:
+        m, d = x.shape
+        jacobian = np.zeros((m, d, d))
+        jacobian[:, 0, 0] = self.normal.prox_slope(x[:, 0], tau[:, 0])
+        if d > 1:
+            size, direction = _polar(x[:, 1:])
+            length = self.tangential.prox(size, tau[:, 1])
+            slope = self.tangential.prox_slope(size, tau[:, 1])
+            ratio = np.where(size > 0.0, length / np.where(size > 0.0, size, 1.0), slope)
+            outer = np.einsum("mi,mj->mij", direction, direction)
+            jacobian[:, 1:, 1:] = ratio[:, None, None] * (np.eye(d - 1) - outer) + slope[:, None, None] * outer
+        return jacobian
+
+    def linearise(self, r: Array) -> Linearisation:
+        m, d = r.shape
+        smooth = np.zeros((m, 2), dtype=bool)
+        gradient = np.zeros((m, d))
+        hessian = np.zeros((m, d, d))
+        smooth[:, 0] = ~self.normal.at_kink(r[:, 0])
+        gradient[:, 0] = np.where(smooth[:, 0], self.normal.derivative(r[:, 0]), 0.0)
+        hessian[:, 0, 0] = np.where(smooth[:, 0], self.normal.curvature(r[:, 0]), 0.0)
+        if d > 1:
+            size, direction = _polar(r[:, 1:])
+            smooth[:, 1] = ~self.tangential.at_kink(size)
+            slope = np.where(smooth[:, 1], self.tangential.derivative(size), 0.0)
+            curvature = np.where(smooth[:, 1], self.tangential.curvature(size), 0.0)
+            gradient[:, 1:] = slope[:, None] * direction
+            outer = np.einsum("mi,mj->mij", direction, direction)
+            across = np.where(size > 0.0, slope / np.where(size > 0.0, size, 1.0), curvature)
+            hessian[:, 1:, 1:] = across[:, None, None] * (np.eye(d - 1) - outer) + curvature[:, None, None] * outer
+        return Linearisation(smooth, gradient, hessian)
+
+    def clamp(self, start: Array, end: Array) -> Array:
+        out = end.copy()
+        low, high = self.normal.piece_bounds(self.normal.piece_of(start[:, 0]))
+        out[:, 0] = np.clip(end[:, 0], low, high)
+        if end.shape[1] > 1:
+            size, direction = _polar(start[:, 1:])
+            low, high = self.tangential.piece_bounds(self.tangential.piece_of(size))
+            backwards = (np.einsum("mi,mi->m", direction, end[:, 1:]) <= 0.0) & (low == 0.0)
+            length, heading = _polar(end[:, 1:])
+            out[:, 1:] = np.where(backwards, 0.0, np.clip(length, low, high))[:, None] * heading
+        return out
+
+    def admissible(self, r: Array) -> Array:
+        out = np.array(r, dtype=float)
+        domain = self.normal.domain
+        out[:, 0] = np.clip(out[:, 0], domain.lower, domain.upper)
+        if out.shape[1] > 1:
+            limit = np.broadcast_to(self.friction.profile.domain.upper, (len(out),))
+            size = _norm(out[:, 1:])
+            outside = size > limit
+            out[outside, 1:] *= (limit[outside] / size[outside])[:, None]
+        return out
+
+    def recession(self, direction: Array) -> Array:
+        rate = self.normal.recession(direction[:, 0])
+        if self.state_dependent:
+            return rate
+        return rate + self.tangential.recession(_norm(direction[:, 1:])) if direction.shape[1] > 1 else rate
+
+    @property
+    def weak_convexity(self) -> tuple[Array, Array]:
+        return self.normal.weak_convexity, self.tangential.weak_convexity
+
+
+def _norm(x: Array) -> Array:
+    return np.abs(x[:, 0]) if x.shape[1] == 1 else np.sqrt(np.einsum("mi,mi->m", x, x))
+
+
+def _polar(x: Array) -> tuple[Array, Array]:
+    """Length and direction of each row; the direction of a zero row is zero."""
+    size = _norm(x)
+    return size, x / np.where(size > 0.0, size, 1.0)[:, None]
+
+
+def _first_axis(direction: Array) -> Array:
+    axis = np.zeros_like(direction)
+    axis[:, 0] = 1.0
+    return axis

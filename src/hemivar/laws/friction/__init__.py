@@ -1,0 +1,35 @@
+"""Friction: even profiles of the slip, bounds that may depend on the state, and the laws that they make."""
+
+from hemivar.laws.friction.bounds import CoulombBound, PenetrationBound, StateBound
+from hemivar.laws.friction.friction_law import Friction
+from hemivar.laws.friction.named_frictions import (
+    Logarithmic,
+    NoFriction,
+    SlipTable,
+    SlipWeakening,
+    StaticKinetic,
+    Tresca,
+)
+from hemivar.laws.friction.profiles import (
+    ABSOLUTE_VALUE,
+    ExponentialWeakening,
+    LogarithmicWeakening,
+    StaticKineticProfile,
+)
+
+__all__ = [
+    "ABSOLUTE_VALUE",
+    "CoulombBound",
+    "ExponentialWeakening",
+    "Friction",
+    "Logarithmic",
+    "LogarithmicWeakening",
+    "NoFriction",
+    "PenetrationBound",
+    "SlipTable",
+    "SlipWeakening",
+    "StateBound",
+    "StaticKinetic",
+    "StaticKineticProfile",
+    "Tresca",
+]

@@ -1,0 +1,340 @@
+"""Friction bounds that depend on the state of the contact point: its penetration or its pressure.
+
+With such a bound the law is a function of two arguments, J(w, v): it is frozen at a state w, which leaves an
+ordinary law in v (:meth:`hemivar.laws.ContactLaw.frozen`), and the state is iterated.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
+from hemivar.errors import ProblemError
+from hemivar.formula import ScalarFormula
+from hemivar.formula.smooth import WIDE, supremum_of_pieces
+from hemivar.laws.parameters import evaluate
+
+__all__ = ["CoulombBound", "PenetrationBound", "StackedBound", "StateBound", "stack_bounds"]
+
+
+class StateBound(Portable, ABC):
+    """A friction bound h_tau(penetration, pressure) >= 0 at every contact point."""
+
+    @abstractmethod
+    def at(self, points: Array | None) -> StateBound:
+        """The bound with every parameter evaluated at ``points (m, d)``."""
+
+    @abstractmethod
+    def take(self, index: IntArray) -> StateBound:
+        """The bound at some of the contact points."""
+
+    @abstractmethod
+    def value(self, penetration: Array, pressure: Array) -> Array:
+        """Bound in a state, shape (m,); never negative."""
+
+    @property
+    @abstractmethod
+    def lipschitz(self) -> Array:
+        """Lipschitz constant in the penetration, shape (m or 1,); inf where the bound jumps or needs the pressure."""
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        """Whether that constant comes from samples, or from some penetrations only, so that it may be too small."""
+        return False
+
+
+@dataclass(frozen=True, eq=False)
+class CoulombBound(StateBound):
+    """Coulomb's law, quasi-variational: friction at most ``coefficient * max(pressure, 0)``.
+
+    Parameters
+    ----------
+    coefficient : Parameter
+        Friction coefficient mu >= 0.
+    """
+
+    coefficient: Parameter
+
+    def _coefficient(self, points: Array | None) -> Array:
+        return evaluate(self.coefficient, points, "coefficient of the Coulomb friction bound", 0.0)
+
+    def at(self, points: Array | None) -> CoulombBound:
+        return CoulombBound(self._coefficient(points))
+
+    def take(self, index: IntArray) -> CoulombBound:
+        mu = self._coefficient(None)
+        return self if mu.size == 1 else CoulombBound(mu[index])
+
+    def value(self, penetration: Array, pressure: Array) -> Array:
+        return np.asarray(self._coefficient(None) * np.maximum(np.asarray(pressure, dtype=float), 0.0))
+
+    @property
+    def lipschitz(self) -> Array:
+        return np.where(self._coefficient(None) > 0.0, np.inf, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PenetrationBound(StateBound):
+    """Friction bound that depends on the penetration s.
+
+    Parameters
+    ----------
+    source : table, text or function
+        ``(s, bound)``, two sequences of equal length with s increasing (a repeated s is a jump), constant beyond the
+        ends and linear in between; or a formula of s such as ``"min(8*s, 0.8)"``; or a Python function
+        ``s (m,) -> bound (m,)``. Where s < 0 (no contact), negative values of a formula or function count as zero.
+    reach : float
+        For formulas and functions: penetrations up to which kinks are looked for and the bound is tried out.
+    file : Path, optional
+        Where a table comes from.
+
+    Raises
+    ------
+    ProblemError
+        A table that does not increase, is too short or is negative somewhere; a formula that is not understood; a
+        formula or a function that, within the reach, is not finite or is negative at some s >= 0.  Beyond the reach
+        :meth:`value` raises it.
+
+    Notes
+    -----
+    The Lipschitz constant of a table is exact, and that of a formula a bound over all penetrations, found by interval
+    arithmetic on its derivative.  Where no such bound is found it holds on ``[-reach, reach]`` only, and that of a
+    function is the steepest slope that was met there: then :attr:`lipschitz_sampled` is true.
+    """
+
+    source: str | ScalarFormula | Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]
+    reach: float = 10.0
+    file: Path | None = field(default=None, compare=False)
+    _evaluate: Callable[[Array], Array] = field(init=False, repr=False)
+    _lipschitz: float = field(init=False, repr=False)
+    _sampled: bool = field(init=False, repr=False, default=False)
+
+    def __post_init__(self) -> None:
+        source = self.source
+        if not (np.isfinite(self.reach) and self.reach > 0.0):
+            raise ProblemError(f"reach of the friction bound is {self.reach}; it must be a positive length")
+        if isinstance(source, str):
+            source = ScalarFormula(source, "s", "friction bound")
+            object.__setattr__(self, "source", source)
+        if callable(source):
+            object.__setattr__(self, "_evaluate", source)
+            steepest = self._measured()
+            proved = _proved(source, self.reach) if isinstance(source, ScalarFormula) else None
+            if proved is not None and (steepest < np.inf or proved[0] < np.inf):
+                steepest = max(proved[0], 0.0 if proved[1] else steepest)
+            object.__setattr__(self, "_lipschitz", steepest)
+            object.__setattr__(self, "_sampled", steepest < np.inf and not (proved is not None and proved[1]))
+            return
+        try:
+            first, second = source
+        except (TypeError, ValueError):
+            raise ProblemError(
+                "a friction bound is a table (s, bound), a formula of s in quotes, or a function of s"
+            ) from None
+        s = real_array(first, "s of the friction bound", finite=False)
+        bound = real_array(second, "the friction bound", finite=False)
+        if s.ndim != 1 or s.shape != bound.shape or s.size < 1:
+            raise ProblemError(f"friction bound: s has shape {s.shape} and bound {bound.shape}; give two equal lists")
+        _check_rows(s, bound)
+        width = np.diff(s)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.where(width > 0.0, np.abs(np.diff(bound)) / width, np.where(np.diff(bound) == 0.0, 0.0, np.inf))
+        object.__setattr__(self, "_evaluate", partial(_interpolate, s, bound))
+        object.__setattr__(self, "_lipschitz", float(np.max(slope, initial=0.0)))
+
+    def _measured(self) -> float:
+        """Steepest slope on a grid; inf where halving the grid doubles it (a jump)."""
+        grid = np.unique(np.concatenate([np.linspace(-1, 1, 4001), np.geomspace(1e-6, 1, 2000)])) * self.reach
+        values = self._checked(grid)
+        slopes = np.abs(np.diff(values)) / np.diff(grid)
+        for i in np.argsort(slopes)[-5:]:
+            low, high = grid[i], grid[i + 1]
+            rise = abs(values[i + 1] - values[i])
+            for _ in range(40):
+                middle = 0.5 * (low + high)
+                if middle in (low, high):
+                    break
+                ends = self._checked(np.array([low, middle, high]))
+                low, high = (low, middle) if abs(ends[1] - ends[0]) >= abs(ends[2] - ends[1]) else (middle, high)
+            left = abs(float(np.diff(self._checked(np.array([low, high])))[0]))
+            if rise > 0.0 and left > 1e-3 * rise and left > 1e-9 * np.abs(values).max():
+                return np.inf
+        return float(np.max(slopes, initial=0.0))
+
+    def _checked(self, s: Array) -> Array:
+        s = np.asarray(s, dtype=float)
+        try:
+            values = real_array(self._evaluate(s), "the value of the friction bound", finite=False)
+            values = np.broadcast_to(values, s.shape)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, ProblemError):
+                raise
+            raise ProblemError(
+                f"the friction bound does not return one number for each penetration ({error}); "
+                f"its function must accept and return arrays of shape (m,)"
+            ) from None
+        rounding = 1e-12 * np.abs(values).max(initial=0.0, where=np.isfinite(values))
+        values = np.where((values < 0.0) & ((s < 0.0) | (values > -rounding)), 0.0, values)
+        bad = ~np.isfinite(values) | (values < 0.0)
+        if bad.any():
+            i = int(np.argmax(np.where(bad, np.nan_to_num(-values, nan=np.inf), -np.inf)))
+            raise ProblemError(
+                f"the friction bound is {values.ravel()[i]:g} at penetration {s.ravel()[i]:g}; "
+                f"it must be finite, and at least 0 where the body penetrates"
+            )
+        return values
+
+    def at(self, points: Array | None) -> PenetrationBound:
+        return self
+
+    def take(self, index: IntArray) -> PenetrationBound:
+        return self
+
+    def value(self, penetration: Array, pressure: Array) -> Array:
+        return self._checked(penetration)
+
+    @property
+    def lipschitz(self) -> Array:
+        return np.array([self._lipschitz])
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        return self._sampled
+
+
+def _check_rows(s: Array, bound: Array) -> None:
+    """Refuse a table at its first bad row."""
+    rules: list[tuple[BoolArray, Callable[[int], str]]] = [
+        (~(np.isfinite(s) & np.isfinite(bound)), lambda i: f"{s[i]}, {bound[i]} are not finite numbers"),
+        (bound < 0.0, lambda i: f"the bound {bound[i]:g} is negative; a friction bound is at least 0"),
+        (np.append(False, s[1:] < s[:-1]), lambda i: f"s = {s[i]:g} comes after {s[i - 1]:g}; s must not fall"),
+        (
+            np.append([False] * 2, s[2:] == s[:-2])[: s.size],
+            lambda i: f"s = {s[i]:g} a third time; two rows make a jump",
+        ),
+    ]
+    broken = [(int(np.argmax(bad)), words) for bad, words in rules if bad.any()]
+    if broken:
+        row, words = min(broken, key=lambda one: one[0])
+        raise ProblemError(f"friction bound, row {row + 1}: {words(row)}")
+
+
+def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
+    """A Lipschitz constant of a formula and whether it holds everywhere, or within the reach only.
+
+    Negative values are cut to zero, which makes no slope steeper; inf where the formula jumps.
+    """
+    switches, sure = formula.switches(reach)
+    ends = np.concatenate([[-np.inf], switches, [np.inf]])
+    inner = np.concatenate([[-2.0 * WIDE * reach], switches, [2.0 * WIDE * reach]])
+    branches = formula.branches(0.5 * (inner[1:] + inner[:-1]))
+    for i, place in enumerate(switches):
+        at = np.array([place])
+        left, right = (max(float(branch(at)[0]), 0.0) for branch in branches[i : i + 2])
+        if not abs(right - left) <= 1e-9 * (abs(left) + abs(right)) + 1e-300:
+            return np.inf, True
+    near = np.clip(ends, -reach, reach)
+    lowest = supremum_of_pieces(branches, np.maximum(near, 0.0), reach, order=0, sign=-1.0)
+    rounding = 1e-12 * supremum_of_pieces(branches, np.maximum(near, 0.0), reach, order=0, sign=1.0).seen
+    if lowest.seen > rounding:
+        raise ProblemError(
+            f"{formula.shown}: the friction bound is {-lowest.seen:g} at penetration {lowest.place:g}; it must be at "
+            f"least 0 where the body penetrates"
+        )
+    for within in (ends, near):
+        found = [supremum_of_pieces(branches, within, reach, order=1, sign=sign) for sign in (1.0, -1.0)]
+        bound, seen = max(one.bound for one in found), max(one.seen for one in found)
+        if bound < np.inf and (bound <= 1.01 * seen or within is near):
+            return bound, sure and within is ends
+    return max(one.seen for one in found), False
+
+
+def _interpolate(s: Array, bound: Array, x: Array) -> Array:
+    """Piecewise linear table, constant beyond the ends, from the left at jumps."""
+    i = np.searchsorted(s, x, side="left")
+    low, high = np.clip(i - 1, 0, s.size - 1), np.clip(i, 0, s.size - 1)
+    width = s[high] - s[low]
+    t = np.where(width > 0.0, (x - s[low]) / np.where(width > 0.0, width, 1.0), 1.0)
+    return np.asarray(bound[low] + np.clip(t, 0.0, 1.0) * (bound[high] - bound[low]))
+
+
+@dataclass(frozen=True, eq=False)
+class _PlainBound(StateBound):
+    """A bound that does not depend on the state, among others that do."""
+
+    bound: Array
+
+    def at(self, points: Array | None) -> _PlainBound:
+        return self
+
+    def take(self, index: IntArray) -> _PlainBound:
+        return self if self.bound.size == 1 else _PlainBound(self.bound[index])
+
+    def value(self, penetration: Array, pressure: Array) -> Array:
+        return np.broadcast_to(self.bound, np.shape(penetration))
+
+    @property
+    def lipschitz(self) -> Array:
+        return np.zeros(1)
+
+
+@dataclass(frozen=True, eq=False)
+class StackedBound(StateBound):
+    """Bound ``parts[i]`` at the contact points ``indices[i]``; together the indices cover 0..m-1 once."""
+
+    parts: tuple[StateBound, ...]
+    indices: tuple[IntArray, ...]
+
+    @property
+    def _count(self) -> int:
+        return int(sum(index.size for index in self.indices))
+
+    def at(self, points: Array | None) -> StackedBound:
+        return self
+
+    def take(self, index: IntArray) -> StackedBound:
+        owner = np.empty(self._count, dtype=np.int64)
+        where = np.empty(self._count, dtype=np.int64)
+        for k, rows in enumerate(self.indices):
+            owner[rows], where[rows] = k, np.arange(rows.size)
+        index = np.atleast_1d(np.asarray(index, dtype=np.int64))
+        chosen = [(k, np.flatnonzero(owner[index] == k)) for k in range(len(self.parts))]
+        chosen = [(k, here) for k, here in chosen if here.size]
+        parts = tuple(self.parts[k].take(where[index[here]]) for k, here in chosen)
+        return replace(self, parts=parts, indices=tuple(here for _, here in chosen))
+
+    def value(self, penetration: Array, pressure: Array) -> Array:
+        out = np.empty(self._count)
+        for part, index in zip(self.parts, self.indices, strict=True):
+            out[index] = part.value(penetration[index], pressure[index])
+        return out
+
+    @property
+    def lipschitz_sampled(self) -> bool:
+        return any(part.lipschitz_sampled for part in self.parts)
+
+    @property
+    def lipschitz(self) -> Array:
+        out = np.empty(self._count)
+        for part, index in zip(self.parts, self.indices, strict=True):
+            out[index] = part.lipschitz
+        return out
+
+
+def stack_bounds(bounds: Sequence[tuple[StateBound | Array, int]]) -> StateBound:
+    """One bound from bounds for consecutive blocks of contact points, given as ``(bound, number of points)``."""
+    parts = [(b if isinstance(b, StateBound) else _PlainBound(np.atleast_1d(b)), count) for b, count in bounds if count]
+    if len(parts) == 1:
+        return parts[0][0]
+    ends = np.cumsum([count for _, count in parts])
+    indices = tuple(np.arange(end - count, end) for end, (_, count) in zip(ends, parts, strict=True))
+    return StackedBound(tuple(bound for bound, _ in parts), indices)

@@ -1,0 +1,175 @@
+"""Friction laws: radial in the slip vector, h_tau j_tau(|u_tau|), the same in two and three dimensions."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from typing import Any, Self
+from weakref import WeakSet
+
+import numpy as np
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.consistency import check_own
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
+from hemivar.laws.parameters import evaluate
+from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["Friction"]
+
+#: Knots of a profile next to which it is tried out.
+_MOST_KNOTS = 2000
+#: Contact points at which a profile that differs from one to the next is tried out.
+_MOST_ROWS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Friction(Portable):
+    """Friction h_tau j_tau(|u_tau|).
+
+    Parameters
+    ----------
+    bound : Parameter or StateBound
+        Friction bound h_tau >= 0 (force per area), or one that depends on penetration or pressure.
+    profile : Superpotential
+        Even scalar law j_tau, extended to the whole line by j_tau(-r) = j_tau(r); j_tau' >= 0 for r > 0.
+
+    Raises
+    ------
+    ProblemError
+        If the profile is not even, or negative somewhere (as far as samples at and between its knots tell).
+    """
+
+    bound: Parameter | StateBound
+    profile: Superpotential = ABSOLUTE_VALUE
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.profile, Superpotential):
+            raise ProblemError(f"the profile of a friction law must be a superpotential, not {self.profile!r}")
+        check_own(self.profile)
+        _check_profile(self.profile)
+
+    def _stated(self) -> dict[str, Any]:
+        state = super()._stated()
+        if self.profile is ABSOLUTE_VALUE:  # the same object wherever the law arrives
+            del state["profile"]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__({"profile": ABSOLUTE_VALUE} | state)
+
+    @property
+    def name(self) -> str:
+        """Name used in messages and tables."""
+        return "tresca" if self.profile is ABSOLUTE_VALUE else self.profile.name
+
+    def at(self, points: Array | None) -> Self:
+        """The law with bound and profile evaluated at ``points (m, d)``."""
+        bound: Array | StateBound
+        if isinstance(self.bound, StateBound):
+            bound = self.bound.at(points)
+        else:
+            bound = evaluate(self.bound, points, f"bound of friction law '{self.name}'", 0.0)
+        return replace(self, bound=bound, profile=self.profile.at(points))
+
+    @property
+    def state_dependent(self) -> bool:
+        """Whether the bound depends on penetration or pressure."""
+        return isinstance(self.bound, StateBound)
+
+    def frozen(self, penetration: Array, pressure: Array) -> Self:
+        """The law with the bound it has in a state, arrays (m,)."""
+        if not isinstance(self.bound, StateBound):
+            return self
+        return replace(self, bound=self.bound.value(penetration, pressure))
+
+    def take(self, index: IntArray) -> Self:
+        """The law, with resolved parameters, at some of the contact points."""
+        bound: Array | StateBound
+        if isinstance(self.bound, StateBound):
+            bound = self.bound.take(index)
+        else:
+            bound = self.bounds if self.bounds.size == 1 else self.bounds[index]
+        return replace(self, bound=bound, profile=self.profile.take(index))
+
+    @property
+    def bounds(self) -> Array:
+        """Values of the friction bound, shape (1,) or (m,), for resolved parameters.
+
+        Raises
+        ------
+        ProblemError
+            If the bound depends on the state.
+        """
+        if isinstance(self.bound, StateBound):
+            raise ProblemError(
+                f"the bound of friction law '{self.name}' depends on penetration or pressure: evaluate the law at a "
+                f"state first, law.frozen(r, lam)"
+            )
+        return evaluate(self.bound, None, f"bound of friction law '{self.name}'", 0.0)
+
+    @property
+    def radial(self) -> Superpotential:
+        """The even scalar law h_tau j_tau, for resolved parameters."""
+        return self.profile.scaled(self.bounds)
+
+
+#: Profiles that have been looked at; most calls build a law anew from one of them.
+_CHECKED: WeakSet[Superpotential] = WeakSet()
+
+
+def _check_profile(profile: Superpotential) -> None:
+    """Refuse a profile that is not even, or is friction in the direction of the slip, at some sample."""
+    try:
+        if profile is ABSOLUTE_VALUE or profile.examined or profile in _CHECKED:
+            return
+    except TypeError:  # a class of the user's that cannot be hashed is looked at again
+        pass
+    try:
+        rows = profile.knots.shape[0]
+    except ProblemError:  # its parameters are functions of the place: looked at when they are evaluated
+        return
+    for row in range(min(rows, _MOST_ROWS)):
+        _check_one(profile.take(np.array([row])) if rows > 1 else profile)
+    with contextlib.suppress(TypeError):
+        _CHECKED.add(profile)
+
+
+def _check_one(profile: Superpotential) -> None:
+    """The same for the profile of one contact point."""
+    one, knots = profile, profile.knots[0]
+    largest = float(np.abs(knots[np.isfinite(knots)]).max(initial=0.0))
+    size = 2.0 * largest if largest > 0.0 else 1.0
+    positive = knots[(knots > 0.0) & np.isfinite(knots)]
+    if positive.size > _MOST_KNOTS:
+        positive = positive[np.linspace(0, positive.size - 1, _MOST_KNOTS).astype(np.int64)]
+    ends = np.concatenate([[0.0], positive, [size, 10.0 * size, 1e3 * size]])
+    step = 1e-9 * size
+    s = np.concatenate([ends[1:] - step, ends[:-1] + step, 0.5 * (ends[1:] + ends[:-1])])
+    s = s[s > 0.0]
+    with np.errstate(all="ignore"):
+        forward, backward = one.derivative(s), one.derivative(-s)
+        inside = (s <= one.domain.upper) & (-s >= one.domain.lower)
+    if float(one.domain.upper.ravel()[0]) != -float(one.domain.lower.ravel()[0]):
+        raise ProblemError(f"law '{profile.name}' ends on one side; a friction law must be the same backwards")
+    scale = float(np.abs(forward[inside & np.isfinite(forward)]).max(initial=0.0))
+    uneven = inside & ~(np.abs(forward + backward) <= 1e-6 * (np.abs(forward) + 1e-3 * scale))
+    if uneven.any():
+        i = int(np.argmax(uneven))
+        raise ProblemError(
+            f"law '{profile.name}' has the derivative {forward[i]:.6g} at r = {s[i]:.6g} and {backward[i]:.6g} at "
+            f"r = {-s[i]:.6g}; a friction law must be the same backwards, j(-r) = j(r) (give it for r >= 0, even=True)"
+        )
+    if isinstance(profile, PiecewiseQuadratic):  # tables are looked at where they are read; others are meant so
+        return
+    negative = inside & (forward < -1e-9 * scale)
+    if negative.any():
+        i = int(np.argmax(np.where(negative, -s, -np.inf)))
+        raise ProblemError(
+            f"law '{profile.name}' is negative friction, {forward[i]:.6g} at the slip r = {s[i]:.6g}; it must be at "
+            f"least 0, for it opposes the slip"
+        )

@@ -1,0 +1,64 @@
+"""Friction laws by name, each a profile with a bound."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import MappingProxyType
+
+from hemivar.basics.types import Parameter
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.friction.friction_law import Friction
+from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening, StaticKineticProfile
+from hemivar.laws.own.table_law import check_points, even_table
+
+__all__ = ["Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKinetic", "Tresca"]
+
+
+def Tresca(bound: Parameter | StateBound) -> Friction:  # noqa: N802 - a law, named as the others are
+    """Tresca's law: friction at most ``bound``, against the slip once it slips (j_tau = |.|)."""
+    return Friction(bound)
+
+
+def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
+    """No friction."""
+    return Friction(0.0)
+
+
+def SlipWeakening(  # noqa: N802 - a law, named as the others are
+    bound: Parameter | StateBound, static: Parameter = 1.0, kinetic: Parameter = 0.7, rate: Parameter = 1.0
+) -> Friction:
+    """Friction that falls with the slip from ``bound static`` to ``bound kinetic`` like exp(-rate |slip|).
+
+    The defaults are the survey's j_tau(r) = 0.7 r - 0.3 exp(-r).
+    """
+    return Friction(bound, ExponentialWeakening(static, kinetic, rate))
+
+
+def Logarithmic(bound: Parameter | StateBound, scale: Parameter = 1.0) -> Friction:  # noqa: N802
+    """Friction ``bound/(scale + |slip|)``, j_tau(r) = ln(1 + |r|/scale)."""
+    return Friction(bound, LogarithmicWeakening(scale))
+
+
+def StaticKinetic(  # noqa: N802
+    bound: Parameter | StateBound, slip: Parameter, static: Parameter = 1.0, kinetic: Parameter = 0.7
+) -> Friction:
+    """Friction ``bound static`` up to the slip ``slip`` > 0, then at once ``bound kinetic``."""
+    return Friction(bound, StaticKineticProfile(slip, static, kinetic))
+
+
+def SlipTable(  # noqa: N802
+    bound: Parameter | StateBound, slips: Sequence[float], values: Sequence[float]
+) -> Friction:
+    """Friction ``bound`` times a table of the slip, linear between its points and constant beyond them.
+
+    Parameters
+    ----------
+    bound : Parameter or StateBound
+    slips : sequence of float
+        >= 0, not falling; a repeated one is a jump.
+    values : sequence of float
+        j_tau' at the slips.
+    """
+    r, d = check_points(slips, values, "slips of law 'slip-table'", friction=True)
+    stated = MappingProxyType({"law": "slip-table", "slips": r, "values": d})
+    return Friction(bound, even_table(r, d, name="slip-table", stated=stated))

@@ -1,0 +1,267 @@
+"""Minimisers of the local problem ``a/2 r^2 - b r + j(r)`` of a contact point: all of them, and the lowest.
+
+They follow from the pieces of a law alone; :class:`~hemivar.laws.Superpotential` hands them out as its own methods.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+
+if TYPE_CHECKING:
+    from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["AT_ONCE", "FAR", "convex_part", "local_argmin", "local_minimisers", "stationary_point"]
+
+#: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
+FAR = 1e8
+#: Points times knots that are looked at at once.
+AT_ONCE = 1 << 18
+
+
+def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Array]:
+    """All local minimisers of the local problem; see :meth:`hemivar.laws.Superpotential.local_minimisers`."""
+    a, b = np.broadcast_arrays(np.asarray(a, dtype=float), np.asarray(b, dtype=float))
+    knots = law.knots
+    count = knots.shape[-1]
+    shape = np.broadcast_shapes(a.shape, knots.shape[:-1])
+    a, b = np.broadcast_to(a, shape), np.broadcast_to(b, shape)
+    finite = np.isfinite(knots)
+    at = np.where(finite, knots, 0.0)
+    left, right = law.knot_slopes()
+    residual = a[..., None] * at - b[..., None]
+    psi_left = np.where(finite, residual + left, np.inf)
+    psi_right = np.where(finite, residual + right, np.inf)
+    points = np.empty((*shape, 2 * count + 1))
+    energies = np.full((*shape, 2 * count + 1), np.inf)
+    for i in range(count + 1):
+        piece = np.full(shape, i, dtype=np.int64)
+        low, high = law.piece_bounds(piece)
+        start = psi_right[..., i - 1] if i > 0 else np.full(shape, -np.inf)
+        end = psi_left[..., i] if i < count else np.full(shape, np.inf)
+        low, high, start, end = law.convex_part(piece, a, b, low, high, start, end)
+        admissible = (low < high) & (start < 0.0) & (end > 0.0)
+        root, found = law.stationary_point(piece, a, b, low, high, admissible)
+        points[..., i] = np.where(found, root, 0.0)
+        with np.errstate(invalid="ignore", over="ignore"):
+            energy = 0.5 * a * root**2 - b * root + law.piece_value(piece, root)
+        energies[..., i] = np.where(found, energy, np.inf)
+    for i in range(count):
+        valid = finite[..., i] & (psi_left[..., i] <= 0.0) & (psi_right[..., i] >= 0.0)
+        t = np.broadcast_to(at[..., i], shape)
+        for psi, side in ((psi_left[..., i], i), (psi_right[..., i], i + 1)):
+            if np.any(flat := valid & (psi == 0.0)):  # stationary from this side: it must not bend down
+                curvature = law.piece_curvature(np.full(shape, side, dtype=np.int64), t)
+                valid = valid & ~(flat & (a + curvature < 0.0))
+        points[..., count + 1 + i] = t
+        energies[..., count + 1 + i] = np.where(valid, 0.5 * a * t**2 - b * t + law.value(t), np.inf)
+    return points, energies
+
+
+def convex_part(
+    law: Superpotential, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
+) -> tuple[Array, Array, Array, Array]:
+    """The part of each piece on which ``a r - b + j'(r)`` increases, and its values at the ends.
+
+    As j'' is monotone on a piece, this is the piece, or what lies on one side of a point, or nothing (then
+    ``low == high``).
+    """
+    with np.errstate(all="ignore"):
+        size = FAR * (1.0 + np.abs(b) / np.maximum(a, 1e-12))
+        first = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0) - size)
+        last = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, 0.0) + size)
+        bends_first = a + law.piece_curvature(piece, first) < 0.0
+        bends_last = a + law.piece_curvature(piece, last) < 0.0
+        if not np.any(bends_first | bends_last):
+            return low, high, start, end
+        concave, convex = np.where(bends_first, first, last), np.where(bends_first, last, first)
+        mixed = bends_first != bends_last
+        for _ in range(1100):
+            middle = 0.5 * (concave + convex)
+            if np.all((middle == concave) | (middle == convex) | ~mixed):
+                break
+            bends = a + law.piece_curvature(piece, middle) < 0.0
+            concave, convex = np.where(bends, middle, concave), np.where(bends, convex, middle)
+        psi = a * convex - b + law.piece_derivative(piece, convex)
+    from_left, from_right = mixed & bends_first, mixed & bends_last
+    low, start = np.where(from_left, convex, low), np.where(from_left, psi, start)
+    high, end = np.where(from_right, convex, high), np.where(from_right, psi, end)
+    return low, np.where(bends_first & bends_last, low, high), start, end
+
+
+def local_argmin(law: Superpotential, a: Array, b: Array) -> Array:
+    """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
+    if law.shared_knots is not None:
+        return _argmin_of_many(law, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
+    if law.convex:
+        return _convex_argmin(law, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
+    points, energies = law.local_minimisers(a, b)
+    best = np.argmin(energies, axis=-1)[..., None]
+    r = np.take_along_axis(points, best, axis=-1)[..., 0]
+    lowest = np.take_along_axis(energies, best, axis=-1)[..., 0]
+    return np.where(np.isfinite(lowest), r, np.nan)
+
+
+def _argmin_of_many(law: Superpotential, a: Array, b: Array) -> Array:
+    """The minimiser where all points share many knots: by bisection where a exceeds alpha, else piece by piece."""
+    a, b = np.broadcast_arrays(a, b)
+    shape, a, b = a.shape, a.ravel(), b.ravel()
+    out = np.empty(a.size)
+    monotone = np.broadcast_to((a > law.weak_convexity) | (law.weak_convexity == 0.0), a.shape)
+    rows = np.arange(a.size)
+    for index in (rows[monotone], rows[~monotone]):
+        if not index.size:
+            continue
+        part = law if law.knots.shape[0] == 1 else law.take(index)
+        if monotone[index[0]]:
+            out[index] = _bisected(part, a[index], b[index])
+            continue
+        size = max(1, AT_ONCE // part.knots.shape[-1])
+        for start in range(0, index.size, size):
+            some = index[start : start + size]
+            part = law if law.knots.shape[0] == 1 else law.take(some)
+            out[some] = _lowest_of_many(part, a[some], b[some])
+    return out.reshape(shape)
+
+
+def _bisected(law: Superpotential, a: Array, b: Array) -> Array:
+    """The minimiser where ``a r + j'(r)`` grows: the number of knots passed, by bisection."""
+    knots = law.shared_knots
+    assert knots is not None
+    count = knots.size
+    found = []
+    for side in (1, 0):  # knots with b above the right slope; knots with b not below the left one
+        low, high = np.full(a.shape, -1), np.full(a.shape, count)
+        while np.any(high - low > 1):
+            middle = np.clip((low + high) // 2, 0, count - 1)
+            force = a * np.where(np.isfinite(knots[middle]), knots[middle], np.inf) + law.slopes_at(middle)[side]
+            passed = (b > force) if side else (b >= force)
+            passed = passed & (high - low > 1)
+            low, high = np.where(passed, middle, low), np.where(passed | (high - low <= 1), high, middle)
+        found.append(low + 1)
+    piece, reached = found
+    held = piece < reached
+    lower, upper = law.piece_bounds(piece)
+    inside, ok = law.stationary_point(piece, a, b, lower, upper, ~held & (lower < upper))
+    at_knot = knots[np.minimum(piece, count - 1)]
+    return np.where(held, at_knot, np.where(ok, inside, np.nan))
+
+
+def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
+    """The lowest of all local minimisers: every piece and knot that can hold one, for all points at once."""
+    knots = law.shared_knots
+    assert knots is not None
+    m = a.size
+    left, right = law.knot_slopes()
+    finite = np.isfinite(knots)
+    at = a[:, None] * np.where(finite, knots, 0.0)
+    below, above = np.where(finite, at + left, np.inf), np.where(finite, at + right, np.inf)  # forces at the knots
+    passed, ahead = b[:, None] > above, b[:, None] < below
+    candidate = np.ones((m, knots.size + 1), dtype=bool)
+    if law.straight:
+        candidate[:, 1:] = passed
+        candidate[:, :-1] &= ahead
+    row, piece = np.nonzero(candidate)
+    start = np.where(piece > 0, above[row, np.maximum(piece - 1, 0)] - b[row], -np.inf)
+    end = np.where(piece < knots.size, below[row, np.minimum(piece, knots.size - 1)] - b[row], np.inf)
+    some = law if law.knots.shape[0] == 1 else law.take(row)
+    low, high = some.piece_bounds(piece)
+    low, high, first, last = some.convex_part(piece, a[row], b[row], low, high, start, end)
+    keep = (low < high) & (first < 0.0) & (last > 0.0)
+    some = some if some.knots.shape[0] == 1 else some.take(np.flatnonzero(keep))
+    row, piece, low, high = row[keep], piece[keep], low[keep], high[keep]
+    root, found = some.stationary_point(piece, a[row], b[row], low, high, np.ones(row.size, dtype=bool))
+    with np.errstate(invalid="ignore", over="ignore"):
+        energy = 0.5 * a[row] * root**2 - b[row] * root + some.piece_value(piece, root)
+    places, rows, energies = [root], [row], [np.where(found, energy, np.inf)]
+    row, knot = np.nonzero(~(passed | ahead) & finite)
+    some = law if law.knots.shape[0] == 1 else law.take(row)
+    t = knots[knot]
+    valid = np.ones(row.size, dtype=bool)
+    for force, side in ((below[row, knot], knot), (above[row, knot], knot + 1)):
+        valid &= ~((force == b[row]) & (a[row] + some.piece_curvature(side, t) < 0.0))
+    places.append(t)
+    rows.append(row)
+    energies.append(np.where(valid, 0.5 * a[row] * t**2 - b[row] * t + some.value(t), np.inf))
+    place, row, energy = np.concatenate(places), np.concatenate(rows), np.concatenate(energies)
+    order = np.lexsort((energy, row))
+    place, row, energy = place[order], row[order], energy[order]
+    out = np.full(m, np.nan)
+    first_of_row = np.concatenate([[True], row[1:] != row[:-1]]) if row.size else np.zeros(0, dtype=bool)
+    chosen = first_of_row & np.isfinite(energy)
+    out[row[chosen]] = place[chosen]
+    return out
+
+
+def _convex_argmin(law: Superpotential, a: Array, b: Array) -> Array:
+    """The minimiser for a convex law: the force b grows with it, so counting the knots passed finds its piece."""
+    knots = law.knots
+    finite = np.isfinite(knots)
+    at_knots = a[..., None] * np.where(finite, knots, 0.0)
+    low, high = law.knot_slopes()
+    passed = np.sum((b[..., None] > at_knots + high) & finite, axis=-1)
+    held = passed < np.sum((b[..., None] >= at_knots + low) & finite, axis=-1)
+    a, b = np.broadcast_to(a, passed.shape), np.broadcast_to(b, passed.shape)
+    lower, upper = law.piece_bounds(passed)
+    inside, found = law.stationary_point(passed, a, b, lower, upper, ~held & (lower < upper))
+    table = np.broadcast_to(knots, (*passed.shape, knots.shape[-1]))
+    at_knot = np.take_along_axis(table, np.minimum(passed, knots.shape[-1] - 1)[..., None], axis=-1)[..., 0]
+    return np.where(held, at_knot, np.where(found, inside, np.nan))
+
+
+def stationary_point(
+    law: Superpotential, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
+) -> tuple[Array, BoolArray]:
+    """Zero of ``a r - b + j'(r)`` inside each piece, where it changes sign from minus to plus.
+
+    Safeguarded Newton iteration: every step stays inside a bracket that at least halves in two steps.
+    """
+    shape = np.broadcast_shapes(a.shape, low.shape)
+    step = np.maximum(np.maximum(np.abs(b), 1e-300) / np.maximum(a, 1e-300), 1e-300)
+    low = np.broadcast_to(low, shape).copy()
+    high = np.broadcast_to(high, shape).copy()
+    admissible = np.broadcast_to(admissible, shape).copy()
+    step = np.where(np.isfinite(step), step, 1.0)
+
+    def psi(r: Array) -> Array:
+        return a * r - b + law.piece_derivative(piece, r)
+
+    anchor_low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
+    anchor_high = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, 0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for endless, anchor, sign in (
+            (~np.isfinite(low), anchor_high, -1.0),
+            (~np.isfinite(high), anchor_low, 1.0),
+        ):
+            at_anchor = np.abs(psi(anchor)) / np.maximum(a, 1e-300)
+            end = anchor + sign * np.maximum(step, np.where(np.isfinite(at_anchor), at_anchor, 0.0))
+            end = np.where(end == anchor, anchor + sign * np.maximum(np.abs(anchor), 1e-300) * 1e-15, end)
+            for _ in range(200):
+                open_end = endless & admissible & ~(sign * psi(end) > 0.0)
+                if not open_end.any():
+                    break
+                end = np.where(open_end, anchor + 4.0 * (end - anchor), end)
+            admissible &= ~(endless & (open_end | ~np.isfinite(end)))
+            if sign < 0:
+                low = np.where(endless, end, low)
+            else:
+                high = np.where(endless, end, high)
+        low = np.where(admissible, low, 0.0)
+        high = np.where(admissible, high, 0.0)
+        r = 0.5 * (low + high)
+        for _ in range(200):
+            f = psi(r)
+            low = np.where(f < 0.0, r, low)
+            high = np.where(f > 0.0, r, high)
+            slope = a + law.piece_curvature(piece, r)
+            newton = r - f / np.where(slope > 0.0, slope, 1.0)
+            inside = (slope > 0.0) & (newton > low) & (newton < high)
+            new = np.where(f == 0.0, r, np.where(inside, newton, 0.5 * (low + high)))
+            done = np.abs(new - r) <= 4e-16 * np.maximum(np.abs(new), np.abs(r))
+            r = new
+            if np.all(done | ~admissible):
+                break
+    return r, admissible & np.isfinite(r)

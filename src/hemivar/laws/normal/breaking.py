@@ -1,0 +1,239 @@
+"""Nonmonotone normal laws: foundations that soften, break, give way in layers or stick.
+
+Penetration r is positive where the body goes into the foundation; opening is negative penetration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.types import Array, Parameter
+from hemivar.errors import ProblemError
+from hemivar.laws.named import NamedLaw, columns
+from hemivar.laws.piecewise import PiecewiseQuadratic
+
+__all__ = ["Adhesive", "Capped", "Layered", "SawTooth", "Softening"]
+
+
+@dataclass(frozen=True, eq=False)
+class Softening(NamedLaw):
+    """Springs that push up to a penetration, then give way gradually.
+
+    Pressure ``stiffness r`` for 0 <= r <= ``limit``, then ``stiffness limit - softening (r - limit)`` down to zero,
+    and none beyond. Weakly convex with alpha = ``softening``.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        > 0 (force per area and length).
+    limit : Parameter
+        Penetration of the largest pressure, > 0.
+    softening : Parameter
+        Rate at which the pressure falls, >= 0 (force per area and length); with 0 it stays.
+    """
+
+    stiffness: Parameter
+    limit: Parameter
+    softening: Parameter
+    name: ClassVar[str] = "softening"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"softening": 0.0}
+    positive: ClassVar[tuple[str, ...]] = ("stiffness", "limit")
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        k, limit, alpha = values["stiffness"], values["limit"], values["softening"]
+        length = np.where(alpha > 0.0, limit * k / np.where(alpha > 0.0, alpha, 1.0), limit)
+        zero = np.zeros(1)
+        return PiecewiseQuadratic(
+            columns(zero, limit, limit + length), columns(zero, k, -alpha, zero), np.zeros((1, 3)), name=self.name
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Capped(NamedLaw):
+    """Springs that push up to a penetration and break there.
+
+    Pressure ``stiffness r`` for 0 <= r <= ``limit``, then ``residual stiffness limit``: with residual 0 it falls to
+    zero at once (alpha is infinite), with residual 1 it stays.  Jureczka and Ochal 2019: stiffness 20, limit 0.1.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        > 0 (force per area and length).
+    limit : Parameter
+        Penetration at which the springs break, > 0.
+    residual : Parameter
+        Share of the largest pressure that is left, >= 0.
+    """
+
+    stiffness: Parameter
+    limit: Parameter
+    residual: Parameter = 0.0
+    name: ClassVar[str] = "capped"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"residual": 0.0}
+    positive: ClassVar[tuple[str, ...]] = ("stiffness", "limit")
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        k, limit, residual = values["stiffness"], values["limit"], values["residual"]
+        zero = np.zeros(1)
+        return PiecewiseQuadratic(
+            columns(zero, limit), columns(zero, k, zero), columns(zero, (residual - 1.0) * k * limit), name=self.name
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Adhesive(NamedLaw):
+    """Glue with a finite tensile strength.
+
+    Opening w = -r >= 0 is resisted by the tension ``stiffness w`` up to ``strength``; then the glue breaks at once
+    (no ``softening``: alpha is infinite) or its tension falls by ``softening`` per length. Penetration is resisted
+    by springs of stiffness ``compression``, or not possible at all.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        Of the glue, > 0 (force per area and length).
+    strength : Parameter
+        Largest tension, > 0 (force per area).
+    softening : Parameter, optional
+        > 0 (force per area and length); left out: brittle.
+    compression : Parameter, optional
+        Stiffness in penetration, >= 0; left out: rigid.
+    """
+
+    stiffness: Parameter
+    strength: Parameter
+    softening: Parameter | None = None
+    compression: Parameter | None = None
+    name: ClassVar[str] = "adhesive"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"compression": 0.0}
+    positive: ClassVar[tuple[str, ...]] = ("stiffness", "strength", "softening")
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        k, strength = values["stiffness"], values["strength"]
+        push = values.get("compression")
+        last = np.zeros(1) if push is None else push
+        opening, zero = strength / k, np.zeros(1)
+        if "softening" not in values:
+            knots, slopes, jumps = columns(-opening, zero), columns(zero, k, last), columns(-strength, zero)
+        else:
+            fall = values["softening"]
+            knots = columns(-opening - strength / fall, -opening, zero)
+            slopes, jumps = columns(zero, -fall, k, last), np.zeros((1, 3))
+        return PiecewiseQuadratic(knots, slopes, jumps, upper=0.0 if push is None else np.inf, name=self.name)
+
+
+def _numbers(values: Sequence[float] | Array, what: str) -> Array:
+    if np.iscomplexobj(values):
+        raise ProblemError(f"{what} are complex; give real numbers")
+    try:
+        numbers = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        raise ProblemError(f"{what} must be a list of numbers, not {values!r}") from None
+    if numbers.ndim != 1 or numbers.size == 0 or not np.isfinite(numbers).all():
+        raise ProblemError(f"{what} must be a list of finite numbers, not {values!r}")
+    return numbers
+
+
+def _same_length(what: str, numbers: Array, count: int, reason: str) -> Array:
+    if numbers.size != count:
+        raise ProblemError(f"{what} has {numbers.size} numbers; it needs {count}, {reason}")
+    return numbers
+
+
+def Layered(  # noqa: N802 - a law, named as the others are
+    thicknesses: Sequence[float],
+    stiffnesses: Sequence[float],
+    drops: Sequence[float] | None = None,
+    base: float | None = None,
+) -> PiecewiseQuadratic:
+    """A foundation of layers that yield one after the other.
+
+    Within layer i the pressure rises by ``stiffnesses[i]`` per length of penetration; when the layer is used up, it
+    falls at once by ``drops[i]`` (the layer breaks).
+
+    Parameters
+    ----------
+    thicknesses : sequence of float
+        Of the layers, from the surface down, > 0.
+    stiffnesses : sequence of float
+        Of the layers (force per area and length); negative ones soften.
+    drops : sequence of float, optional
+        Pressure lost at the lower end of each layer, >= 0; none if left out.
+    base : float, optional
+        Stiffness of the ground below all layers; left out: rigid.
+
+    Raises
+    ------
+    ProblemError
+        Lists of different lengths, a thickness that is not positive, a negative drop.
+    """
+    thick = _numbers(thicknesses, "thicknesses of law 'layered'")
+    reason = "one for each layer"
+    stiff = _same_length(
+        "stiffnesses of law 'layered'", _numbers(stiffnesses, "stiffnesses of law 'layered'"), thick.size, reason
+    )
+    lost = np.zeros(thick.size) if drops is None else _numbers(drops, "drops of law 'layered'")
+    lost = _same_length("drops of law 'layered'", lost, thick.size, reason)
+    if (thick <= 0.0).any():
+        raise ProblemError(f"thicknesses of law 'layered' hold {thick.min():g}; every layer needs a positive thickness")
+    if (lost < 0.0).any():
+        raise ProblemError(f"drops of law 'layered' hold {lost.min():g}; a drop is the pressure lost, at least 0")
+    knots = np.concatenate([[0.0], np.cumsum(thick)])
+    slopes = np.concatenate([[0.0], stiff, [0.0 if base is None else float(base)]])
+    upper = np.inf if base is not None else knots[-1]
+    stated = {"law": "layered", "thicknesses": thick, "stiffnesses": stiff, "drops": lost, "base": base}
+    jumps = np.concatenate([[0.0], -lost])
+    return PiecewiseQuadratic(knots, slopes, jumps, upper=upper, name="layered", stated=MappingProxyType(stated))
+
+
+def SawTooth(  # noqa: N802 - a law, named as the others are
+    openings: Sequence[float],
+    slopes: Sequence[float],
+    offsets: Sequence[float] | None = None,
+    compression: float | None = None,
+) -> PiecewiseQuadratic:
+    """Delamination in steps: a tension against the opening w = -r that jumps down at each of ``openings``.
+
+    Tension ``slopes[i] w + offsets[i]`` for ``openings[i - 1] < w < openings[i]`` (from w = 0 on), none beyond the
+    last.  Makela et al. 1998: openings 0.5e-3, 1e-3, 2e-3; slopes 60e6, 20e6, 10e6; offsets 0, 10e3, 5e3.
+
+    Parameters
+    ----------
+    openings : sequence of float
+        Increasing, > 0 (length).
+    slopes : sequence of float
+        Of the tension on each tooth (force per area and length).
+    offsets : sequence of float, optional
+        Of the tension on each tooth (force per area); zero if left out.
+    compression : float, optional
+        Stiffness in penetration, >= 0; left out: rigid.
+
+    Raises
+    ------
+    ProblemError
+        Lists of different lengths, openings that do not increase from zero.
+    """
+    ends = _numbers(openings, "openings of law 'saw-tooth'")
+    if (np.diff(np.concatenate([[0.0], ends])) <= 0.0).any():
+        raise ProblemError(f"openings of law 'saw-tooth' are {ends.tolist()}; they must increase, from above 0")
+    reason = "one for each tooth"
+    rates = _same_length("slopes of law 'saw-tooth'", _numbers(slopes, "slopes of law 'saw-tooth'"), ends.size, reason)
+    shift = np.zeros(ends.size) if offsets is None else _numbers(offsets, "offsets of law 'saw-tooth'")
+    shift = _same_length("offsets of law 'saw-tooth'", shift, ends.size, reason)
+    if compression is not None and not compression >= 0.0:
+        raise ProblemError(f"compression of law 'saw-tooth' is {compression:g}; it must be at least 0")
+    # from the far opening to zero: r = -w, j'(r) = -tension(-r)
+    starts = np.concatenate([[0.0], ends[:-1]])
+    at_start, at_end = rates * starts + shift, rates * ends + shift
+    outer = np.concatenate([at_start[1:], [0.0]])  # tension just beyond each end
+    jumps = np.concatenate([(outer - at_end)[::-1], [at_start[0]]])
+    knots = np.concatenate([-ends[::-1], [0.0]])
+    table = np.concatenate([[0.0], rates[::-1], [0.0 if compression is None else compression]])
+    upper = 0.0 if compression is None else np.inf
+    stated = {"law": "saw-tooth", "openings": ends, "slopes": rates, "offsets": shift, "compression": compression}
+    return PiecewiseQuadratic(knots, table, jumps, upper=upper, name="saw-tooth", stated=MappingProxyType(stated))

@@ -1,0 +1,174 @@
+"""Monotone normal laws: foundations that push back the more, the farther the body goes in, and rigid ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray, Parameter
+from hemivar.laws.named import NamedLaw, ParameterLaw, columns
+from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.superpotential import Interval
+
+__all__ = ["Bilateral", "Compliance", "FinitePenetration", "NoContact", "Signorini", "SurveyLaw"]
+
+#: One knot at zero without a jump, and two pieces without a slope.
+_ZERO = np.zeros((1, 1))
+_FLAT = np.zeros((1, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyLaw(NamedLaw):
+    """The survey's normal law: j(r) = 0 for r < 0, p_const/2 r^2 + q_max r for r >= 0 (section 5.1).
+
+    Rigid up to the pressure ``q_max``, beyond it linearly compliant with stiffness ``p_const``.
+
+    Parameters
+    ----------
+    q_max : Parameter
+        Threshold pressure, >= 0 (force per area).
+    p_const : Parameter
+        Stiffness beyond it, >= 0 (force per area and length).
+    """
+
+    q_max: Parameter
+    p_const: Parameter = 0.0
+    name: ClassVar[str] = "survey"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"q_max": 0.0, "p_const": 0.0}
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        q, p = np.broadcast_arrays(values["q_max"], values["p_const"])
+        return PiecewiseQuadratic(
+            np.zeros((1, 1)), np.stack([np.zeros_like(p), p], axis=-1), q[:, None].copy(), name=self.name
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Signorini(NamedLaw):
+    """Rigid foundation: j(r) = 0 for r <= 0, +inf for r > 0 (unilateral contact, no penalty)."""
+
+    name: ClassVar[str] = "signorini"  # type: ignore[misc]
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, upper=0.0, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Bilateral(NamedLaw):
+    """No separation and no penetration: r = 0, with any pressure."""
+
+    name: ClassVar[str] = "bilateral"  # type: ignore[misc]
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, lower=0.0, upper=0.0, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class NoContact(NamedLaw):
+    """No foundation at all: j = 0."""
+
+    name: ClassVar[str] = "none"  # type: ignore[misc]
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        return PiecewiseQuadratic(_ZERO, _FLAT, _ZERO, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Compliance(ParameterLaw):
+    """Normal compliance: pressure ``stiffness * r^exponent`` for penetration r > 0, none for r <= 0.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        Factor >= 0 (force per area and length^exponent).
+    exponent : Parameter
+        Exponent >= 1; 1 is the linear spring foundation.
+    """
+
+    stiffness: Parameter
+    exponent: Parameter = 1.0
+    name: ClassVar[str] = "compliance"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0, "exponent": 1.0}
+
+    @cached_property
+    def _resolved(self) -> tuple[Array, Array]:
+        values = self._values(None)
+        c, p = np.broadcast_arrays(values["stiffness"], values["exponent"])
+        return c, p
+
+    @property
+    def knots(self) -> Array:
+        return np.zeros((self._resolved[0].size, 1))
+
+    @property
+    def domain(self) -> Interval:
+        return Interval(np.array([-np.inf]), np.array([np.inf]))
+
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        c, p = self._resolved
+        return np.where(piece > 0, c / (p + 1.0) * np.maximum(r, 0.0) ** (p + 1.0), 0.0)
+
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        c, p = self._resolved
+        return np.where(piece > 0, c * np.maximum(r, 0.0) ** p, 0.0)
+
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        c, p = self._resolved
+        return np.where(piece > 0, c * p * np.maximum(r, 0.0) ** (p - 1.0), 0.0)
+
+    @property
+    def weak_convexity(self) -> Array:
+        return np.zeros(self._resolved[0].shape)
+
+    @property
+    def growth(self) -> tuple[Array, Array]:
+        c, p = self._resolved
+        linear = (p == 1.0) | (c == 0.0)
+        return np.where(linear, 0.0, np.inf), np.where(linear, c, np.inf)
+
+    def recession(self, sign: Array) -> Array:
+        c, _ = self._resolved
+        return np.where((np.asarray(sign) > 0) & (c > 0.0), np.inf, 0.0)
+
+    def asymptotic_curvature(self, sign: float) -> Array:
+        c, p = self._resolved
+        if sign < 0.0:
+            return np.zeros(c.shape)
+        return np.where(c == 0.0, 0.0, np.where(p > 1.0, np.inf, c))
+
+    def piece_formula(self, piece: int) -> str:
+        c, p = (float(x[0]) for x in self._resolved)
+        return "0" if piece == 0 else f"{c:.6g} r" + (f"^{p:.6g}" if p != 1.0 else "")
+
+    def scaled(self, factor: Array | float) -> Compliance:
+        c, p = self._resolved
+        return Compliance(np.atleast_1d(factor) * c, p)
+
+
+@dataclass(frozen=True, eq=False)
+class FinitePenetration(NamedLaw):
+    """Springs that turn rigid: pressure ``stiffness r`` for 0 <= r < ``limit``, any larger one at r = ``limit``.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        >= 0 (force per area and length).
+    limit : Parameter
+        Largest penetration, > 0.
+    """
+
+    stiffness: Parameter
+    limit: Parameter
+    name: ClassVar[str] = "finite-penetration"  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0}
+    positive: ClassVar[tuple[str, ...]] = ("limit",)
+
+    def _build(self, values: dict[str, Array]) -> PiecewiseQuadratic:
+        k, limit = np.broadcast_arrays(values["stiffness"], values["limit"])
+        zero = np.zeros(1)
+        return PiecewiseQuadratic(
+            columns(zero, limit), columns(zero, k, zero), np.zeros((1, 2)), upper=limit, name=self.name
+        )

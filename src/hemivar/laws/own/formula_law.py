@@ -1,0 +1,235 @@
+"""Laws whose potential is a formula."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.formula import ScalarFormula
+from hemivar.formula.smooth import SmoothFormula, Supremum, supremum_of_pieces
+from hemivar.laws.own.pieces import OwnLaw, Piece, check_joined, middle_of
+from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["FormulaLaw"]
+
+#: Kinks and turns of the curvature that a formula may have.
+_MOST_KNOTS = 1000
+#: Turns from which on it is made sure that a finer look finds no more.
+_MANY_TURNS = 50
+_EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
+
+
+@dataclass(frozen=True, eq=False)
+class _FormulaLaw(OwnLaw):
+    """The law that :func:`FormulaLaw` makes."""
+
+    text: str
+    kinks_at: Sequence[float] = ()
+    reach: float = 10.0
+    even: bool = False
+    name: str = "formula"
+    where: str = ""
+    _formula: ScalarFormula = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.reach) and self.reach > 0.0):
+            raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
+        object.__setattr__(self, "_formula", ScalarFormula(self.text, "r", self.where))
+        _ = self._own
+
+    @property
+    def stated(self) -> Mapping[str, object]:
+        return {"law": "formula", "potential": self.text, "kinks": self.kinks_at, "reach": self.reach}
+
+    @property
+    def _start(self) -> float:
+        return 0.0 if self.even else -np.inf
+
+    @cached_property
+    def _branches(self) -> tuple[Array, list[SmoothFormula], bool]:
+        """Places where one branch gives way to another, the branches, and whether no place is missing."""
+        formula = self._formula
+        switches, sure = formula.switches(self.reach)
+        if self.even:
+            switches = switches[switches > 1e-12 * self.reach]
+        ends = np.concatenate([[self._start], switches, [np.inf]])
+        branches = formula.branches(np.array([middle_of(low, high) for low, high in itertools.pairwise(ends)]))
+        keep = [i for i in range(len(switches)) if branches[i].node != branches[i + 1].node]
+        return switches[keep], [branches[0], *(branches[i + 1] for i in keep)], sure
+
+    def _pieces(self) -> tuple[Array, tuple[Piece, ...]]:
+        shown = self._formula.shown
+        switches, branches, _ = self._branches
+        ends = np.concatenate([[self._start], switches, [np.inf]])
+        count = int(np.clip(40_000 // len(branches), 60, 1000))
+        knots = [switches, np.array([k for k in map(float, self.kinks_at) if k > 0.0 or not self.even])]
+        plain: dict[int, Piece] = {}
+        for node in dict.fromkeys(branch.node for branch in branches):
+            here = [i for i, branch in enumerate(branches) if branch.node == node]
+            smooth = branches[here[0]]
+            slope = smooth.derivative()
+            bend = slope.derivative()
+            plain[node] = Piece(smooth, slope, bend, str(slope))
+            low, high = ends[here], ends[np.array(here) + 1]
+            inside = [self._inside(a, b, count) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+            places = np.concatenate(inside)
+            corners = np.concatenate([low[np.isfinite(low)], high[np.isfinite(high)]])
+            for what, part, at in (("", smooth, places), ("the derivative of ", slope, np.append(places, corners))):
+                bad = ~np.isfinite(part(at))
+                if bad.any():
+                    raise ProblemError(
+                        f"{what}{shown} is not finite at r = {at[np.argmax(bad)]:.4g}; give a formula"
+                        + (" that is finite for every r >= 0" if self.even else _EVERYWHERE)
+                    )
+            turns = _turns(bend.derivative(), inside)
+            if turns.size > _MANY_TURNS:
+                finer = [self._inside(a, b, 2 * count) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+                if abs(_turns(bend.derivative(), finer).size - turns.size) > 0.02 * turns.size:
+                    raise ProblemError(
+                        f"the curvature of {shown} turns round too often up to the reach {self.reach:g} for every turn "
+                        f"to be found; take a smaller reach, or give a table"
+                    )
+            knots.append(turns)
+        check_joined(shown, switches, [plain[branch.node] for branch in branches], self.reach)
+        table = np.unique(np.concatenate(knots))
+        if table.size > _MOST_KNOTS:
+            raise ProblemError(
+                f"{shown} has {table.size} kinks and turns of its curvature up to the reach {self.reach:g}; at most "
+                f"{_MOST_KNOTS} are allowed: take a smaller reach, or give a table"
+            )
+        self._check_slopes()
+        low = np.concatenate([[self._start], table])
+        high = np.concatenate([table, [np.inf]])
+        middle = [middle_of(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
+        return table, tuple(plain[branches[i].node] for i in np.searchsorted(switches, middle).tolist())
+
+    def _supremum(self, order: int, sign: float, far: bool, slack: float = 0.0) -> Supremum:
+        """Enclosed supremum of ``sign`` times a derivative over all pieces, within the reach or also far away."""
+        switches, branches, _ = self._branches
+        ends = np.concatenate([[self._start], switches, [np.inf]])
+        if not far:
+            most = max(self.reach, 2.0 * float(np.abs(switches).max(initial=0.0)))
+            ends = np.clip(ends, -most, most)
+        return supremum_of_pieces(branches, ends, self.reach, order=order, sign=sign, slack=slack)
+
+    def _check_slopes(self) -> None:
+        """Refuse a derivative that grows without bound at some place within the reach."""
+        for sign in (1.0, -1.0):
+            found = self._supremum(1, sign, far=False)
+            if np.isfinite(found.bound):
+                continue
+            _, branches, _ = self._branches
+            for smooth in {branch.node: branch.derivative() for branch in branches}.values():
+                for side in (1.0, -1.0):
+                    size = np.abs(smooth(found.place + side * self.reach * np.array([1e-6, 1e-9, 1e-12])))
+                    if np.isfinite(size).all() and size[2] > 1.2 * size[1] > 1.2 * 1.2 * size[0]:
+                        raise ProblemError(
+                            f"the derivative of {self._formula.shown} grows without bound at r = {found.place:.4g}; a "
+                            f"law needs a finite slope everywhere (but at jumps of its derivative)"
+                        )
+
+    @property
+    def constants_sampled(self) -> bool:  # type: ignore[override]
+        """Whether a constant is sampled, for want of a bound that is proved."""
+        return self.alpha_sampled or self.growth_sampled
+
+    @cached_property
+    def _alpha_and_doubt(self) -> tuple[float, bool]:
+        """alpha, and whether it is no more than sampled: the bound of -j'' over the whole line, where one was found."""
+        sampled = float(OwnLaw._alpha.func(self))  # type: ignore[attr-defined]
+        if np.isinf(sampled):
+            return sampled, False
+        r, piece = self._samples
+        size = np.abs(self._evaluate(piece, r, 2))
+        scale = float(np.max(size[np.isfinite(size)], initial=0.0))
+        found = self._supremum(2, -1.0, far=True, slack=1e-12 * scale)
+        seen = max(sampled, found.seen)
+        if self._branches[2] and seen <= found.bound <= 1.01 * seen + 1e-6 * scale:
+            return found.bound, False
+        return seen, True
+
+    @property
+    def _alpha(self) -> float:  # type: ignore[override]
+        return self._alpha_and_doubt[0]
+
+    @property
+    def alpha_sampled(self) -> bool:
+        return self._alpha_and_doubt[1]
+
+    @cached_property
+    def _growth_and_doubt(self) -> tuple[tuple[float, float], bool]:
+        """c0 and c1, and whether they are sampled: else c0 bounds |j'| over the whole line."""
+        sampled: tuple[float, float] = OwnLaw._growth.func(self)  # type: ignore[attr-defined]
+        if np.isinf(sampled[0]):
+            return sampled, False
+        found = [self._supremum(1, sign, far=True) for sign in (1.0, -1.0)]
+        proved, seen = max(one.bound for one in found), max(one.seen for one in found)
+        if self._branches[2] and proved <= 1.01 * seen:
+            return (proved, 0.0), False
+        return sampled, True
+
+    @property
+    def _growth(self) -> tuple[float, float]:  # type: ignore[override]
+        return self._growth_and_doubt[0]
+
+    @property
+    def growth_sampled(self) -> bool:
+        return self._growth_and_doubt[1]
+
+
+def _turns(third: SmoothFormula, inside: Sequence[Array]) -> Array:
+    """Where a curvature turns round: sign changes of its derivative between the places inside each piece."""
+    if third.constant:
+        return np.zeros(0)
+    places = np.concatenate(inside)
+    piece = np.repeat(np.arange(len(inside)), [at.size for at in inside])
+    values = third(places)
+    values = np.where(np.isfinite(values), values, 0.0)
+    values[np.abs(values) < 1e-10 * np.abs(values).max(initial=0.0)] = 0.0
+    nonzero = np.flatnonzero(values)
+    first, last = nonzero[:-1], nonzero[1:]
+    turns = (piece[first] == piece[last]) & (values[first] * values[last] < 0.0)
+    if np.count_nonzero(turns) > _MOST_KNOTS:
+        return np.asarray(places[first[turns]])
+    found = third.crossings(places[first[turns]], places[last[turns]])
+    return np.where(np.abs(found) > 1e-12 * float(np.abs(places).max()), found, 0.0)
+
+
+def FormulaLaw(  # noqa: N802 - a law, named as the others are
+    text: str,
+    *,
+    kinks: Sequence[float] = (),
+    reach: float = 10.0,
+    even: bool = False,
+    name: str = "formula",
+    where: str = "",
+) -> Superpotential:
+    """A law whose potential is a formula in the variable r, such as ``"7/10*abs(r) - 3/10*exp(-abs(r))"``.
+
+    Derivatives are symbolic. Kinks are found from abs, min, max and the conditions of piecewise; alpha and the
+    growth constants by sampling ``[-reach, reach]`` and some places beyond. The formula may have any value at
+    r = 0; it is shifted to j(0) = 0.
+
+    Parameters
+    ----------
+    text : str
+        See :class:`hemivar.formula.ScalarFormula`.
+    kinks : sequence of float
+        Further knots.
+    reach : float
+        Length up to which kinks and constants are looked for: larger than any displacement that matters.
+    even : bool
+        The formula holds for r >= 0 and j(-r) = j(r): for friction.
+
+    Raises
+    ------
+    ProblemError
+        If the text is not a formula (with the character), is not finite somewhere, or not continuous.
+    """
+    return _FormulaLaw(text, tuple(kinks), reach, even, name, where)

@@ -1,0 +1,226 @@
+"""Laws given by Python functions: for the potential, or for its derivative."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.laws.consistency import check_consistency
+from hemivar.laws.own.pieces import OwnLaw, Piece, check_joined, middle_of
+from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["FunctionLaw"]
+
+#: What a user gives: a function of an array, or, if it cannot take one, of a number.
+GivenFunction = Callable[[Any], ArrayLike]
+
+#: Weights at -2, -1, 0, 1, 2 of the interpolating polynomial in powers of t.
+_STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+_PANELS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class _FunctionLaw(OwnLaw):
+    """The law that :func:`FunctionLaw` makes."""
+
+    potential: GivenFunction | None = None
+    derivative_function: GivenFunction | None = None
+    curvature_function: GivenFunction | None = None
+    kinks_at: Sequence[float] = ()
+    reach: float = 10.0
+    even: bool = False
+    name: str = "function"
+
+    def __post_init__(self) -> None:
+        if self.potential is None and self.derivative_function is None:
+            raise ProblemError(f"law '{self.name}' has no function; give its potential or its derivative")
+        if not (np.isfinite(self.reach) and self.reach > 0.0):
+            raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
+        kinks = np.asarray(self.kinks_at, dtype=float)
+        if kinks.ndim != 1 or not np.isfinite(kinks).all():
+            raise ProblemError(f"kinks of law '{self.name}' must be a list of finite numbers, not {self.kinks_at!r}")
+        _ = self._own
+        if self.curvature_function is None:
+            remedy = "it is computed by differences, which are too coarse here: give a function for it too"
+            check_consistency(self, self.reach, remedy=remedy)
+        else:
+            check_consistency(self, self.reach)
+
+    def _called(self, function: GivenFunction, r: Array) -> Array:
+        try:
+            given = np.asarray(function(r))
+            if np.iscomplexobj(given):
+                raise ProblemError(f"a function of law '{self.name}' returns complex numbers; it must return real ones")
+            values = np.asarray(given, dtype=float)
+            if values.shape != r.shape:
+                values = np.broadcast_to(values, r.shape)
+        except ProblemError:
+            raise
+        except (TypeError, ValueError):
+            try:
+                values = np.array([float(cast(float, function(x))) for x in r.ravel().tolist()]).reshape(r.shape)
+            except Exception as error:
+                raise ProblemError(f"a function of law '{self.name}' failed at a number r: {error}") from error
+        return values
+
+    def _pieces(self) -> tuple[Array, tuple[Piece, ...]]:
+        start = 0.0 if self.even else -np.inf
+        kinks = np.unique(np.asarray(self.kinks_at, dtype=float))
+        if self.even:
+            kinks = kinks[kinks > 0.0]
+        elif kinks.size == 0:
+            kinks = np.zeros(1)
+        ends = np.concatenate([[start], kinks, [np.inf]])
+        gaps = np.diff(np.unique(np.concatenate([ends[np.isfinite(ends)], [0.0]])))
+        scale = float(min([0.1 * self.reach, *gaps]))
+        plain = [self._piece(float(ends[i]), float(ends[i + 1]), scale) for i in range(len(ends) - 1)]
+        if self.potential is None:
+            plain = _anchored(plain, kinks, self.even)
+        for i, piece in enumerate(plain):
+            r = self._inside(float(ends[i]), float(ends[i + 1]), 60)
+            for part in (piece.value, piece.derivative):
+                bad = ~np.isfinite(part(r))
+                if bad.any():
+                    raise ProblemError(
+                        f"law '{self.name}' is not finite at r = {r[np.argmax(bad)]:.6g}; mend its function"
+                    )
+        check_joined(f"the potential of law '{self.name}'", kinks, plain, self.reach, 1e-11 * scale)
+        turns: list[float] = []
+        for i, piece in enumerate(plain):
+            r = self._inside(float(ends[i]), float(ends[i + 1]), 300)
+            rounding = 1e-5 * float(np.abs(piece.derivative(r)).max()) / self.reach
+            turns += _extrema(r, piece.curvature(r), rounding)
+        table = np.unique(np.concatenate([kinks, turns]))
+        low = np.concatenate([[start], table])
+        high = np.concatenate([table, [np.inf]])
+        return table, tuple(plain[int(np.sum(kinks < middle_of(a, b)))] for a, b in zip(low, high, strict=True))
+
+    def _piece(self, low: float, high: float, scale: float) -> Piece:
+        """Functions that stay inside ``(low, high)``."""
+        margin = 1e-9 * scale
+
+        def differences(function: GivenFunction, r: Array, orders: tuple[int, ...]) -> list[Array]:
+            """Derivatives of the polynomial through five values around r, all of them inside the piece."""
+            step = np.minimum(3e-3 * np.maximum(scale, np.abs(r)), 0.24 * (high - low) - 0.5 * margin)
+            centre = np.clip(r, low + 2.0 * step + margin, high - 2.0 * step - margin)
+            values = np.stack([self._called(function, centre + k * step) for k in range(-2, 3)])
+            coefficients = np.tensordot(_STENCIL, values, axes=1)
+            t = (r - centre) / step
+            first = sum(k * coefficients[k] * t ** (k - 1) for k in range(1, 5)) / step
+            second = sum(k * (k - 1) * coefficients[k] * t ** (k - 2) for k in range(2, 5)) / step**2
+            return [np.asarray((first, second)[order - 1]) for order in orders]
+
+        def curvature(r: Array) -> Array:
+            r = np.asarray(r, dtype=float)
+            if self.curvature_function is not None:
+                return self._called(self.curvature_function, np.clip(r, low + margin, high - margin))
+            if self.derivative_function is not None:
+                return differences(self.derivative_function, r, (1,))[0]
+            assert self.potential is not None
+            return differences(self.potential, r, (2,))[0]
+
+        def derivative(r: Array) -> Array:
+            r = np.asarray(r, dtype=float)
+            if self.derivative_function is None:
+                assert self.potential is not None
+                return differences(self.potential, r, (1,))[0]
+            inside = np.clip(r, low + margin, high - margin)
+            values = self._called(self.derivative_function, inside)
+            moved = r != inside
+            return values if not moved.any() else values + np.where(moved, (r - inside) * curvature(inside), 0.0)
+
+        def value(r: Array) -> Array:
+            r = np.asarray(r, dtype=float)
+            if self.potential is not None:
+                return self._called(self.potential, r)
+            anchor = low if np.isfinite(low) else high
+            ends = anchor + (r - anchor)[..., None] * np.linspace(0.0, 1.0, _PANELS + 1)
+            half = 0.5 * np.diff(ends, axis=-1)
+            middle = 0.5 * (ends[..., 1:] + ends[..., :-1])
+            at = middle[..., None] + half[..., None] * _NODES
+            return np.asarray(np.einsum("...pk,k,...p->...", derivative(at), _WEIGHTS, half))
+
+        return Piece(value, derivative, curvature)
+
+
+def _anchored(plain: list[Piece], kinks: Array, even: bool) -> list[Piece]:
+    """Pieces whose values, each an integral from its own end, are joined to one continuous potential."""
+    joined: list[Piece] = []
+    base = 0.0
+    for i, piece in enumerate(plain):
+        if i > 0:
+            previous = kinks[i - 1 : i]
+            base = float(joined[-1].value(previous)[0])
+        joined.append(_shifted(piece, base))
+    return joined
+
+
+def _shifted(piece: Piece, base: float) -> Piece:
+    return Piece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text)
+
+
+def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
+    """Places where a sampled curvature turns round by more than its noise."""
+    if r.size < 3:
+        return []
+    size = float(np.ptp(curvature))
+    noise = 1e-4 * size + 1e-6 * float(np.abs(curvature).max()) + rounding
+    found, best, direction = [], 0, 0
+    for i in range(1, r.size):
+        change = curvature[i] - curvature[best]
+        if direction == 0:
+            if abs(change) > noise:
+                direction, best = (1 if change > 0.0 else -1), i
+        elif change * direction > 0.0:
+            best = i
+        elif abs(change) > noise:
+            found.append(float(r[best]))
+            direction, best = -direction, i
+    return found
+
+
+def FunctionLaw(  # noqa: N802 - a law, named as the others are
+    potential: GivenFunction | None = None,
+    derivative: GivenFunction | None = None,
+    curvature: GivenFunction | None = None,
+    *,
+    kinks: Sequence[float] = (),
+    reach: float = 10.0,
+    even: bool = False,
+    name: str = "function",
+) -> Superpotential:
+    """A law given by a Python function for the potential, or for its derivative.
+
+    What is not given is computed: derivatives by central differences of fourth order that never reach across a
+    kink, the potential by Gauss quadrature of the derivative.
+
+    Parameters
+    ----------
+    potential : callable, optional
+        j, r (m,) -> (m,); one of potential and derivative must be given.
+    derivative : callable, optional
+        j'; its value at a kink does not matter.
+    curvature : callable, optional
+        j''.
+    kinks : sequence of float
+        Every place where j' or j'' jumps. ``hemivar.laws.testing.check_law`` finds kinks that are missing here.
+    reach : float
+        Length up to which the constants are sampled: larger than any displacement that matters.
+    even : bool
+        The functions hold for r >= 0 and j(-r) = j(r): for friction.
+
+    Raises
+    ------
+    ProblemError
+        If neither function is given, or one returns something else than finite numbers, or samples show that they do
+        not belong to each other: a derivative that is not that of the potential, a curvature that is not that of the
+        derivative, a kink that is not listed.
+    """
+    return _FunctionLaw(potential, derivative, curvature, kinks, reach, even, name)

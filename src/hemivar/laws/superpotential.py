@@ -1,0 +1,424 @@
+"""The interface of a superpotential and everything that follows from its pieces.
+
+A superpotential is a scalar function j(r), smooth between *knots*.  A law supplies its knots and, on every
+piece between two knots, its derivative and curvature; the Clarke subdifferential, the distance to the graph, the
+proximal map and the global minimiser of the local problem (:mod:`hemivar.laws.minimisers`) are derived, exactly, for
+convex and for nonmonotone laws alike.
+
+All methods are vectorised over contact points: arguments have shape ``(m,)`` (or any shape that broadcasts
+with it), parameters are numbers or arrays of shape ``(m,)``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws import minimisers
+from hemivar.laws.description import LawDescription, describe
+from hemivar.laws.minimisers import AT_ONCE, FAR
+
+__all__ = ["Interval", "Superpotential"]
+
+#: Knots from which on they are many.
+_MANY = 40
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Closed intervals ``[lower, upper]``, one for each contact point; bounds may be infinite."""
+
+    lower: Array
+    upper: Array
+
+    def distance(self, x: Array) -> Array:
+        """Distance of each ``x`` to its interval."""
+        return np.maximum(np.maximum(self.lower - x, x - self.upper), 0.0)
+
+    def contains(self, x: Array, tolerance: float = 0.0) -> BoolArray:
+        """Whether each ``x`` lies in its interval, up to ``tolerance``."""
+        return self.distance(x) <= tolerance
+
+
+class Superpotential(Portable, ABC):
+    """A scalar law j, one for each contact point.
+
+    Pieces are numbered 0..K: piece ``i`` lies between knot ``i - 1`` and knot ``i`` (the first and the last one
+    are unbounded, or outside the domain).  Outside ``[lower, upper]`` the value is +inf.
+
+    On every piece the curvature j'' must be monotone (or constant); where it turns round, put a knot, which need
+    not be a kink.  Then ``a r - b + j'(r)`` bends at most once on a piece, and all local minimisers are found.
+    """
+
+    #: Short name used in messages, files and tables.
+    name: str = "law"
+
+    #: Whether alpha or the growth constants come from sampling, so that they may be too small.
+    constants_sampled: bool = False
+
+    #: Whether the library made it from a law that has been looked at, so that its shape is not looked at again.
+    examined: bool = False
+
+    @property
+    def stated(self) -> Mapping[str, object] | None:
+        """The law by its name and parameters, ``{"law": "survey", "q_max": 0.3}``; None if it has no such name.
+
+        Names are those of :mod:`hemivar.laws.registry`. A table from a file has its path under ``file``; one that was
+        given as numbers has its two columns under ``rows``.
+        """
+        return None
+
+    @property
+    def alpha_sampled(self) -> bool:
+        """Whether alpha comes from sampling."""
+        return self.constants_sampled
+
+    @property
+    def growth_sampled(self) -> bool:
+        """Whether the growth constants come from sampling."""
+        return self.constants_sampled
+
+    # ---- what a law supplies -------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def knots(self) -> Array:
+        """Knots in increasing order, shape ``(m or 1, K)`` with K >= 1; unused trailing entries are +inf."""
+
+    @property
+    @abstractmethod
+    def domain(self) -> Interval:
+        """Where j is finite; bounds of shape ``(m or 1,)``, each of them infinite or a knot."""
+
+    @abstractmethod
+    def piece_value(self, piece: IntArray, r: Array) -> Array:
+        """The formula of j that belongs to each ``piece``, at ``r``; j(0) = 0 where 0 is in the domain."""
+
+    @abstractmethod
+    def piece_derivative(self, piece: IntArray, r: Array) -> Array:
+        """The formula of j' that belongs to each ``piece``, at ``r``."""
+
+    @abstractmethod
+    def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+        """The formula of j'' that belongs to each ``piece``, at ``r``."""
+
+    @property
+    @abstractmethod
+    def weak_convexity(self) -> Array:
+        """Smallest alpha >= 0 with j + alpha/2 r^2 convex, shape ``(m or 1,)``; inf at downward jumps."""
+
+    @property
+    @abstractmethod
+    def growth(self) -> tuple[Array, Array]:
+        """Constants ``(c0, c1)`` of |dj(r)| <= c0 + c1 |r|, infinite where there are none."""
+
+    @abstractmethod
+    def at(self, points: Array | None) -> Superpotential:
+        """The law with every parameter evaluated at ``points (m, d)``."""
+
+    @abstractmethod
+    def scaled(self, factor: Array | float) -> Superpotential:
+        """The law ``factor * j``, with one factor >= 0 for each contact point."""
+
+    @abstractmethod
+    def take(self, index: IntArray) -> Superpotential:
+        """The law at some of the contact points."""
+
+    @abstractmethod
+    def recession(self, sign: Array) -> Array:
+        """Growth rate lim j(t s)/t, t -> inf, in each direction ``s``; may be +inf."""
+
+    def asymptotic_curvature(self, sign: float) -> Array:
+        """lim 2 j(t s)/t^2, t -> inf, for ``s = +1`` or ``-1``, shape (m or 1,); +inf where j ends or grows faster.
+
+        Zero unless the recession is infinite; then, unless a law knows better, measured far away.
+        """
+        rate = np.atleast_1d(self.recession(np.array([sign])))
+        bound = self.domain
+        ends = np.isfinite(bound.upper if sign > 0.0 else bound.lower)
+        if np.all(np.isfinite(rate)):
+            return np.where(ends, np.inf, 0.0)
+        far = np.full(self.knots.shape[0], sign * FAR)
+        with np.errstate(all="ignore"):
+            measured = 2.0 * self.value(far) / far**2
+            further = self.value(10.0 * far) * 0.02 / far**2
+        measured = np.where(np.isnan(measured), rate, measured)
+        superlinear = np.abs(further) > 2.0 * np.abs(measured) + 1e-6
+        measured = np.where(superlinear & np.isfinite(measured), np.copysign(np.inf, measured), measured)
+        return np.where(ends, np.inf, np.where(np.isfinite(rate), 0.0, measured))
+
+    def piece_formula(self, piece: int) -> str:
+        """The derivative j' on a piece as text, for a law with parameters of one contact point; may be empty."""
+        return ""
+
+    # ---- many knots, the same at every point: they are searched, not gone through ---------------------------
+
+    @property
+    def shared_knots(self) -> Array | None:
+        """The knots (K,) if there are many, the same at all points; places among them are found by bisection."""
+        knots = self.knots
+        return knots[0] if knots.shape[0] == 1 and knots.shape[-1] > _MANY else None
+
+    def slopes_at(self, knot: IntArray) -> tuple[Array, Array]:
+        """Derivatives to the left and to the right of one knot for each point, (m,); only if all points share them."""
+        left, right = self.knot_slopes()
+        return left[0].take(knot), right[0].take(knot)
+
+    # ---- what follows --------------------------------------------------------------------------------
+
+    def piece_of(self, r: Array) -> IntArray:
+        """Index of the piece that holds each ``r``; at a knot, the piece to its left."""
+        r = np.asarray(r, dtype=float)
+        shared = self.shared_knots
+        if shared is not None:
+            return np.asarray(np.searchsorted(shared, r, side="left"), dtype=np.int64)
+        return np.asarray(np.sum(r[..., None] > self.knots, axis=-1), dtype=np.int64)
+
+    def piece_bounds(self, piece: IntArray) -> tuple[Array, Array]:
+        """End points of each piece, cut at the domain."""
+        piece = np.asarray(piece)
+        shared = self.shared_knots
+        if shared is not None:
+            last = shared.size - 1
+            low = np.where(piece > 0, shared.take(np.maximum(piece - 1, 0)), -np.inf)
+            high = np.where(piece <= last, shared.take(np.minimum(piece, last)), np.inf)
+            ends = self.domain
+            return np.clip(low, ends.lower, ends.upper), np.clip(high, ends.lower, ends.upper)
+        knots = self.knots
+        padded = np.concatenate(
+            [np.full((*knots.shape[:-1], 1), -np.inf), knots, np.full((*knots.shape[:-1], 1), np.inf)],
+            axis=-1,
+        )
+        if piece.ndim and padded.shape[:-1] == (1,):
+            low, high = padded[0].take(piece), padded[0].take(piece + 1)
+        else:
+            padded = np.broadcast_to(padded, (*np.broadcast_shapes(piece.shape, padded.shape[:-1]), padded.shape[-1]))
+            index = np.broadcast_to(piece, padded.shape[:-1])[..., None]
+            low = np.take_along_axis(padded, index, axis=-1)[..., 0]
+            high = np.take_along_axis(padded, index + 1, axis=-1)[..., 0]
+        bound = self.domain
+        return np.clip(low, bound.lower, bound.upper), np.clip(high, bound.lower, bound.upper)
+
+    def knot_slopes(self) -> tuple[Array, Array]:
+        """Derivatives to the left and to the right of each knot, ``(m or 1, K)`` each; -inf, +inf at domain ends."""
+        knots = self.knots
+        index = np.broadcast_to(np.arange(knots.shape[-1]), knots.shape)
+        finite = np.isfinite(knots)
+        at = np.where(finite, knots, 0.0)
+        left = np.empty(knots.shape)
+        right = np.empty(knots.shape)
+        for i in range(knots.shape[-1]):
+            left[..., i] = self.piece_derivative(index[..., i], at[..., i])
+            right[..., i] = self.piece_derivative(index[..., i] + 1, at[..., i])
+        bound = self.domain
+        left = np.where(knots <= bound.lower[..., None], -np.inf, left)
+        right = np.where(knots >= bound.upper[..., None], np.inf, right)
+        return np.where(finite, left, 0.0), np.where(finite, right, 0.0)
+
+    def kinks(self) -> BoolArray:
+        """Which knots are kinks (the derivative jumps there), shape ``(m or 1, K)``."""
+        left, right = self.knot_slopes()
+        with np.errstate(invalid="ignore"):
+            return np.asarray((left != right) & np.isfinite(self.knots))
+
+    def value(self, r: Array) -> Array:
+        """j(r); +inf outside the domain."""
+        r = np.asarray(r, dtype=float)
+        bound = self.domain
+        inside = np.clip(r, bound.lower, bound.upper)
+        value = self.piece_value(self.piece_of(inside), inside)
+        return np.where((r < bound.lower) | (r > bound.upper), np.inf, value)
+
+    def at_kink(self, r: Array) -> BoolArray:
+        """Whether each ``r`` sits exactly on a kink, so that j has no derivative there."""
+        r = np.asarray(r, dtype=float)
+        shared = self.shared_knots
+        if shared is not None:
+            near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
+            left, right = self.slopes_at(near)
+            return np.asarray((shared.take(near) == r) & np.isfinite(r) & (left != right))
+        return np.asarray(np.any((r[..., None] == self.knots) & self.kinks(), axis=-1))
+
+    def kink_within(self, r: Array, near: float) -> Array:
+        """The kink nearest to each ``r (m,)`` if it is not farther than ``near``, else nan."""
+        shared = self.shared_knots
+        if shared is None:
+            off = np.where(self.kinks(), np.abs(r[:, None] - self.knots), np.inf)
+            at = np.argmin(off, axis=1)
+            knots = np.broadcast_to(self.knots, off.shape)
+            rows = np.arange(r.size)
+            return np.where(off[rows, at] <= near, knots[rows, at], np.nan)
+        best, place = np.full(r.shape, near), np.full(r.shape, np.nan)
+        after = np.searchsorted(shared, r, side="left")
+        for knot in (after - 1, after):  # knots nearer to each other than that cannot be told apart anyway
+            inside = np.clip(knot, 0, shared.size - 1)
+            off = np.abs(r - shared[inside])
+            left, right = self.slopes_at(inside)
+            better = (left != right) & (off <= best)
+            best, place = np.where(better, off, best), np.where(better, shared[inside], place)
+        return place
+
+    def derivative(self, r: Array) -> Array:
+        """j'(r); at a kink, the one-sided derivative from the left."""
+        r = np.asarray(r, dtype=float)
+        return self.piece_derivative(self.piece_of(r), r)
+
+    def curvature(self, r: Array) -> Array:
+        """j''(r) of the piece that holds ``r``."""
+        r = np.asarray(r, dtype=float)
+        return self.piece_curvature(self.piece_of(r), r)
+
+    def subdifferential(self, r: Array) -> Interval:
+        """Clarke subdifferential dj(r), an interval for each point (empty, ``[inf, -inf]``, outside the domain)."""
+        r = np.asarray(r, dtype=float)
+        slope = self.derivative(r)
+        shared = self.shared_knots
+        if shared is not None:
+            near = np.minimum(np.searchsorted(shared, r, side="left"), shared.size - 1)
+            here = (shared.take(near) == r) & np.isfinite(r)
+            left, right = self.slopes_at(near)
+            low, high = np.where(here, np.minimum(left, right), slope), np.where(here, np.maximum(left, right), slope)
+            ends = self.domain
+            outside = (r < ends.lower) | (r > ends.upper)
+            return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
+        left, right = self.knot_slopes()
+        knots = self.knots
+        at_knot = np.any(r[..., None] == knots, axis=-1)
+        low, high = np.where(at_knot, np.inf, slope), np.where(at_knot, -np.inf, slope)
+        for i in range(knots.shape[-1]):
+            here = r == knots[..., i]
+            low = np.where(here, np.minimum(low, np.minimum(left[..., i], right[..., i])), low)
+            high = np.where(here, np.maximum(high, np.maximum(left[..., i], right[..., i])), high)
+        bound = self.domain
+        outside = (r < bound.lower) | (r > bound.upper)
+        return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
+
+    def distance(self, r: Array, lam: Array) -> Array:
+        """Distance of the multiplier ``lam`` to dj(r); inf outside the domain."""
+        return self.subdifferential(r).distance(np.asarray(lam, dtype=float))
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array | float) -> Array:
+        """How far ``(r, lam)`` is from a pair that satisfies the law exactly, in units of ``lam``.
+
+        The smallest over r' in {r, knots} of ``hypot(r - r', tau * dist(lam, dj(r'))) / tau``, an upper bound of
+        the distance to the graph of dj in the norm in which ``tau`` makes displacement and multiplier alike.  It is
+        a backward error: zero exactly on the graph, and small when r misses a kink by rounding only.
+        """
+        r = np.asarray(r, dtype=float)
+        lam = np.asarray(lam, dtype=float)
+        tau = np.asarray(tau, dtype=float)
+        best = self.distance(r, lam)
+        shared = self.shared_knots
+        if shared is not None:
+            return self._nearest_of_many(shared, r, lam, tau, best)
+        left, right = self.knot_slopes()
+        knots = self.knots
+        for i in range(knots.shape[-1]):
+            low, high = np.minimum(left[..., i], right[..., i]), np.maximum(left[..., i], right[..., i])
+            off = np.maximum(np.maximum(low - lam, lam - high), 0.0)
+            best = np.minimum(best, np.hypot((r - knots[..., i]) / tau, off))
+        return best
+
+    def _nearest_of_many(self, shared: Array, r: Array, lam: Array, tau: Array, best: Array) -> Array:
+        """:meth:`graph_distance`, from the knots nearest to r outwards until the next one is farther than the best."""
+        r, lam, tau, best = np.broadcast_arrays(r, lam, tau, best)
+        out, place = best.ravel().copy(), np.searchsorted(shared, r.ravel(), side="left")
+        r, lam, tau = r.ravel(), lam.ravel(), tau.ravel()
+        rows = None if self.knots.shape[0] == 1 else np.arange(r.size)
+        for step in (-1, 1):
+            first = place - 1 if step < 0 else place
+            open_, done, width = np.arange(r.size), 0, 4
+            while True:
+                knot = first[open_, None] + step * np.arange(done, done + width)
+                valid = (knot >= 0) & (knot < shared.size)
+                knot = np.clip(knot, 0, shared.size - 1)
+                law = self if rows is None else self.take(np.repeat(rows[open_], width))
+                left, right = (s.reshape(knot.shape) for s in law.slopes_at(knot.ravel()))
+                off = np.maximum(
+                    np.maximum(np.minimum(left, right) - lam[open_, None], 0.0),
+                    lam[open_, None] - np.maximum(left, right),
+                )
+                apart = (r[open_, None] - shared[knot]) / tau[open_, None]
+                found = np.where(valid, np.hypot(apart, off), np.inf).min(axis=1)
+                out[open_] = np.minimum(out[open_], found)
+                going = valid[:, -1] & (np.abs(apart[:, -1]) < out[open_])
+                open_ = open_[going]
+                if not open_.size:
+                    break
+                done += width
+                width = int(min(2 * width, max(AT_ONCE // open_.size, 1)))
+        return out.reshape(best.shape)
+
+    # ---- the local problem ---------------------------------------------------------------------------
+
+    def local_minimisers(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """All local minimisers of ``a/2 r^2 - b r + j(r)``.
+
+        Parameters
+        ----------
+        a, b : arrays (m,)
+            Curvature ``a >= 0`` and force of the local problem.
+
+        Returns
+        -------
+        points, energies : arrays (m, 2K + 1)
+            Candidates (interior of each piece, then each knot) and their energies, +inf where a candidate is not
+            a local minimiser.
+        """
+        return minimisers.local_minimisers(self, a, b)
+
+    def local_argmin(self, a: Array, b: Array) -> Array:
+        """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
+        return minimisers.local_argmin(self, a, b)
+
+    def coercive_against(self, a: Array | float) -> BoolArray:
+        """Whether ``a/2 r^2 - b r + j(r)`` is bounded below for every b, given the curvature ``a >= 0`` (m,).
+
+        With ``a = inf`` it always is; a law that answers with False at some point needs a stiffer body.
+        """
+        a = np.asarray(a, dtype=float)
+        outward = np.minimum(self.asymptotic_curvature(1.0), self.asymptotic_curvature(-1.0))
+        return np.asarray(a + outward > 0.0)
+
+    @cached_property
+    def convex(self) -> bool:
+        """Whether the law is convex at all points."""
+        return bool((self.weak_convexity == 0.0).all())
+
+    @property
+    def straight(self) -> bool:
+        """Whether j' is straight on every piece."""
+        return False
+
+    def convex_part(
+        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, start: Array, end: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """The part of each piece on which ``a r - b + j'(r)`` increases, and its values at the ends."""
+        return minimisers.convex_part(self, piece, a, b, low, high, start, end)
+
+    def stationary_point(
+        self, piece: IntArray, a: Array, b: Array, low: Array, high: Array, admissible: BoolArray
+    ) -> tuple[Array, BoolArray]:
+        """Zero of ``a r - b + j'(r)`` inside each piece, where it changes sign from minus to plus."""
+        return minimisers.stationary_point(self, piece, a, b, low, high, admissible)
+
+    def prox(self, x: Array, tau: Array | float) -> Array:
+        """Proximal map: the global minimiser of ``j(r) + (r - x)^2/(2 tau)``."""
+        x = np.asarray(x, dtype=float)
+        return self.local_argmin(np.broadcast_to(1.0 / np.asarray(tau, dtype=float), x.shape), x / tau)
+
+    def prox_slope(self, x: Array, tau: Array | float) -> Array:
+        """Derivative of :meth:`prox` in ``x``: 0 at a kink, ``1/(1 + tau j'')`` elsewhere."""
+        r = self.prox(x, tau)
+        slope = 1.0 / (1.0 + np.asarray(tau, dtype=float) * self.curvature(r))
+        return np.where(self.at_kink(r), 0.0, slope)
+
+    def describe(self, point: int = 0) -> LawDescription:
+        """Formula, kinks and constants of the law at one contact point."""
+        return describe(self, point)

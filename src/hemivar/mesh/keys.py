@@ -1,0 +1,118 @@
+"""Arrays of simplices: numbers of facets and edges, signed volumes."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+
+__all__ = [
+    "EDGES",
+    "FACETS",
+    "cell_facets",
+    "distinct_pairs",
+    "facet_keys",
+    "facet_measures",
+    "frozen",
+    "pair_keys",
+    "signed_volumes",
+]
+
+#: Local nodes of the edges and, outward oriented, of the facets of a cell, by dimension.
+EDGES = {2: ((0, 1), (1, 2), (0, 2)), 3: ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))}
+FACETS = {2: ((0, 1), (1, 2), (2, 0)), 3: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))}
+_T = TypeVar("_T", bound=np.generic)
+#: Entries or cells taken at a time.
+_PORTION = 1 << 16
+
+
+def frozen(array: NDArray[_T]) -> NDArray[_T]:
+    """A read-only view of an array."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def pair_keys(pairs: IntArray, count: int) -> IntArray:
+    """One number per pair of node numbers (last axis), whatever the order in the pair."""
+    return np.asarray(np.minimum(pairs[..., 0], pairs[..., 1]) * count + np.maximum(pairs[..., 0], pairs[..., 1]))
+
+
+def distinct_pairs(first: NDArray[Any], second: NDArray[Any]) -> tuple[IntArray, IntArray]:
+    """Distinct unordered pairs (E, 2), smaller number first, sorted; and the number of the pair of each entry.
+
+    Pair and place of each entry are sorted together as one integer where they fit into 64 bits, which is several times
+    faster than sorting an index.  The rest goes by portions: most of its time would go into fresh memory.
+    """
+    portions = [slice(start, min(start + _PORTION, len(first))) for start in range(0, len(first), _PORTION)]
+    lows = (np.minimum(first[part], second[part]).astype(np.int64) for part in portions)
+    spans = (np.abs(first[part] - second[part]).astype(np.int64) for part in portions)
+    tops = [max(int(values.max()) for values in lows), max(int(values.max()) for values in spans), len(first)]
+    _, width, shift = (top.bit_length() for top in tops)
+    number = np.empty(len(first), dtype=np.int64)
+    if sum(top.bit_length() for top in tops) > 64:
+        keys = (np.minimum(first, second).astype(np.int64) << width) | np.abs(first - second)
+        distinct, number[:] = np.unique(keys, return_inverse=True)
+    else:
+        packed = np.empty(len(first), dtype=np.uint64)
+        for part in portions:
+            key = (np.minimum(first[part], second[part]).astype(np.uint64) << np.uint64(width)) | np.abs(
+                first[part] - second[part]
+            ).astype(np.uint64)
+            packed[part] = (key << np.uint64(shift)) | np.arange(part.start, part.stop, dtype=np.uint64)
+        packed.sort()
+        found, seen, before = [], -1, np.uint64(0)
+        for part in portions:
+            key = packed[part] >> np.uint64(shift)
+            new = np.concatenate([[seen < 0 or key[0] != before], key[1:] != key[:-1]])
+            place = packed[part] & np.uint64((1 << shift) - 1)
+            number[place.astype(np.int64)] = seen + np.cumsum(new)
+            found.append(key[new])
+            seen, before = seen + int(np.count_nonzero(new)), key[-1]
+        distinct = np.concatenate(found).astype(np.int64)
+    start = distinct >> width
+    return np.column_stack([start, start + (distinct & ((1 << width) - 1))]), number
+
+
+def facet_keys(facets: IntArray, count: int) -> IntArray:
+    """One number per facet, whatever the order of its nodes."""
+    if facets.shape[1] == 2:
+        return pair_keys(facets, count)
+    if count > 2_000_000:
+        raise ProblemError(f"the mesh has {count} nodes; its boundaries can be found on up to two million")
+    low, middle, high = np.sort(facets, axis=1).T
+    return np.asarray((low * count + middle) * count + high)
+
+
+def facet_measures(corner: Array) -> Array:
+    """Lengths or areas (k,) of facets with these corners, (k, d, d)."""
+    first = corner[:, 1] - corner[:, 0]
+    if corner.shape[2] == 2:
+        return np.asarray(np.linalg.norm(first, axis=1))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(first, corner[:, 2] - corner[:, 0]), axis=1))
+
+
+def cell_facets(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:
+    """All facets (M (d + 1), d) of the cells (M, d + 1) of a mesh of ``count`` nodes, their keys, and their cells."""
+    dim = cells.shape[1] - 1
+    facets = np.stack([cells[:, local] for local in FACETS[dim]], axis=1).reshape(-1, dim)
+    return facets, facet_keys(facets, count), np.repeat(np.arange(len(cells)), dim + 1)
+
+
+def signed_volumes(points: Array, cells: IntArray) -> Array:
+    """Areas or volumes of cells (M, d + 1), negative where a cell is inverted, (M,)."""
+    volumes = np.empty(len(cells))
+    for start in range(0, len(cells), _PORTION):
+        part = slice(start, start + _PORTION)
+        first, *others = cells[part].T
+        side = [[x[other] - x[first] for x in points.T] for other in others]
+        if len(side) == 2:
+            volumes[part] = 0.5 * (side[0][0] * side[1][1] - side[0][1] * side[1][0])
+        else:
+            (a, b, c), (d, e, f), (g, h, i) = side
+            volumes[part] = (a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)) / 6.0
+    return volumes

@@ -1,0 +1,61 @@
+"""The parts of a body: cells that are joined through facets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.mesh.keys import cell_facets
+
+if TYPE_CHECKING:
+    from hemivar.mesh.mesh import Mesh
+
+__all__ = ["Parts", "parts_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Cells of a mesh that are joined through facets.
+
+    Attributes
+    ----------
+    count : int
+        Number of parts.
+    cell : int array (M,)
+        The part of each cell.
+    """
+
+    count: int
+    cell: IntArray
+
+    def place(self, mesh: Mesh, part: int) -> Array:
+        """A point inside a part: the middle of its largest cell, (d,)."""
+        cells = np.flatnonzero(self.cell == part)
+        largest = cells[int(np.argmax(mesh.volumes[cells]))]
+        return np.asarray(mesh.points[mesh.cells[largest]].mean(axis=0))
+
+    def boundaries(self, mesh: Mesh, part: int) -> list[str]:
+        """Names of the boundaries that belong to a part, or to it among others."""
+        mine = np.zeros(mesh.number_of_nodes, dtype=bool)
+        mine[mesh.cells[self.cell == part]] = True
+        return [name for name, facets in mesh.boundaries.items() if mine[facets].all(axis=1).any()]
+
+
+def parts_of(mesh: Mesh) -> Parts:
+    """The parts of a mesh; a refined mesh has those of the coarser one."""
+    if mesh.parent is not None:
+        coarse = mesh.parent.mesh.parts
+        return Parts(coarse.count, coarse.cell[mesh.parent.cells])
+    _, keys, cell = cell_facets(mesh.cells, mesh.number_of_nodes)
+    order = np.argsort(keys, kind="stable")
+    same = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+    first, second = cell[order[same]], cell[order[same + 1]]
+    shape = (mesh.number_of_cells, mesh.number_of_cells)
+    graph = sp.csr_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=shape)
+    count, label = connected_components(graph, directed=False)
+    return Parts(int(count), label.astype(np.int64))

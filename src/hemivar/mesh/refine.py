@@ -1,0 +1,162 @@
+"""Meshes that stem from coarser ones: where nodes and cells come from, and uniform refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.mesh.checks import index_array
+from hemivar.mesh.keys import facet_measures, frozen, signed_volumes
+
+if TYPE_CHECKING:
+    from hemivar.mesh.mesh import Mesh
+
+__all__ = ["Refinement", "check_refines", "halved"]
+
+#: Part of the size of a mesh by which a node may be off, and of a facet or cell that may be left uncovered.
+_ROUNDING, _COVERED = 1e-12, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement(Portable):
+    """How a mesh stems from a coarser one, whose cells were cut at midpoints of edges: all of them, or some.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The coarser mesh.
+    ends : int array, shape (N, 2)
+        Each node of the finer mesh is the midpoint of these two nodes of the coarser one (twice the same where it is
+        a node of it).
+    cells : int array, shape (M,)
+        The cell of the coarser mesh that each cell of the finer one is a part of.
+
+    Raises
+    ------
+    ProblemError
+        If there are no such nodes or cells.
+    """
+
+    mesh: Mesh
+    ends: IntArray
+    cells: IntArray
+
+    def __post_init__(self) -> None:
+        ends = index_array(self.ends, "Refinement.ends", self.mesh.number_of_nodes)
+        cells = index_array(self.cells, "Refinement.cells", self.mesh.number_of_cells)
+        if ends.ndim != 2 or ends.shape[1] != 2 or cells.ndim != 1:
+            raise ProblemError(
+                f"Refinement.ends and .cells have shapes {ends.shape} and {cells.shape}; they must be (N, 2) and (M,)"
+            )
+        object.__setattr__(self, "ends", frozen(ends))
+        object.__setattr__(self, "cells", frozen(cells))
+
+    @cached_property
+    def interpolation(self) -> sp.csr_array:
+        """Nodal values on the finer mesh from those on the coarser one, shape (N, N_coarse)."""
+        count = len(self.ends)
+        rows = np.repeat(np.arange(count), 2)
+        shape = (count, self.mesh.number_of_nodes)
+        return sp.csr_array((np.full(2 * count, 0.5), (rows, self.ends.ravel())), shape=shape)
+
+    def named(self, boundaries: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> Refinement | None:
+        """The refinement, with the facets and cells that those of the finer mesh are parts of under their names.
+
+        None if the coarser mesh cannot bear the names, as a boundary or a region holds a part of a facet or cell of it.
+        """
+        points, dim = self.mesh.points, self.mesh.dim
+        corners, areas = {}, {}
+        for name, facets in boundaries.items():
+            nodes = np.sort(self.ends[facets].reshape(len(facets), -1), axis=1)
+            first = np.diff(nodes, axis=1, prepend=-1) > 0
+            whole = first.sum(axis=1) == dim
+            corners[name] = np.unique(nodes[whole][first[whole]].reshape(-1, dim), axis=0)
+            covered = facet_measures(points[self.ends[facets]].mean(axis=2)).sum()
+            if covered < (1.0 - _COVERED) * facet_measures(points[corners[name]]).sum():
+                return None
+        children = np.bincount(self.cells, minlength=self.mesh.number_of_cells)
+        for name, ids in regions.items():
+            inside = np.bincount(self.cells[ids], minlength=len(children))
+            areas[name] = np.flatnonzero(inside)
+            if (inside[areas[name]] < children[areas[name]]).any():
+                return None
+        return replace(self, mesh=self.mesh.named(corners, areas))
+
+
+def check_refines(points: Array, cells: IntArray, parent: Refinement) -> None:
+    """Refuse a refinement that does not lead to these nodes (N, d) and cells (M, d + 1)."""
+    coarse = parent.mesh
+    if (len(parent.ends), len(parent.cells), coarse.dim) != (len(points), len(cells), points.shape[1]):
+        raise ProblemError(
+            f"parent makes {len(parent.ends)} nodes and {len(parent.cells)} cells in {coarse.dim} dimensions of a "
+            f"coarser mesh, but this one has {len(points)} and {len(cells)} in {points.shape[1]}; give parent = None"
+        )
+    off = np.abs(points - coarse.points[parent.ends].mean(axis=1)).max(axis=1)
+    if (off > _ROUNDING * np.abs(points).max()).any():
+        bad = int(np.argmax(off))
+        raise ProblemError(
+            f"node {bad} is not the midpoint of nodes {' and '.join(map(str, parent.ends[bad]))} of the parent mesh, "
+            f"but {off[bad]:.3g} off; give parent = None, or refine the changed mesh"
+        )
+    within = (parent.ends[cells][..., None] == coarse.cells[parent.cells][:, None, None]).any(axis=3).all(axis=(1, 2))
+    filled = np.bincount(parent.cells, signed_volumes(points, cells), len(coarse.cells))
+    empty = np.abs(filled - coarse.volumes) > _COVERED * coarse.volumes
+    if not within.all() or empty.any():
+        what = f"cell {np.argmin(within)} is not part of" if not within.all() else "its cells do not fill"
+        bad = int(parent.cells[np.argmin(within)] if not within.all() else np.argmax(empty))
+        raise ProblemError(f"{what} cell {bad} of the parent mesh; give parent = None, or refine the changed mesh")
+
+
+def halved(mesh: Mesh) -> Mesh:
+    """The mesh with all edges halved, see :meth:`Mesh.refined`."""
+    count = mesh.number_of_nodes
+    points = mesh.nodes(2)
+    v, e = mesh.cells.T, (count + mesh.cell_edges).T
+    if mesh.dim == 2:
+        groups = [(v[0], e[0], e[2]), (e[0], v[1], e[1]), (e[2], e[1], v[2]), (e[0], e[1], e[2])]
+        cells = np.vstack([np.column_stack(group) for group in groups])
+    else:
+        cells = _refined_tetrahedra(points, mesh.cells, count + mesh.cell_edges)
+    boundaries = {}
+    for name, facets in mesh.boundaries.items():
+        f = mesh.facet_nodes(facets, 2).T
+        in_space = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+        parts = ((0, 2), (2, 1)) if mesh.dim == 2 else in_space
+        boundaries[name] = np.stack([f[list(part)].T for part in parts], axis=1).reshape(-1, mesh.dim)
+    offsets = mesh.number_of_cells * np.arange(2**mesh.dim)
+    regions = {name: (offsets[:, None] + ids).ravel() for name, ids in mesh.regions.items()}
+    own = np.repeat(np.arange(count)[:, None], 2, axis=1)
+    parents = np.tile(np.arange(mesh.number_of_cells), 2**mesh.dim)
+    parent = Refinement(mesh, frozen(np.vstack([own, mesh.edges])), frozen(parents))
+    recipe = None if mesh.recipe is None else mesh.recipe.refined()
+    return mesh.trusted(points, cells, boundaries, regions, parent, recipe)
+
+
+def _refined_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
+    """Eight children of each tetrahedron, positively oriented.
+
+    The octahedron inside is cut along the diagonal between the midpoints of 02 and 13, for which tetrahedra are turned
+    if another diagonal is shorter.
+    """
+    ends = ((2, 4), (1, 3), (0, 5))
+    lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
+    shortest = np.argmin([lengths[0] * (1.0 - 1e-9), *lengths[1:]], axis=0)
+    v, e = cells.copy(), middles.copy()
+    for way, corners, edges in ((1, (0, 2, 3, 1), (2, 5, 3, 0, 1, 4)), (2, (0, 3, 1, 2), (3, 4, 0, 2, 5, 1))):
+        turned = np.flatnonzero(shortest == way)
+        v[turned] = cells[turned][:, corners]
+        e[turned] = middles[turned][:, edges]
+    (v0, v1, v2, v3), (e01, e12, e02, e03, e13, e23) = v.T, e.T
+    children = [
+        (v0, e01, e02, e03), (e01, v1, e12, e13), (e02, e12, v2, e23), (e03, e13, e23, v3),
+        (e01, e02, e03, e13), (e02, e12, e13, e01), (e02, e03, e13, e23), (e12, e13, e23, e02),
+    ]  # fmt: skip
+    return np.vstack([np.column_stack(child) for child in children])

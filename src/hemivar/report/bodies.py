@@ -1,0 +1,82 @@
+"""Figures of deformed bodies, at print size."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from hemivar.errors import ProblemError
+from hemivar.report.deformed import DeformedBody
+from hemivar.report.plane_body import Arrows, PlaneBody
+from hemivar.report.solid_body import draw_solid
+from hemivar.report.style import axes_on, drawing, with_unit
+from hemivar.solvers import Solution
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_solution"]
+
+
+def plot_solution(
+    solution: Solution,
+    *,
+    ax: Axes | None = None,
+    scale: float | Literal["auto"] = 1.0,
+    arrows: Arrows | Literal["force", "components", "none"] = Arrows.FORCE,
+    title: str | None = None,
+    note: str = "",
+    unit: str = "",
+    stress_unit: str = "",
+    legend: bool = True,
+) -> Figure:
+    """The deformed body on its foundation, with contact states and contact forces.
+
+    The deformed mesh (from 5000 cells on: the outline and the von Mises stress of the cells), the outline of the
+    body at rest (dashed), the foundation (hatched) and the contact nodes by state. The forces of the foundation on
+    the body are mirrored with respect to the contact boundary, as in the survey's Figures 1 to 4: they are drawn
+    inside the foundation. A 3D body is drawn by its surface, coloured by the von Mises stress, without forces.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of a problem with a mesh.
+    ax : matplotlib Axes, optional
+        Draw here rather than on a new figure.
+    scale : float or "auto"
+        Factor of the displacement; gaps are drawn with the same factor, so that contact looks closed.  ``"auto"``
+        makes small displacements visible, unless the gap varies.
+    arrows : Arrows
+        ``"force"`` (default), ``"components"`` (pressure and friction apart) or ``"none"``.
+    title : str, optional
+        Title above the figure.
+    note : str
+        Data of the problem in words, added to the legend; the constants of the laws are there anyway.
+    unit, stress_unit : str
+        Units of length and stress for the labels.
+    legend : bool
+        Write the legend, the data and the scale of the arrows to the right of the axes.
+
+    Raises
+    ------
+    ProblemError
+        The problem was made of arrays and has no mesh; or ``scale`` is not a positive number.
+    """
+    body = DeformedBody.of(solution, scale)
+    try:
+        arrows = Arrows(arrows)
+    except ValueError as error:
+        raise ProblemError(f"arrows = {arrows!r}; choose one of {', '.join(Arrows)}") from error
+    with drawing():
+        if body.mesh.dim == 3:
+            return draw_solid(body, title, unit, stress_unit)
+        width, height = np.ptp(body.mesh.points, axis=0)
+        fig, ax = axes_on(ax, (6.3, 0.9 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+        PlaneBody(body, stress_unit).draw(ax, arrows, note, legend)
+        ax.set_xlabel(with_unit("x", unit))
+        ax.set_ylabel(with_unit("y", unit))
+        if title:
+            ax.set_title(title)
+    return fig

@@ -1,0 +1,121 @@
+"""Figures along the contact boundary: pressure, friction, penetration, slip and states."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.files.boundary import contact_boundaries
+from hemivar.report.contact_maps import contact_maps
+from hemivar.report.style import GREEN, MARKERS, RED, drawing, with_unit
+from hemivar.solvers import Solution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_contact"]
+
+
+def plot_contact(solution: Solution, *, title: str | None = None, unit: str = "", stress_unit: str = "") -> Figure:
+    """Pressure, friction (with its bound), penetration and slip along the contact boundary.
+
+    One column of panels for each contact boundary; the coordinate is x or y along straight boundaries parallel to an
+    axis, the arc length otherwise, and the number of the contact point for problems made of arrays. Marks tell the
+    contact state. In 3D each boundary is projected along its mean normal: colours show the pressure, the magnitude of
+    the friction and the penetration; the fourth panel shows the states, with arrows for the slip in the tangent plane.
+
+    Parameters
+    ----------
+    solution : Solution
+    title : str, optional
+    unit, stress_unit : str
+        Units of length and stress for the labels.
+
+    Raises
+    ------
+    ProblemError
+        The problem has no contact point.
+    """
+    problem = solution.problem
+    if problem.contact_points == 0:
+        raise ProblemError("the problem has no contact point; draw it with plot_solution")
+    with drawing():
+        if problem.dim == 3 and problem.points is not None and problem.frames is not None:
+            return contact_maps(solution, title, unit, stress_unit)
+        return _contact_lines(solution, title, unit, stress_unit)
+
+
+def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    problem = solution.problem
+    try:
+        boundaries = contact_boundaries(problem)
+        assert problem.points is not None
+        parts = [(b.name, b.index, *b.position(problem.points)) for b in boundaries]
+    except ProblemError:
+        everything = np.arange(problem.contact_points)
+        parts = [("", everything, everything.astype(float), "contact point")]
+    fig = Figure(figsize=(max(6.3, 3.4 * len(parts)), 5.0), layout="constrained")
+    panels = fig.subplots(2, len(parts), sharex="col", squeeze=False)
+    bound = _rest_bound(problem)
+    multiplier, local, state = solution.multiplier, solution.local, solution.state
+    for column, (name, index, where, label) in enumerate(parts):
+        order = np.argsort(where, kind="stable")
+        index, where = index[order], where[order]
+        upper, lower = panels[:, column]
+        size = float(np.clip(30.0 / math.sqrt(len(index)), 1.2, 4.0))
+        curves = [(upper, multiplier, "pressure", "friction"), (lower, local, "penetration", "slip")]
+        for panel, values, normal_name, tangential_name in curves:
+            panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
+            _curve(panel, where, values[index, 0], state[index], size, RED, "-", normal_name)
+            for k in range(1, problem.dim):
+                which = tangential_name if problem.dim == 2 else f"{tangential_name} {k}"
+                _curve(panel, where, values[index, k], state[index], size, GREEN, (0, (5, 1.5)), which)
+        if bound is not None and np.isfinite(bound[index]).all():
+            for sign in (1.0, -1.0):
+                upper.plot(where, sign * bound[index], color=GREEN, lw=0.8, ls=":", zorder=1)
+        lower.set_xlabel(with_unit(label, unit if label != "contact point" else ""))
+        if len(parts) > 1:
+            upper.set_title(name)
+        for panel in (upper, lower):
+            panel.spines[["top", "right"]].set_visible(False)
+            panel.margins(x=0.02)
+    panels[0, 0].set_ylabel(with_unit("force per area", stress_unit))
+    panels[1, 0].set_ylabel(with_unit("displacement", unit))
+    handles = [
+        Line2D([], [], color=RED, label="pressure; penetration"),
+        Line2D([], [], color=GREEN, ls=(0, (5, 1.5)), label="friction; slip"),
+    ]
+    if bound is not None:
+        handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
+    present = [kind for kind in MARKERS if (state == kind).any()]
+    handles += [Line2D([], [], ls="", ms=4.4, mew=0.7, label=kind.label, **MARKERS[kind]) for kind in present]
+    fig.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=1.4, handlelength=1.8)
+    if title:
+        fig.suptitle(title, fontsize=10)
+    return fig
+
+
+def _curve(
+    panel: Any, where: Array, values: Array, state: IntArray, size: float, colour: str, dash: Any, label: str
+) -> None:
+    panel.plot(where, values, color=colour, ls=dash, lw=1.1, label=label, zorder=2)
+    for kind, marker in MARKERS.items():
+        here = state == kind
+        panel.plot(where[here], values[here], ls="", ms=size, mew=0.5, zorder=3, **marker)
+
+
+def _rest_bound(problem: DiscreteProblem) -> Array | None:
+    """Largest friction without slip at each contact point, (m,); None without friction."""
+    if problem.dim == 1 or problem.law.state_dependent:
+        return None
+    rest = problem.law.tangential.subdifferential(np.zeros(problem.contact_points)).upper
+    bound = np.broadcast_to(rest, (problem.contact_points,))
+    return bound if (bound > 0.0).any() else None

@@ -1,0 +1,125 @@
+"""What every picture of a deformed body starts from: where its nodes and contact points are drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem import nodal_average, von_mises
+from hemivar.mesh.mesh import Mesh
+from hemivar.solvers import ContactState, Solution
+
+__all__ = ["DeformedBody", "round_number"]
+
+
+@dataclass(frozen=True, eq=False)
+class DeformedBody:
+    """The body of a solution, its displacement drawn ``factor`` times as large.
+
+    Attributes
+    ----------
+    solution : Solution
+        Of a problem with a mesh.
+    factor : float
+    """
+
+    solution: Solution
+    factor: float
+
+    @classmethod
+    def of(cls, solution: Solution, scale: float | str) -> DeformedBody:
+        """With a factor given by number, or chosen (``"auto"``) so that small displacements are visible.
+
+        Raises
+        ------
+        ProblemError
+            The problem was made of arrays and has no mesh; or ``scale`` is not a positive number.
+        """
+        field = solution.problem.field
+        if field is None:
+            raise ProblemError(
+                "this problem was made of arrays and has no mesh to draw; use plot_contact or plot_history"
+            )
+        if scale == "auto":
+            return cls(solution, _visible(field.mesh, solution.displacement, solution.problem.gap))
+        if isinstance(scale, str) or not (math.isfinite(scale) and scale > 0.0):
+            raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
+        return cls(solution, float(scale))
+
+    @property
+    def problem(self) -> DiscreteProblem:
+        """What was solved."""
+        return self.solution.problem
+
+    @property
+    def mesh(self) -> Mesh:
+        """The body at rest."""
+        assert self.problem.field is not None
+        return self.problem.field.mesh
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Where the vertices of the mesh are drawn, (N, d)."""
+        return self.mesh.points + self.factor * self.solution.displacement[: self.mesh.number_of_nodes]
+
+    @cached_property
+    def contact_places(self) -> Array:
+        """Where the contact points are drawn, (m, d)."""
+        contact, mesh = self.problem.contact, self.mesh
+        assert contact.points is not None
+        places = contact.points.copy()
+        at = contact.node >= 0
+        places[at] += self.factor * self.solution.displacement[contact.node[at]]
+        for number, name in enumerate(contact.names):
+            here = ~at & (contact.boundary == number)
+            places[here] = self.vertices[mesh.boundaries[name][contact.facet[here]]].mean(axis=1)
+        return places
+
+    @property
+    def magnified(self) -> str:
+        """That the displacement is drawn larger than it is, in words; empty if it is not."""
+        return "" if self.factor == 1.0 else f"displacement times {self.factor:g}"
+
+    @property
+    def label(self) -> str:
+        """What a legend says of the body."""
+        return f"deformed body, {self.magnified}" if self.magnified else "deformed body"
+
+    def states(self) -> Iterator[tuple[ContactState, BoolArray, str]]:
+        """Each contact state, which points are in it, (m,), and what a legend says of it."""
+        for kind in ContactState:
+            here = np.asarray(self.solution.state == kind)
+            yield kind, here, f"{kind.label} ({np.count_nonzero(here)})"
+
+    @cached_property
+    def surface(self) -> tuple[Array, str]:
+        """Values at the vertices, (N,), that colour the body, and their name: von Mises stress, else displacement."""
+        origin = self.problem.origin
+        if origin is not None:
+            return nodal_average(self.mesh, von_mises(origin, self.solution.displacement)), "von Mises stress"
+        return np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1), "displacement"
+
+
+def _visible(mesh: Mesh, displacement: Array, gap: Array) -> float:
+    """A factor that makes displacements visible."""
+    size = float(np.ptp(mesh.points, axis=0).max())
+    if gap.size and np.ptp(gap) > 1e-6 * size:
+        return 1.0  # blown up with the displacement, a gap around a curved body would bend its foundation
+    moved = np.linalg.norm(displacement[: mesh.number_of_nodes], axis=1)
+    largest = float(moved.max(initial=float(np.abs(gap).max(initial=0.0))))
+    wanted = 0.1 * size
+    return round_number(wanted / largest) if 0.0 < largest < wanted else 1.0
+
+
+def round_number(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is at most ``value``."""
+    power = 10.0 ** math.floor(math.log10(value))
+    digit = max(d for d in (1, 2, 5) if d * power <= value * (1 + 1e-12))
+    return float(f"{digit * power:.6g}")

@@ -1,0 +1,147 @@
+"""Laws in figures: the graph of the subdifferential and the potential, and what legends say of them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.laws import PiecewiseQuadratic, Superpotential
+from hemivar.report.style import BLUE, GREY, RED, drawing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["law_captions", "plot_law"]
+
+
+def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None, title: str | None = None) -> Figure:
+    """Graph of the Clarke subdifferential and potential of a law, with its constants below.
+
+    Jumps of the derivative are vertical lines: upward ones, where the law holds, in the colour of the graph;
+    downward ones, where it gives way, dashed in another. A hatched area lies beyond the end of the domain.
+
+    Parameters
+    ----------
+    law : Superpotential
+        With resolved parameters.
+    point : int
+        Contact point for which the law is drawn.
+    reach : float, optional
+        Half width of the picture; 1.6 times the largest knot by default.
+    title : str, optional
+
+    Raises
+    ------
+    ProblemError
+        If ``reach`` is not a positive number.
+    """
+    from matplotlib.figure import Figure
+
+    one = law.take(np.array([point]))
+    told = one.describe()
+    if reach is None:
+        largest = max((abs(knot) for knot in told.knots), default=0.0)
+        reach = 1.6 * largest if largest > 0.0 else 1.0
+    if not 0.0 < reach < math.inf:
+        raise ProblemError(f"reach = {reach}; it must be a positive length")
+    low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
+    with drawing():
+        fig = Figure(figsize=(6.3, 3.1 + 0.16 * len(told.lines)), layout="constrained")
+        graph, potential = fig.subplots(1, 2)
+        ends = np.array([low, *[knot for knot in told.knots if low < knot < high], high])
+        highest = 0.0
+        for start, end in itertools.pairwise(ends):
+            r = _inside(start, end)
+            slope, value = one.derivative(r), one.value(r)
+            highest = max(highest, float(np.abs(slope).max()))
+            graph.plot(r, slope, color=BLUE, lw=1.5)
+            potential.plot(r, value, color=BLUE, lw=1.5)
+        highest = highest or max(
+            (abs(s) for k in told.kinks for s in (k.left, k.right) if math.isfinite(s)), default=1.0
+        )
+        for kink in told.kinks:
+            if not low <= kink.place <= high:
+                continue
+            bottom, top = sorted((kink.left, kink.right))
+            bottom, top = max(bottom, -1.5 * highest), min(top, 1.5 * highest)
+            falls = kink.jump < 0.0
+            graph.plot(
+                [kink.place, kink.place], [bottom, top],
+                color=RED if falls else BLUE, ls=(0, (3, 1.5)) if falls else "-", lw=1.5,
+            )  # fmt: skip
+        for panel in (graph, potential):
+            _finish(panel, reach, told.domain)
+        graph.set_ylabel(r"subdifferential $\partial j(r)$")
+        potential.set_ylabel(r"potential $j(r)$")
+        fig.suptitle(title if title is not None else told.name)
+        fig.supxlabel("\n".join(line.replace("$", r"\$") for line in told.lines), fontsize=7.5, x=0.02, ha="left")
+    return fig
+
+
+def _inside(start: float, end: float) -> Array:
+    """Places of a piece, its ends excluded by a hair, so that one-sided values are drawn."""
+    width = end - start
+    if width <= 0.0:
+        return np.zeros(0) if width < 0.0 else np.array([start])
+    return np.linspace(start + 1e-9 * width, end - 1e-9 * width, 200)
+
+
+def _finish(panel: Axes, reach: float, domain: tuple[float, float]) -> None:
+    panel.set_xlim(-reach, reach)
+    panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
+    panel.axvline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
+    for side, end in ((-1.0, domain[0]), (1.0, domain[1])):
+        if abs(end) < reach:
+            a, b = sorted((end, side * reach))
+            panel.axvspan(a, b, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.4, lw=0.0)
+    panel.set_xlabel("r (penetration or slip)")
+    panel.spines[["top", "right"]].set_visible(False)
+
+
+def law_captions(problem: DiscreteProblem) -> list[str]:
+    """Names and constants of the laws, for legends."""
+    if problem.contact_points == 0:
+        return []
+    law = problem.law
+    lines = [f"{_proper(part.name)} law{_constants(part)}" for part in getattr(law.normal, "parts", (law.normal,))]
+    if law.state_dependent:
+        lines.append(f"{_proper(law.friction.name)} friction, $h_\\tau$ depends on the state")
+        return lines
+    bound = np.asarray(law.friction.at(None).bound)
+    if problem.dim > 1 and (bound > 0.0).any():
+        lines.append(f"{_proper(law.friction.name)} friction: $h_\\tau$ = {_range(bound)}")
+    return lines
+
+
+def _constants(law: Superpotential) -> str:
+    """``: name = value, ...`` for the numeric fields of a named law; nothing for tables."""
+    if not is_dataclass(law) or type(law) is PiecewiseQuadratic:
+        return ""
+    values = [(f.name, getattr(law, f.name)) for f in fields(law) if not f.name.startswith("_")]
+    numbers = [(name, np.asarray(value)) for name, value in values if isinstance(value, int | float | np.ndarray)]
+    parts = [f"{_symbol(name)} = {_range(value)}" for name, value in numbers if value.size]
+    return ":\n" + ", ".join(parts) if parts else ""
+
+
+def _proper(name: str) -> str:
+    """Laws named after people in capitals."""
+    return name.capitalize() if name in ("signorini", "tresca", "coulomb") else name
+
+
+def _symbol(name: str) -> str:
+    """``q_max`` as a symbol with an index."""
+    letter, _, index = name.partition("_")
+    return f"${letter}_{{{index}}}$" if index and len(letter) == 1 else name
+
+
+def _range(values: Array) -> str:
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

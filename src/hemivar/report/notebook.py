@@ -1,0 +1,223 @@
+"""Problems, solutions and certificates as a notebook shows them: a heading, a small picture and a table."""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hemivar.branches import Path, SolutionSet
+from hemivar.certify import Certificate
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.mechanics import ContactProblem
+from hemivar.mesh.mesh import Mesh
+from hemivar.report.bodies import plot_solution
+from hemivar.report.contact_curves import plot_contact
+from hemivar.report.path_diagrams import plot_path
+from hemivar.report.saving import png
+from hemivar.report.statement_figure import plot_problem
+from hemivar.report.style import MANY_CELLS
+from hemivar.report.tables import Table
+from hemivar.solvers import ContactState, Solution, Status
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["html_of"]
+
+#: Larger bodies are shown without a picture, which would take longer than a reader waits.
+_MOST_CELLS = 10 * MANY_CELLS
+_MOST_FACETS = 5000
+#: Solutions of a set that are drawn, and rows of a table.
+_MOST_PICTURES = 3
+_MOST_ROWS = 20
+_DPI = 64
+
+_Row = tuple[str, object]
+_Shown = tuple[str, Callable[[], Iterable["Figure"]], Table]
+
+
+def html_of(value: object) -> str:
+    """A fragment of HTML, in which all text is escaped; never an error: what cannot be drawn is told by a table, what
+    cannot be told so by its ``repr``."""
+    with np.errstate(all="ignore"):
+        try:
+            heading, draw, table = _parts(value)
+        except Exception:  # a notebook must show something, whatever state an object is in
+            return f"<pre>{html.escape(_plain(value))}</pre>"
+        try:
+            pictures = "".join(_image(figure) for figure in draw())
+        except Exception:
+            pictures = ""
+    style = "display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start"
+    return f'<div><strong>{html.escape(heading)}</strong><div style="{style}">{pictures}{table.html()}</div></div>'
+
+
+def _plain(value: object) -> str:
+    try:
+        return repr(value)
+    except Exception:
+        return object.__repr__(value)
+
+
+def _image(figure: Figure) -> str:
+    data = base64.b64encode(png(figure, _DPI)).decode("ascii")
+    return f'<img alt="figure" style="max-width:32em" src="data:image/png;base64,{data}">'
+
+
+def _parts(value: object) -> _Shown:
+    for kind, parts in _KINDS.items():
+        if isinstance(value, kind):
+            return parts(value)
+    raise TypeError(type(value).__name__)
+
+
+def _small(mesh: Mesh) -> bool:
+    """Whether a picture of the body takes a moment only."""
+    return mesh.number_of_cells <= _MOST_CELLS and (mesh.dim == 2 or len(mesh.boundary_facets) <= _MOST_FACETS)
+
+
+def _rows(rows: Iterable[_Row]) -> Table:
+    return Table(("", " "), tuple(row for row in rows if row[1] is not None))
+
+
+def _solution(solution: Solution) -> _Shown:
+    problem = solution.problem
+    counts = {kind.label: int(np.count_nonzero(solution.state == kind)) for kind in ContactState}
+    rows: list[_Row] = [
+        ("status", solution.status.value),
+        ("remedy", None if solution.status is Status.CONVERGED else solution.status.remedy),
+        ("method", f"{solution.method}, {solution.steps} steps"),
+        ("residual, relative", solution.residual.relative),
+        ("energy", solution.energy),
+        ("kind", solution.kind),
+        ("unknowns", problem.unknowns),
+        ("contact points", ", ".join(f"{count} {name}" for name, count in counts.items() if count) or 0),
+        ("contact length" if problem.dim < 3 else "contact area", solution.contact_length),
+        ("normal force", solution.normal_force),
+        ("friction force", _numbers(solution.friction_force) if problem.dim > 1 else None),
+        *(("warning", sentence) for sentence in solution.warnings),
+    ]
+    return _title("Solution", problem), lambda: _pictures(solution), _rows(rows)
+
+
+def _pictures(solution: Solution) -> list[Figure]:
+    field = solution.problem.field
+    if field is not None:
+        return [plot_solution(solution, scale="auto", legend=False)] if _small(field.mesh) else []
+    return [plot_contact(solution)] if 0 < solution.problem.contact_points <= MANY_CELLS else []
+
+
+def _certificate(certificate: Certificate) -> _Shown:
+    unique = {True: "yes", False: "no", None: "not known"}[certificate.unique]
+    margin, bound = _number(certificate.margin), _number(certificate.error_bound_relative)
+    if certificate.error_bound_sampled:
+        margin, bound = f"{margin} (sampled)", f"{bound} (sampled)"
+    rows: list[_Row] = [
+        ("kind", certificate.kind.value),
+        ("solves the problem", f"{'yes' if certificate.stationary else 'no'}, to {certificate.tolerance:.0e}"),
+        ("the only solution", unique),
+        ("margin", margin),
+        ("error bound, relative", bound),
+        ("equilibrium, relative", certificate.equilibrium_relative),
+        ("inclusion, relative", certificate.inclusion_relative),
+        ("residual, relative", certificate.residual.relative),
+        ("energy", certificate.energy),
+        ("least curvature", certificate.curvature),
+        ("left out", ", ".join(certificate.left_out) or None),
+        *(("warning", sentence) for sentence in certificate.warnings),
+    ]
+    return "Certificate", lambda: (), _rows(rows)
+
+
+def _path(path: Path) -> _Shown:
+    factor = path.load_factor
+    rows: list[_Row] = [
+        ("points", len(path)),
+        ("load factors", f"{_number(factor.min())} to {_number(factor.max())}" if len(path) else None),
+        ("folds", _numbers(fold.load_factor for fold in path.folds) or "none"),
+        ("jumps", _numbers(jump.load_factor for jump in path.jumps) or "none"),
+        ("ended", str(path.ended)),
+    ]
+    return _title("Path", path.problem), lambda: [plot_path(path)] if len(path) else [], _rows(rows)
+
+
+def _solution_set(found: SolutionSet) -> _Shown:
+    rows = tuple(
+        (number, solution.kind, solution.energy, solution.normal_force, solution.contact_length, solution.status.value)
+        for number, solution in enumerate(found.solutions[:_MOST_ROWS])
+    )
+    table = Table(("", "kind", "energy", "normal force", "contact", "status"), rows, found.searched)
+    count = f"{len(found)} solution{'s' if len(found) != 1 else ''}"
+    heading = f"{count}, {'there are no others' if found.exhaustive else 'there may be more'}"
+    return heading, lambda: [f for one in found.solutions[:_MOST_PICTURES] for f in _pictures(one)], table
+
+
+def _problem(problem: ContactProblem) -> _Shown:
+    rows: list[_Row] = [
+        ("mesh", f"{problem.mesh.number_of_cells} cells, {problem.mesh.number_of_nodes} vertices"),
+        ("elements", f"of order {problem.order}"),
+        ("material", type(problem.material).__name__.strip("_").lower()),
+        ("body force", _told(problem.body_force)),
+        *((f"support: {name}", _told(support)) for name, support in problem.supports.items()),
+        *((f"load: {name}", _told(traction)) for name, traction in problem.tractions.items()),
+        *((f"contact: {name}", f"{one.normal.name}; friction {one.friction.name}")
+          for name, one in problem.contact.items()),
+    ]  # fmt: skip
+    heading = problem.title or "Contact problem"
+    return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
+
+
+def _discrete(problem: DiscreteProblem) -> _Shown:
+    law = problem.law
+    rows: list[_Row] = [
+        ("unknowns", problem.unknowns),
+        ("contact points", problem.contact_points),
+        ("local components", problem.dim),
+        ("normal law", law.normal.name if problem.contact_points else None),
+        ("friction", law.friction.name if problem.contact_points and problem.dim > 1 else None),
+        ("entries of the stiffness", problem.stiffness.nnz),
+        *(("warning", sentence) for sentence in problem.warnings),
+    ]
+    stated = problem.origin
+    shown = stated is not None and _small(stated.mesh)
+    return _title("Discrete problem", problem), lambda: [plot_problem(stated)] if stated and shown else [], _rows(rows)
+
+
+def _title(what: str, problem: DiscreteProblem) -> str:
+    stated = problem.origin
+    return f"{what}: {stated.title}" if stated is not None and stated.title else what
+
+
+def _told(value: object) -> str:
+    """A condition in a few words."""
+    if callable(value):
+        return "varies"
+    inner = getattr(value, "value", None)
+    if inner is not None and callable(inner):
+        return f"{type(value).__name__}, varies"
+    text = str(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else str(value)
+
+
+def _numbers(values: Iterable[float]) -> str:
+    shown = [_number(float(value)) for value in values]
+    return ", ".join(shown[:_MOST_ROWS]) + (", ..." if len(shown) > _MOST_ROWS else "")
+
+
+_KINDS: Mapping[type, Callable[..., _Shown]] = {
+    Solution: _solution,
+    Certificate: _certificate,
+    Path: _path,
+    SolutionSet: _solution_set,
+    ContactProblem: _problem,
+    DiscreteProblem: _discrete,
+}

@@ -1,0 +1,171 @@
+"""The equilibrium path as a figure and as a record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.branches import Path
+from hemivar.errors import ProblemError
+from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["QUANTITIES", "PathQuantity", "path_record", "plot_path"]
+
+
+@dataclass(frozen=True)
+class PathQuantity:
+    """A number that an equilibrium has.
+
+    Attributes
+    ----------
+    label : str
+        On the axis.
+    evaluate : callable
+        From weights (m,), local displacements and multipliers (k, m, d) to (k,).
+    of_displacement : bool
+        Whether the displacement alone determines it.
+    """
+
+    label: str
+    evaluate: Callable[[Array, Array, Array], Array]
+    of_displacement: bool = True
+
+
+#: What can be drawn over the load, by name.
+QUANTITIES: Mapping[str, PathQuantity] = MappingProxyType(
+    {
+        "max-penetration": PathQuantity("largest penetration", lambda w, r, lam: r[:, :, 0].max(axis=1)),
+        "max-opening": PathQuantity("largest opening", lambda w, r, lam: -r[:, :, 0].min(axis=1)),
+        "mean-penetration": PathQuantity("mean penetration", lambda w, r, lam: r[:, :, 0] @ w / w.sum()),
+        "max-slip": PathQuantity(
+            "largest slip", lambda w, r, lam: np.linalg.norm(r[:, :, 1:], axis=2).max(axis=1, initial=0.0)
+        ),
+        "mean-slip": PathQuantity("mean slip", lambda w, r, lam: r[:, :, 1:].sum(axis=2) @ w / w.sum()),
+        "normal-force": PathQuantity("normal force", lambda w, r, lam: lam[:, :, 0] @ w, False),
+        "friction-force": PathQuantity("friction force", lambda w, r, lam: lam[:, :, 1:].sum(axis=2) @ w, False),
+    }
+)
+
+
+def _quantity(name: str) -> PathQuantity:
+    if name not in QUANTITIES:
+        raise ProblemError(f"quantity '{name}' is not known; the quantities are {', '.join(QUANTITIES)}")
+    return QUANTITIES[name]
+
+
+def path_record(path: Path, quantity: str = "max-penetration") -> dict[str, Any]:
+    """A path as plain numbers and lists, ready for JSON.
+
+    ``points`` holds for each point ``load_factor``, ``energy``, ``stable`` (of the stretch that begins there; at the
+    last point, of the one that ends there), ``normal_force``, ``friction_force`` (list), ``max_penetration`` and
+    ``value``, the chosen ``quantity``. ``folds`` and ``jumps`` name points by number.
+    """
+    chosen = _quantity(quantity)
+    value = chosen.evaluate(path.problem.weights, path.local, path.multiplier)
+    stable = np.append(path.stable, path.stable[-1:])
+    points = [
+        {
+            "load_factor": float(path.load_factor[i]),
+            "energy": float(path.energy[i]),
+            "stable": bool(stable[i]),
+            "normal_force": float(path.normal_force[i]),
+            "friction_force": path.friction_force[i].tolist(),
+            "max_penetration": float(path.max_penetration[i]),
+            "value": float(value[i]),
+        }
+        for i in range(len(path))
+    ]
+    jumps = [
+        {
+            "load_factor": jump.load_factor,
+            "point": jump.index,
+            "loading": jump.loading,
+            "max_penetration_after": None if jump.local is None else float(jump.local[:, 0].max()),
+        }
+        for jump in path.jumps
+    ]
+    return {
+        "quantity": quantity,
+        "points": points,
+        "folds": [{"load_factor": fold.load_factor, "point": fold.index} for fold in path.folds],
+        "jumps": jumps,
+        "ended": path.ended,
+        "perturbed": path.perturbed,
+    }
+
+
+def plot_path(
+    path: Path,
+    *,
+    quantity: str = "max-penetration",
+    title: str | None = None,
+    unit: str = "",
+    ax: Axes | None = None,
+) -> Figure:
+    """The load factor over a displacement or a resultant.
+
+    Stable equilibria are drawn solid, unstable ones dashed; folds are dots, and arrows show where the body jumps when
+    the load is prescribed.  They are left out for resultants.
+
+    Parameters
+    ----------
+    path : Path
+    quantity : str
+        A name in :data:`QUANTITIES`.
+    title, unit : str, optional
+        Title, and unit of the quantity.
+    ax : matplotlib axes, optional
+        Where to draw; a new figure by default.
+    """
+    chosen = _quantity(quantity)
+    x = chosen.evaluate(path.problem.weights, path.local, path.multiplier)
+    t = path.load_factor
+    with drawing():
+        fig, ax = axes_on(ax, (5.6, 3.6))
+        for stable, colour, style in ((True, BLUE, "-"), (False, GREY, "--")):
+            at = np.flatnonzero(path.stable == stable)
+            label = "stable" if stable else "unstable"
+            for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+                if run.size:
+                    ends = np.append(run, run[-1] + 1)
+                    ax.plot(x[ends], t[ends], label=label, color=colour, linestyle=style)
+                    label = "_nolegend_"
+        if path.folds:
+            index = [fold.index for fold in path.folds]
+            ax.plot(x[index], t[index], "o", color="black", markersize=2.5, label="fold", zorder=4)
+        if chosen.of_displacement:
+            _draw_jumps(ax, path, chosen, x)
+        ax.set_xlabel(with_unit(chosen.label, unit))
+        ax.set_ylabel("load factor")
+        ax.margins(0.04)
+        ax.spines[["top", "right"]].set_visible(False)
+        if title:
+            ax.set_title(title)
+        ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
+    return fig
+
+
+def _draw_jumps(ax: Axes, path: Path, chosen: PathQuantity, x: Array) -> None:
+    labels = {True: "jump while loading", False: "jump while unloading"}
+    for jump in path.jumps:
+        if jump.local is None:
+            continue
+        end = chosen.evaluate(path.problem.weights, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
+        colour = ORANGE if jump.loading else RED
+        start = x[jump.index]
+        ax.plot([], [], "-", linewidth=0.8, color=colour, label=labels.pop(jump.loading, "_nolegend_"))
+        ax.annotate(
+            "",
+            xy=(end, jump.load_factor),
+            xytext=(start, jump.load_factor),
+            arrowprops={"arrowstyle": "->", "color": colour, "linewidth": 0.8, "shrinkA": 2.0, "shrinkB": 0.0},
+        )

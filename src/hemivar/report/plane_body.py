@@ -1,0 +1,200 @@
+"""Drawings of plane bodies on their foundations."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from hemivar.basics.types import Array
+from hemivar.fem import von_mises
+from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors, polylines
+from hemivar.report.deformed import DeformedBody, round_number
+from hemivar.report.law_figures import law_captions
+from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.quiver import Quiver
+
+__all__ = ["Arrows", "PlaneBody"]
+
+_MANY_POINTS = 70
+
+
+class Arrows(StrEnum):
+    """What the arrows at the contact nodes show."""
+
+    FORCE = "force"
+    """The force of the foundation on the body."""
+    COMPONENTS = "components"
+    """Pressure and friction apart."""
+    NONE = "none"
+    """No arrows."""
+
+
+class PlaneBody:
+    """Everything that is drawn of one plane solution, and what the legend says of it."""
+
+    def __init__(self, body: DeformedBody, stress_unit: str) -> None:
+        self.body, self.mesh, self.problem = body, body.mesh, body.problem
+        self.stress_unit = stress_unit
+        self.boundaries = contact_boundaries(body.problem)
+        self.outline = polylines(body.mesh.boundary_facets)
+        self.size = float(np.linalg.norm(np.ptp(body.mesh.points, axis=0)))
+        self.handles: list[Artist] = []
+        self.keys: list[tuple[Quiver, str, float, float]] = []
+
+    def draw(self, ax: Axes, arrows: Arrows, note: str, legend: bool) -> None:
+        """The body deformed and at rest, the foundations, states and forces, and the legend to the right of them."""
+        from matplotlib.lines import Line2D
+
+        self._body(ax)
+        for line in self.outline:
+            ax.plot(*self.mesh.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
+        self.handles.append(Line2D([], [], color=GREY, lw=0.8, ls=DASHES, label="body at rest"))
+        ax.set_aspect("equal")
+        if self.boundaries:
+            longest = self._forces(ax, arrows) if arrows is not Arrows.NONE else 0.0
+            for boundary in self.boundaries:
+                self._foundation(ax, boundary, longest)
+            self._states(ax)
+        ax.spines[["top", "right"]].set_visible(False)
+        if legend:
+            self._legend(ax, note)
+
+    def _body(self, ax: Axes) -> None:
+        from matplotlib.collections import LineCollection
+        from matplotlib.lines import Line2D
+        from matplotlib.tri import Triangulation
+
+        moved = self.body.vertices
+        self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
+        if self.mesh.number_of_cells <= MANY_CELLS:
+            for line in self.outline:
+                ax.fill(*moved[line].T, color="#d9e6f2", alpha=0.45, lw=0.0, zorder=1.5)
+            width = float(np.clip(12.0 / math.sqrt(self.mesh.number_of_cells), 0.25, 0.6))
+            ax.add_collection(
+                LineCollection(list(moved[self.mesh.edges]), colors="#8f8f8f", linewidths=width, zorder=2)
+            )
+        elif self.problem.origin is not None:
+            stress = von_mises(self.problem.origin, self.body.solution.displacement)
+            colours = ax.tripcolor(
+                Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells), facecolors=stress, cmap="cividis",
+                vmax=float(np.quantile(stress, 0.999)), zorder=2, rasterized=True,
+            )  # fmt: skip
+            bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, extend="max")
+            bar.set_label(with_unit("von Mises stress", self.stress_unit))
+        for line in self.outline:
+            ax.plot(*moved[line].T, color="black", lw=0.9, zorder=3)
+
+    def _foundation(self, ax: Axes, boundary: ContactBoundary, reach: float) -> None:
+        """The foundation down to a depth of ``reach`` and some more, hatched along its surface."""
+        from matplotlib.patches import Polygon
+
+        corners = boundary.corners
+        normals, lengths = self.mesh.facet_normals(corners)
+        used, place = np.unique(corners, return_inverse=True)
+        summed = np.zeros((len(used), 2))
+        np.add.at(summed, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
+        normal = np.full(self.mesh.points.shape, np.nan)
+        normal[used] = summed / np.linalg.norm(summed, axis=1)[:, None]
+        assert self.problem.points is not None
+        nearest = boundary.index[KDTree(self.problem.points[boundary.index]).query(self.mesh.points[used])[1]]
+        if boundary.nodes is not None and self.problem.frames is not None:
+            normal[used] = self.problem.frames[nearest, 0]  # that of an obstacle may differ from the body's
+        gap = np.full(self.mesh.number_of_nodes, np.nan)
+        gap[used] = self.problem.gap[nearest]
+        deepest = self.body.factor * float(self.body.solution.penetration[boundary.index].max(initial=0.0))
+        for line in boundary.lines:
+            surface = self.mesh.points[line] + self.body.factor * gap[line, None] * normal[line]
+            if line[0] != line[-1]:
+                surface[0] += 0.02 * self.size * _unit(surface[0] - surface[1])
+                surface[-1] += 0.02 * self.size * _unit(surface[-1] - surface[-2])
+            for depth, style in (
+                (max(deepest, 0.0) + reach + 0.03 * self.size, {"facecolor": "#f0f0f0", "linewidth": 0.0}),
+                (0.022 * self.size, {"facecolor": "none", "edgecolor": "#8a8a8a", "hatch": "//////", "linewidth": 0.0}),
+            ):
+                below = surface + depth * normal[line]
+                ax.add_patch(Polygon(np.vstack([surface, below[::-1]]), closed=True, zorder=0.5, **style))
+            ax.plot(*surface.T, color="#3a3a3a", lw=1.0, zorder=1)
+
+    def _states(self, ax: Axes) -> None:
+        from matplotlib.lines import Line2D
+
+        places = self.body.contact_places
+        size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
+        for kind, here, label in self.body.states():
+            if here.any():
+                ax.plot(*places[here].T, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
+            self.handles.append(Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind]))
+
+    def _forces(self, ax: Axes, arrows: Arrows) -> float:
+        """Mirrored forces: the part along the normal is turned round, so that arrows lie in the foundation.
+
+        Returns the length of the longest arrow.
+        """
+        problem, multiplier = self.problem, self.body.solution.multiplier
+        outward = global_vectors(problem, multiplier, tangential=False)
+        along = -global_vectors(problem, multiplier, normal=False)
+        places = self.body.contact_places
+        step = max(1, len(places) // _MANY_POINTS)
+        sets = (
+            [("force", outward + along, RED)]
+            if arrows is Arrows.FORCE
+            else [("pressure", outward, RED), ("friction", along, GREEN)]
+        )
+        largest = max(float(np.linalg.norm(vectors, axis=1).max()) for _, vectors, _ in sets)
+        if largest == 0.0:
+            return 0.0
+        reference = round_number(largest)
+        length = 0.16 * self.size
+        for row, (name, vectors, colour) in enumerate(sets):
+            quiver = ax.quiver(
+                *places[::step].T, *vectors[::step].T, angles="xy", scale_units="xy", scale=largest / length,
+                color=colour, width=0.0028, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5 + 0.1 * row,
+            )  # fmt: skip
+            quiver.set_in_layout(False)
+            self.keys.append((quiver, f"{name} = {reference:g} (mirrored)", reference, reference * length / largest))
+            ax.update_datalim(places[::step] + vectors[::step] * (length / largest))
+        ax.autoscale_view()
+        return length
+
+    def _legend(self, ax: Axes, note: str) -> None:
+        from matplotlib.patches import Patch
+
+        if self.boundaries:
+            self.handles.append(
+                Patch(facecolor="#f0f0f0", edgecolor="#8a8a8a", hatch="//////", linewidth=0.0, label="foundation")
+            )
+        solution = self.body.solution
+        lines = [line for line in (note, *law_captions(self.problem)) if line]
+        lines += [f"{self.problem.unknowns} unknowns", f"{solution.method}: {solution.status.value}"]
+        fig = figure_of(ax)
+        box = ax.legend(
+            handles=self.handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, handlelength=1.6
+        )
+        fig.draw_without_rendering()
+        # Places in fractions of the figure survive the cropping of saved files; heights are meant in inches.
+        fraction = fig.transFigure.inverted()
+        width, height = fig.get_size_inches()
+        frame = ax.get_window_extent().transformed(fraction)
+        written = box.get_window_extent().transformed(fraction)
+        left, bottom = written.x0 + 0.06 / width, written.y0 - 0.05 / height
+        text = fig.text(left, bottom, "\n".join(lines), va="top", fontsize=8, linespacing=1.45)
+        bottom = text.get_window_extent().transformed(fraction).y0 - 0.2 / height
+        per_length = frame.width / float(np.ptp(ax.get_xlim()))
+        for quiver, name, reference, length in self.keys:
+            tip = left + length * per_length
+            key = ax.quiverkey(quiver, tip, bottom, reference, "", labelpos="E", coordinates="figure")
+            key.set_in_layout(False)
+            fig.text(tip + 0.08 / width, bottom, name, va="center", fontsize=8)
+            bottom -= 0.2 / height
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))

@@ -1,0 +1,56 @@
+"""Figures as files, and as bytes for pages."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hemivar.basics.disk import make_folder, whole_file
+from hemivar.errors import ProblemError
+from hemivar.report.style import drawing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["png", "save"]
+
+
+def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
+    """Write a figure as PNG, SVG or PDF, by the suffix of ``path``; returns the path.
+
+    Parameters
+    ----------
+    fig : matplotlib Figure
+    path : str or Path
+    dpi : int
+        Dots per inch, 10 to 2400.
+
+    Raises
+    ------
+    ProblemError
+        Another suffix, or a resolution out of range.
+    FileError
+        The file or its folder cannot be made.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".png", ".svg", ".pdf"):
+        raise ProblemError(f"'{path}': figures are written as .png, .svg or .pdf, not '{path.suffix}'")
+    if not 10 <= dpi <= 2400:
+        raise ProblemError(f"dpi = {dpi}; give a resolution from 10 to 2400 dots per inch")
+    make_folder(path.parent)
+    metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(suffix[1:])
+    with drawing(), whole_file(path) as name:
+        fig.savefig(name, dpi=dpi, metadata=metadata, bbox_inches="tight", pad_inches=0.05)
+    return path
+
+
+def png(fig: Figure, dpi: int = 200) -> bytes:
+    """The bytes of a figure as PNG, cropped to what is drawn."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stream = io.BytesIO()
+    with drawing():
+        FigureCanvasAgg(fig).print_figure(stream, format="png", dpi=dpi, bbox_inches="tight", pad_inches=0.05)
+    return stream.getvalue()

@@ -1,0 +1,108 @@
+"""Drawings of three-dimensional bodies."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.mesh.mesh import Mesh
+from hemivar.report.deformed import DeformedBody
+from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+__all__ = ["draw_solid", "sharp_edges", "viewing_direction"]
+
+
+def sharp_edges(mesh: Mesh, degrees: float = 30.0) -> IntArray:
+    """Edges of the surface at which its normal turns by more than an angle, (k, 2) vertices."""
+    facets = mesh.boundary_facets
+    normals, _ = mesh.facet_normals(facets)
+    pairs = np.sort(np.vstack([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [0, 2]]]), axis=1)
+    order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+    facet = np.tile(np.arange(len(facets)), 3)[order]
+    cosine = np.einsum("kd,kd->k", normals[facet[::2]], normals[facet[1::2]])
+    return np.asarray(pairs[order[::2]][cosine < math.cos(math.radians(degrees))])
+
+
+def draw_solid(body: DeformedBody, title: str | None, unit: str, stress_unit: str) -> Figure:
+    """The surface of the deformed body, coloured; edges at rest; contact points by state."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+    problem, mesh, moved = body.problem, body.mesh, body.vertices
+    facets = mesh.boundary_facets
+    fig = Figure(figsize=(6.3, 5.0))
+    ax: Any = fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d", computed_zorder=False)
+    fine = len(facets) > MANY_FACETS
+    surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060", zorder=2)
+    surface.set_rasterized(fine)
+    values, name = body.surface
+    shown = values[facets].mean(axis=1)
+    surface.set_array(shown)
+    surface.set_cmap("cividis")
+    bar = fig.colorbar(surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5)))
+    bar.set_label(with_unit(name, unit if name == "displacement" else stress_unit))
+    ax.add_collection3d(surface)
+    if fine:  # possible once the surface has axes
+        surface.set_edgecolor("face")
+    edges = mesh.points[sharp_edges(mesh)]
+    ax.add_collection3d(Line3DCollection(list(edges), colors=GREY, linewidths=0.7, linestyles=[DASHES], zorder=1))
+    handles = [
+        Line2D([], [], color="black", lw=0.9, label=body.label),
+        Line2D([], [], color=GREY, lw=0.7, ls=DASHES, label="edges at rest"),
+    ]
+    if problem.contact_points:
+        elevation, azimuth = _view(problem)
+        ax.view_init(elevation, azimuth)
+        places, size = body.contact_places, _mark_size(problem.contact_points)
+        for kind, here, label in body.states():
+            if here.any():
+                ax.plot(*places[here].T, ls="", ms=size, mew=0.1 * size, zorder=10, **MARKERS[kind])
+                handles.append(Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind]))
+    fig.legend(handles=handles, loc="lower center", ncols=len(handles), columnspacing=1.4, handlelength=1.8)
+    low, high = np.minimum(moved, mesh.points).min(axis=0), np.maximum(moved, mesh.points).max(axis=0)
+    extent = np.maximum(high - low, 1e-6 * float((high - low).max()))
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set_box_aspect(extent, zoom=1.02)
+    for axis, label in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
+        axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
+        axis.set_major_locator(_few_ticks(float(extent["xyz".index(label)] / extent.max())))
+        axis.set_label_text(with_unit(label, unit))
+    ax.grid(False)
+    if title:
+        fig.suptitle(title, fontsize=10, y=0.98)
+    return fig
+
+
+def _few_ticks(share: float) -> MaxNLocator:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(max(1, round(5 * share)))
+
+
+def _mark_size(count: int) -> float:
+    """Size of a mark in points, so that marks on a surface leave it visible."""
+    return float(np.clip(30.0 / math.sqrt(count), 0.8, 3.6))
+
+
+def viewing_direction(problem: DiscreteProblem) -> Array:
+    """Unit vector from the body to a viewer who sees the contact boundary, (3,)."""
+    elevation, azimuth = _view(problem) if problem.contact_points else (30.0, -60.0)
+    e, a = math.radians(elevation), math.radians(azimuth)
+    return np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+
+
+def _view(problem: DiscreteProblem) -> tuple[float, float]:
+    """Elevation and azimuth, in degrees, from which the contact boundary can be seen."""
+    assert problem.frames is not None
+    x, y, z = problem.weights @ problem.frames[:, 0] / problem.weights.sum()
+    azimuth = math.degrees(math.atan2(y, x)) + 30.0 if math.hypot(x, y) > 0.5 else -60.0
+    return (-28.0 if z < -0.5 else 28.0), azimuth

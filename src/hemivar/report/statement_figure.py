@@ -1,0 +1,99 @@
+"""Figures of what is stated: the body at rest with its supports, loads and contact boundaries."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.files.boundary import polylines
+from hemivar.mechanics import ContactProblem
+from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, axes_on, drawing, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_problem"]
+
+_PLAIN = "#d9e6f2"
+
+
+def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True) -> Figure:
+    """The body at rest, with the boundaries that have a condition: supports, loads and contact in colour.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    unit : str
+        Unit of length for the labels.
+    legend : bool
+        Name the boundaries and their conditions to the right.
+    """
+    from matplotlib.lines import Line2D
+
+    roles = {
+        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.tractions),
+        "contact": (RED, 1.8, problem.contact),
+    }  # fmt: skip
+    with drawing():
+        draw = _plane if problem.mesh.dim == 2 else _solid
+        marks = [(name, colour, width) for colour, width, named in roles.values() for name in named]
+        fig, ax = draw(problem, marks, unit)
+        handles = [
+            Line2D([], [], color=colour, lw=width, label=f"{role}: {name}")
+            for role, (colour, width, named) in roles.items()
+            for name in named
+        ]
+        if legend and handles:
+            ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
+    return fig
+
+
+def _plane(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
+    """The cells, and the boundaries as lines; of two conditions the narrower line lies above."""
+    from matplotlib.collections import LineCollection
+
+    mesh = problem.mesh
+    width, height = np.ptp(mesh.points, axis=0)
+    fig, ax = axes_on(None, (6.3, 0.9 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+    for line in polylines(mesh.boundary_facets):
+        ax.fill(*mesh.points[line].T, color=_PLAIN, alpha=0.45, lw=0.0)
+        ax.plot(*mesh.points[line].T, color="black", lw=0.9)
+    if mesh.number_of_cells <= MANY_CELLS:
+        ax.add_collection(LineCollection(list(mesh.points[mesh.edges]), colors="#8f8f8f", linewidths=0.3))
+    for name, colour, thickness in marks:
+        lines = list(mesh.points[mesh.boundaries[name]])
+        ax.add_collection(LineCollection(lines, colors=colour, linewidths=thickness, capstyle="round", zorder=4))
+    ax.set_aspect("equal")
+    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit))
+    ax.spines[["top", "right"]].set_visible(False)
+    return fig, ax
+
+
+def _solid(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Any]:
+    """The surface seen from obliquely below, facets coloured by their last condition, the others transparent."""
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    mesh = problem.mesh
+    fig = Figure(figsize=(6.3, 5.0))
+    ax: Any = fig.add_axes((0.02, 0.06, 0.62, 0.86), projection="3d")
+    parts = [
+        (mesh.boundary_facets, f"{_PLAIN}50"),
+        *((mesh.boundaries[name], f"{colour}c0") for name, colour, _ in marks),
+    ]
+    facets = np.concatenate([part for part, _ in parts])
+    colours = np.repeat([colour for _, colour in parts], [len(part) for part, _ in parts])
+    _, last = np.unique(np.sort(facets, axis=1)[::-1], axis=0, return_index=True)
+    chosen = len(facets) - 1 - last
+    ax.add_collection3d(
+        Poly3DCollection(list(mesh.points[facets[chosen]]), facecolors=list(colours[chosen]), edgecolors="#00000040",
+                         linewidths=0.15)
+    )  # fmt: skip
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit), zlabel=with_unit("z", unit))
+    ax.set_box_aspect(high - low, zoom=1.02)
+    ax.view_init(-28.0, -60.0)
+    return fig, ax

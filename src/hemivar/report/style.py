@@ -1,0 +1,105 @@
+"""Colours, marks and sizes that all figures share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+from hemivar.errors import ProblemError
+from hemivar.solvers import ContactState
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "BLUE",
+    "DASHES",
+    "GREEN",
+    "GREY",
+    "MANY_CELLS",
+    "MANY_FACETS",
+    "MARKERS",
+    "ORANGE",
+    "PURPLE",
+    "RED",
+    "SKY",
+    "STATE_COLOURS",
+    "STYLE",
+    "axes_on",
+    "drawing",
+    "figure_of",
+    "with_unit",
+]
+
+# Okabe and Ito's colours, told apart by all readers.
+BLUE, ORANGE, GREEN, RED, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
+GREY = "#5f5f5f"
+
+#: What is at rest.
+DASHES = (0, (4, 3))
+#: Up to so many cells they are drawn each.
+MANY_CELLS = 5000
+#: From so many facets on a surface is drawn without lines between them, and rasterised.
+MANY_FACETS = 4000
+
+STYLE: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.linewidth": 0.7,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "mathtext.fontset": "dejavusans",
+    "hatch.linewidth": 0.5,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    # whatever a matplotlibrc says: nothing here may need LaTeX or run out of memory
+    "text.usetex": False,
+    "text.parse_math": True,
+    "figure.dpi": 100.0,
+    "figure.autolayout": False,
+    "figure.constrained_layout.use": False,
+}
+
+MARKERS: Mapping[ContactState, dict[str, Any]] = {
+    ContactState.OPEN: {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"},
+    ContactState.STICK: {"marker": "s", "markerfacecolor": BLUE, "markeredgecolor": BLUE},
+    ContactState.SLIP: {"marker": "^", "markerfacecolor": ORANGE, "markeredgecolor": "black"},
+}
+
+STATE_COLOURS = {ContactState.OPEN: "white", ContactState.STICK: BLUE, ContactState.SLIP: ORANGE}
+
+
+def drawing() -> AbstractContextManager[None]:
+    """Context in which figures are drawn and saved."""
+    import matplotlib
+
+    return matplotlib.rc_context(STYLE)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """``name (unit)``, or the name alone."""
+    return f"{name} ({unit})" if unit else name
+
+
+def axes_on(ax: Axes | None, size: tuple[float, float]) -> tuple[Figure, Axes]:
+    """The axes given and their figure, or new ones on a figure of this size in inches, with room on the right."""
+    from matplotlib.figure import Figure
+
+    if ax is not None:
+        return figure_of(ax), ax
+    fig = Figure(figsize=size)
+    return fig, fig.add_axes((0.09, 0.12, 0.56, 0.8))
+
+
+def figure_of(ax: Axes) -> Figure:
+    """The figure that axes stand on."""
+    fig = ax.get_figure(root=True)
+    if fig is None:
+        raise ProblemError("the axes given belong to no figure; make them by Figure().add_subplot()")
+    return fig

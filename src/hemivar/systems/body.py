@@ -1,0 +1,479 @@
+"""All unknowns of a body, with the levels below: the system that multigrid works on, on one machine or on many."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol, Self
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.hold import Growth, growth_along
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, resting_multiplier
+from hemivar.errors import ProblemError
+from hemivar.fem.free_motion import free_growth
+from hemivar.fem.rigid import free_motions
+from hemivar.laws import ContactLaw
+from hemivar.laws.vector_law import Linearisation
+from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
+from hemivar.linear.definite import (
+    below_zero,
+    free_unknowns,
+    lowest_quotient,
+    quotient,
+    refuse_indefinite,
+    refuse_unseen,
+    rounding,
+)
+from hemivar.linear.levels import COARSEST, Truncated
+from hemivar.linear.vectors import WHOLE, Vectors
+from hemivar.systems.condensed import ROUNDED
+from hemivar.systems.contact_moves import majorant, moving
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["Body", "BodyProblem", "Truncation", "embedded", "levels_of", "set_up"]
+
+#: Gaps this many times larger than the displacements are far.
+_FAR = 1e4
+
+
+class Truncation(Protocol):
+    """Newton's matrix of a body, unknowns at kinks left out, and a cycle for it; it belongs to one solve."""
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of the stiffness, what curvature is compared with, (n,)."""
+        ...
+
+    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+        """Become Newton's matrix at another place.
+
+        Parameters
+        ----------
+        x : array (n,)
+            The place.
+        held : bool array (k,)
+            Active components that keep their value.
+        curvature : array (m, d, d)
+            Second derivatives of the laws, weights included; zero where held.
+        """
+        ...
+
+    def __matmul__(self, vector: Array, /) -> Array:
+        """The matrix times a vector (n,) that is zero where held; entries there mean nothing."""
+        ...
+
+    def cycle(self, right: Array) -> Array:
+        """About the inverse times a vector that is zero where held; so is the answer."""
+        ...
+
+    def release(self) -> None:
+        """Give its memory back."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Body(ABC):
+    """Energy of all unknowns; arrays are those of this process.
+
+    Attributes
+    ----------
+    vectors : Vectors
+        How the parts of all processes are looked at together.
+    law : ContactLaw
+    weights : array (m,)
+    offset : array (m, d)
+        Gap, and what stands beside it in the tangential components.
+    unknown : int array (k,)
+        The unknown behind each active component.
+    sign : array (k,)
+        Its sign in the local displacement.
+    active : bool array (m, d)
+        Components that are free to move.
+    load, row_sums : arrays (n,)
+        f, and sums of the absolute entries of the rows of K.
+    constant : float
+        Energy that does not depend on the unknowns.
+    compliance : array (m, 2)
+        Displacement for a unit pressure at a point when all else is held.
+    seconds : float
+        Spent on setting up.
+    below : Body or None
+        The same on the next coarser mesh, where a problem is posed there.
+    """
+
+    vectors: Vectors
+    law: ContactLaw
+    weights: Array
+    offset: Array
+    unknown: IntArray
+    sign: Array
+    active: BoolArray
+    load: Array
+    row_sums: Array
+    constant: float
+    compliance: Array
+    seconds: float = 0.0
+    below: Self | None = None
+
+    # ---- what an engine supplies -------------------------------------------------------------------------
+
+    @abstractmethod
+    def multiply(self, x: Array) -> Array:
+        """``K x``, (n,)."""
+
+    @abstractmethod
+    def pull(self, x: Array) -> Array:
+        """``K x`` at the contact unknowns, (k,)."""
+
+    @abstractmethod
+    def push(self, values: Array) -> Array:
+        """``K x``, (n,), of a vector with these values (k,) at the contact unknowns and zeros elsewhere."""
+
+    @abstractmethod
+    def couple(self, step: Array) -> Array:
+        """Elastic force (m, d) that a step (m, d) of the contact points alone takes away."""
+
+    @property
+    @abstractmethod
+    def own_block(self) -> sp.csr_array:
+        """Stiffness between local components of this process, all other unknowns being held, (m d, m d)."""
+
+    @abstractmethod
+    def truncation(self) -> Truncation:
+        """Newton's matrix, to be changed by one solve."""
+
+    @abstractmethod
+    def from_below(self, x: Array) -> Array:
+        """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""
+
+    def refuse_direction(self, direction: Array) -> None:  # noqa: B027 - most have nothing to object
+        """Raise ProblemError if a direction without curvature shows that the stiffness itself is indefinite."""
+
+    # ---- the contact points ------------------------------------------------------------------------------
+
+    @cached_property
+    def fixed(self) -> Array:
+        """Values (m, d) of the components that are not active."""
+        return np.where(self.active, 0.0, -self.offset)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Stiffness of each local component when all other unknowns are held, (m, d)."""
+        return np.asarray(self.own_block.diagonal().reshape(self.active.shape))
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """The same, positive everywhere, and one number for the tangential components of a point."""
+        diagonal = self.stiffness.copy()
+        if diagonal.shape[1] > 1:
+            diagonal[:, 1:] = diagonal[:, 1:].max(axis=1, keepdims=True)
+        return np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0))
+
+    @property
+    def tangential_blocks(self) -> Array:
+        """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
+        m, d = self.active.shape
+        entries = self.own_block.tocoo()
+        own = entries.row // d == entries.col // d
+        blocks = np.zeros((m, d, d))
+        blocks[entries.row[own] // d, entries.row[own] % d, entries.col[own] % d] = entries.data[own]
+        return np.asarray(blocks[:, 1:, 1:])
+
+    @cached_property
+    def stiffest(self) -> float:
+        """Largest eigenvalue of the contact block scaled by its diagonal."""
+        return majorant(self)
+
+    def local(self, x: Array) -> Array:
+        """Local displacements (m, d) of the unknowns (n,)."""
+        r = self.fixed.copy()
+        r[self.active] = self.sign * x[self.unknown] - self.offset[self.active]
+        return r
+
+    def moved(self, x: Array, r: Array) -> Array:
+        """The unknowns with their active components changed so that the local displacements are ``r``."""
+        out = x.copy()
+        out[self.unknown] = self.sign * (r + self.offset)[self.active]
+        # Far from the foundation r is the gap, and has the digits of u no more: what differs by rounding stays.
+        size = float(self.vectors.largest(np.abs(r + self.offset)[self.active].max(initial=0.0))[0])
+        far = np.abs(self.offset) > _FAR * size
+        if far.any():
+            now = self.local(x)
+            same = far & (np.abs(r - now) <= 4.0 * np.finfo(float).eps * np.abs(self.offset))
+            same[:, 0] &= ~self.law.normal.at_kink(r[:, 0])
+            kept = self.unknown[same[self.active]]
+            out[kept] = x[kept]
+        return out
+
+    def linearised(self, r: Array) -> tuple[Linearisation, BoolArray, Array]:
+        """The laws at ``r``: their derivatives, the components (m, d) that move smoothly, and second derivatives
+        (m, d, d) between these with their weights."""
+        line = self.law.linearise(r)
+        free = moving(line, self.active)
+        return line, free, self.weights[:, None, None] * line.hessian * (free[:, :, None] & free[:, None, :])
+
+    def spread(self, values: Array) -> Array:
+        """Values (k,) of the contact unknowns as (m, d), signs observed."""
+        out = np.zeros(self.active.shape)
+        out[self.active] = self.sign * values
+        return out
+
+    def gather(self, values: Array) -> Array:
+        """The contrary of :meth:`spread`."""
+        return np.asarray(self.sign * values[self.active])
+
+    # ---- the protocol of systems -----------------------------------------------------------------------
+
+    def start(self, guess: Array | None = None) -> Array:
+        """Admissible unknowns (n,) near ``guess``, or near zero displacement."""
+        x = np.zeros(self.load.shape) if guess is None else np.array(guess, dtype=float)
+        return self.moved(x, self.law.admissible(self.local(x)))
+
+    def of_unknowns(self, unknowns: Array) -> Array:
+        """The unknowns (n,) themselves."""
+        return unknowns
+
+    @abstractmethod
+    def with_law(self, law: ContactLaw) -> Self:
+        """The same body on another foundation, no problem being posed below."""
+
+    def force(self, x: Array) -> Array:
+        """``f - K u``, (n,)."""
+        return np.asarray(self.load - self.multiply(x))
+
+    def energy(self, x: Array, lam: Array | None = None) -> float:
+        """E(u), as :meth:`hemivar.DiscreteProblem.energy` has it."""
+        r, domain = self.local(x), self.law.normal.domain
+        moved, gap = np.abs(x[self.unknown]).max(initial=0.0), np.abs(self.offset).max(initial=0.0)
+        close = 1e-12 * float(self.vectors.largest(moved, gap).max())
+        inside = np.clip(r[:, 0], domain.lower, domain.upper)
+        r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= close, inside, r[:, 0])
+        law = self.law.frozen_at(r) if lam is None else self.law.frozen(r, lam)
+        elastic = 0.5 * float(x @ self.multiply(x)) - float(self.load @ x)
+        return float(self.vectors.total(elastic + float(self.weights @ law.value(r)))[0]) + self.constant
+
+    def stretch(self, change: Array) -> float:
+        """Energy norm of a change of the unknowns (n,)."""
+        (square,) = self.vectors.total(float(change @ self.multiply(change)))
+        return float(np.sqrt(max(square, 0.0)))
+
+    def law_at(self, x: Array, lam: Array) -> ContactLaw:
+        """The law, with a bound that depends on the solution evaluated at ``x`` and the multiplier ``lam``."""
+        return self.law.frozen(self.local(x), lam)
+
+    def multiplier(self, x: Array, force: Array | None = None) -> Array:
+        """Pressure and friction in equilibrium with ``x``; on fixed components the smallest that the law allows."""
+        force = self.force(x) if force is None else force
+        lam = self.spread(force[self.unknown]) / self.weights[:, None]
+        if not self.active.all():
+            r = self.local(x)
+            reaction = self.law.frozen(r, lam).nearest_multiplier(r, np.zeros(r.shape))
+            lam = np.where(self.active, lam, reaction)
+        return lam
+
+    def residual(self, x: Array, lam: Array, force: Array | None = None) -> Residual:
+        """The residual of the pair; its rounding is estimated by the sums of the rows of the stiffness."""
+        off = self.force(x) if force is None else force.copy()
+        contact = self.gather(self.weights[:, None] * lam)
+        off[self.unknown] -= contact
+        inclusion = self.weights * self.law_at(x, lam).graph_distance(self.local(x), lam, self.compliance)
+        moved = self.row_sums * np.abs(x) + np.abs(self.load)
+        sizes = self.vectors.norms(off, inclusion, contact, moved).tolist()
+        return Residual.of_sizes(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
+
+    def full_residual(self, unknowns: Array, lam: Array) -> Residual:
+        """The residual of the whole problem, which this is."""
+        return self.residual(unknowns, lam)
+
+    def recover(self, x: Array, lam: Array) -> tuple[Array, Residual]:
+        """The unknowns themselves, with the residual."""
+        return x, self.residual(x, lam)
+
+    @cached_property
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        lam = resting_multiplier(self.law, self.offset, self.compliance)
+        with np.errstate(all="ignore"):
+            rest = np.where(self.active, self.weights[:, None] * lam, 0.0).ravel()
+            load, size = self.vectors.norms(self.load, rest).tolist()
+        return LoadScale(load, size if math.isfinite(size) else math.inf)
+
+
+def embedded(block: sp.csr_array, active: BoolArray, sign: Array) -> sp.csr_array:
+    """A matrix (k, k) between contact unknowns as one between local components, (m d, m d)."""
+    free, entries = np.flatnonzero(active.ravel()), block.tocoo()
+    data = entries.data * sign[entries.row] * sign[entries.col]
+    return sp.csr_array((data, (free[entries.row], free[entries.col])), shape=(active.size, active.size))
+
+
+# ---- on one machine ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyProblem(Body):
+    """A discrete problem on one of the levels of its hierarchy.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+    hierarchy : ElasticMultigrid
+        Matrices of this and the coarser levels.
+    top : int
+        Number of this level.
+    """
+
+    problem: DiscreteProblem
+    hierarchy: ElasticMultigrid
+    top: int
+
+    @staticmethod
+    def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int, below: BodyProblem | None) -> BodyProblem:
+        """The body of a problem."""
+        unknown, sign, active, _ = contact_unknowns(problem)
+        return BodyProblem(
+            vectors=WHOLE,
+            law=problem.law,
+            weights=problem.weights,
+            offset=problem.offset.reshape(active.shape),
+            unknown=unknown,
+            sign=sign,
+            active=active,
+            load=problem.load,
+            row_sums=problem.row_sums,
+            constant=problem.constant,
+            compliance=contact_compliance(problem),
+            below=below,
+            problem=problem,
+            hierarchy=hierarchy,
+            top=top,
+        )
+
+    def multiply(self, x: Array) -> Array:
+        return np.asarray(self.problem.stiffness @ x)
+
+    @cached_property
+    def _rows(self) -> sp.csr_array:
+        """Rows of the stiffness that belong to active components, (k, n)."""
+        return sp.csr_array(self.problem.stiffness[self.unknown])
+
+    def pull(self, x: Array) -> Array:
+        return np.asarray(self._rows @ x)
+
+    def push(self, values: Array) -> Array:
+        return np.asarray(self._rows.T @ values)
+
+    @cached_property
+    def own_block(self) -> sp.csr_array:
+        return embedded(self._rows[:, self.unknown], self.active, self.sign)
+
+    def couple(self, step: Array) -> Array:
+        return np.asarray(self.own_block @ step.ravel()).reshape(step.shape)
+
+    def truncation(self) -> Truncation:
+        return _TruncatedBody(self)
+
+    def from_below(self, x: Array) -> Array:
+        return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
+
+    def with_law(self, law: ContactLaw) -> BodyProblem:
+        return self.for_problem(self.problem.with_law(law))
+
+    def for_problem(self, problem: DiscreteProblem) -> BodyProblem:
+        """The same body under another load, gap or law."""
+        if problem.stiffness.shape != self.problem.stiffness.shape or problem.trace.shape != self.problem.trace.shape:
+            raise ProblemError("the other problem is of another size; set it up by itself")
+        return BodyProblem.of(problem, self.hierarchy, self.top, None)
+
+    def refuse_direction(self, direction: Array) -> None:
+        problem = self.problem
+        if free_unknowns(problem) is None:
+            refuse_indefinite(below_zero(problem, quotient(problem.stiffness, direction, problem.diagonal)))
+
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
+
+        A large problem without a mesh does not tell its motions.
+        """
+        problem = self.problem
+        if free_unknowns(problem) is not None:
+            assert problem.field is not None
+            return free_growth(problem, free_motions(problem.field))
+        if problem.unknowns > COARSEST:
+            return []
+        root = np.sqrt(problem.diagonal)
+        values, vectors = la.eigh(problem.stiffness.toarray() / np.outer(root, root))
+        modes = vectors[:, values < rounding(problem.stiffness, problem.diagonal)] / root[:, None]
+        if not modes.shape[1]:
+            return []
+        modes /= np.abs(modes).max(axis=0)
+        local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
+        size = float(np.abs(problem.load) @ np.abs(modes).max(axis=1))
+        return [growth_along(self.law, local, self.weights, modes.T @ problem.load, size, ROUNDED)]
+
+
+class _TruncatedBody:
+    """Newton's matrix on the levels of a hierarchy."""
+
+    def __init__(self, body: BodyProblem) -> None:
+        self._body = body
+        self._levels = Truncated(body.hierarchy.levels, body.top)
+
+    @property
+    def diagonal(self) -> Array:
+        return self._levels.diagonal(self._body.top)
+
+    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+        body = self._body
+        number = np.zeros(body.active.shape, dtype=np.int64)
+        number[body.active] = np.arange(body.unknown.size)
+        there = curvature != 0.0
+        rows = np.broadcast_to(number[:, :, None], there.shape)[there]
+        columns = np.broadcast_to(number[:, None, :], there.shape)[there]
+        entries = curvature[there] * body.sign[rows] * body.sign[columns]
+        self._levels.change(held, sp.csr_array((entries, (rows, columns)), shape=(body.unknown.size,) * 2))
+
+    def __matmul__(self, vector: Array) -> Array:
+        return np.asarray(self._levels.matrix(self._body.top) @ vector)
+
+    def cycle(self, right: Array) -> Array:
+        return self._levels.cycle(self._body.top, right)
+
+    def release(self) -> None:
+        pass
+
+
+def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigrid:
+    """The levels of the body of a problem, made on the first call; many solves may work on them at the same time."""
+    return workspace.once("levels", problem, lambda: ElasticMultigrid.of(problem))
+
+
+def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
+    """The body of a problem on its mesh and on every coarser one; the workspace keeps the levels.
+
+    Raises
+    ------
+    ProblemError
+        The stiffness has a negative eigenvalue, or the body can move without any contact point noticing it.
+    """
+    began = time.perf_counter()
+    refuse_unseen(problem)
+    if free_unknowns(problem) is None:
+        refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
+    hierarchy = levels_of(problem, workspace)
+    posed = [problem]
+    if not problem.law.state_dependent:  # else nothing starts from a coarser mesh
+        for step in reversed(hierarchy.steps):
+            posed.insert(0, step.posed(posed[0]))
+    body: BodyProblem | None = None
+    for top, one in enumerate(posed, hierarchy.first + len(hierarchy.steps) + 1 - len(posed)):
+        body = BodyProblem.of(one, hierarchy, top, body)
+    assert body is not None
+    return replace(body, seconds=time.perf_counter() - began)

@@ -1,0 +1,225 @@
+"""Moves of the contact points alone, the rest of the body being held or following as a stiffer diagonal one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.laws import ContactLaw
+from hemivar.laws.vector_law import Linearisation
+from hemivar.linear.vectors import Vectors
+from hemivar.systems.downhill import downhill_minimiser
+
+__all__ = [
+    "ContactBody",
+    "Move",
+    "Search",
+    "best_component",
+    "diagonal_step",
+    "gain",
+    "majorant",
+    "moving",
+    "newton_components",
+    "snapped",
+]
+
+#: How often the diagonal body is made stiffer, and by how much, before a step is given up.
+_ATTEMPTS, _STIFFER = 8, 1.5
+#: Products with the body by which its largest eigenvalue is found, and the margin on top.
+_POWERS, _MARGIN = 15, 1.05
+#: Part of the largest local displacement by which a component may miss a kink.
+_MISSED = 1e-11
+
+
+class Search(Enum):
+    """How far a contact point looks for less energy."""
+
+    GLOBAL = "global"
+    """It takes the lowest point of its own energy, over any barrier."""
+    DOWNHILL = "downhill"
+    """It walks downhill and never crosses a barrier of its own energy: the branch it is on is kept while it lasts."""
+
+
+class ContactBody(Protocol):
+    """The elastic body as its contact points see it; arrays are those of the contact points of this process."""
+
+    @property
+    def vectors(self) -> Vectors:
+        """How the parts of all processes are looked at together."""
+        ...
+
+    @property
+    def law(self) -> ContactLaw: ...
+    @property
+    def weights(self) -> Array: ...
+    @property
+    def active(self) -> BoolArray:
+        """Components (m, d) that are free to move."""
+        ...
+
+    @property
+    def fixed(self) -> Array:
+        """Values (m, d) of those that are not."""
+        ...
+
+    @property
+    def diagonal(self) -> Array:
+        """Stiffness of every component, positive, one number for the tangential ones of a point, (m, d)."""
+        ...
+
+    @property
+    def tangential_blocks(self) -> Array:
+        """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
+        ...
+
+    def couple(self, step: Array) -> Array:
+        """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A step of the local displacements.
+
+    Attributes
+    ----------
+    r : array (m, d)
+        Where it leads; where it began if it was given up.
+    gain : float
+        Change of the energy, at most 0 unless the step began outside of the domain of the laws.
+    tries : int
+        Evaluations of the energy.
+    factor : float
+        How much stiffer than its diagonal the body had to be.
+    endless : bool
+        Whether the energy of a point falls without end; ``r`` is where it began then.
+    """
+
+    r: Array
+    gain: float
+    tries: int
+    factor: float
+    endless: bool = False
+
+
+def gain(body: ContactBody, step: Array, bent: Array, force: Array, change: Array) -> float:
+    """Part of this process of the change of energy with a step, free of the cancellation of two large energies.
+
+    ``bent`` is what the step takes away from the elastic ``force``, ``change (m,)`` that of j(r); all other (m, d).
+    """
+    flat = step.ravel()
+    return float(0.5 * flat @ bent.ravel() - force.ravel() @ flat + body.weights @ change)
+
+
+def majorant(body: ContactBody) -> float:
+    """Largest eigenvalue of the body scaled by its diagonal: what makes the diagonal body stiffer than it."""
+    vectors, active = body.vectors, body.active
+    count = int(np.count_nonzero(active))
+    v = np.zeros(active.shape)
+    v[active] = np.cos(1.0 + (vectors.before(count) + np.arange(count)) ** 1.3)  # no symmetry has a part in this
+    size = float(vectors.norms(v.ravel())[0])
+    if size == 0.0:
+        return 1.0
+    scale = np.where(active, 1.0 / np.sqrt(body.diagonal), 0.0)
+    for _ in range(_POWERS):
+        v = scale * body.couple(scale * v / size)
+        size = float(vectors.norms(v.ravel())[0])
+        if size == 0.0:
+            return 1.0
+    return max(_MARGIN * size, 1.0)
+
+
+def diagonal_step(body: ContactBody, r: Array, force: Array, factor: float, search: Search = Search.GLOBAL) -> Move:
+    """All points minimise their diagonal problem at once; it is stiffened until the energy falls.
+
+    Parameters
+    ----------
+    body : ContactBody
+    r, force : arrays (m, d)
+        Local displacements, and the elastic force there.
+    factor : float
+        How much stiffer than its diagonal the body is made at first.
+    search : Search
+    """
+    d, vectors, first = r.shape[1], body.vectors, factor
+    value = body.law.value(r)
+    feasible = not vectors.largest(float(not np.isfinite(value).all()))[0]
+    for attempt in range(1, _ATTEMPTS + 1):
+        stiffness = factor * body.diagonal
+        pair = np.stack([stiffness[:, 0], stiffness[:, min(1, d - 1)]], axis=1) / body.weights[:, None]
+        pull = (stiffness * r + force) / body.weights[:, None]
+        if search is Search.GLOBAL or not feasible:
+            target = body.law.local_argmin(pair, pull)
+        else:
+            target = downhill_minimiser(body.law, pair, pull, r)
+        new = np.where(body.active, target, body.fixed)
+        if vectors.largest(float(not np.isfinite(new).all()))[0]:
+            return Move(r, 0.0, attempt, factor, endless=True)
+        if not feasible:
+            return Move(new, 0.0, attempt, factor)
+        bent = body.couple(new - r)
+        (gained,) = vectors.total(gain(body, new - r, bent, force, body.law.value(new) - value)).tolist()
+        if gained <= 0.0:
+            return Move(new, gained, attempt, factor)
+        factor *= _STIFFER
+    return Move(r, 0.0, attempt, first)  # what is left to gain is below the rounding
+
+
+def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
+    """The best move of one component (the tangential ones of a point together), all others being held: point, gain.
+
+    ``force (m, d)`` is the elastic force at ``r``.
+    """
+    m, d = r.shape
+    law, w = body.law, body.weights
+    a = body.diagonal.copy()
+    if d > 2:  # the tangential block is replaced by its largest eigenvalue
+        a[:, 1:] = np.maximum(np.linalg.eigvalsh(body.tangential_blocks)[:, -1:], 1e-12 * a[:, 1:])
+    pair = np.stack([a[:, 0], a[:, min(1, d - 1)]], axis=1) / w[:, None]
+    target = law.local_argmin(pair, (a * r + force) / w[:, None])
+    target = np.where(body.active & np.isfinite(target), target, r)
+    step = target - r
+    quadratic = 0.5 * a * step**2 - force * step
+    gains = np.zeros((m, 2))
+    gains[:, 0] = quadratic[:, 0] + w * (law.normal.value(target[:, 0]) - law.normal.value(r[:, 0]))
+    if d > 1:
+        size, old = np.linalg.norm(target[:, 1:], axis=1), np.linalg.norm(r[:, 1:], axis=1)
+        gains[:, 1] = quadratic[:, 1:].sum(axis=1) + w * (law.tangential.value(size) - law.tangential.value(old))
+    best, mine = body.vectors.lowest(float(gains.min(initial=np.inf)))
+    new = r.copy()
+    if mine and m:
+        point, part = np.unravel_index(int(np.argmin(gains)), gains.shape)
+        columns = slice(0, 1) if part == 0 else slice(1, d)
+        new[point, columns] = target[point, columns]
+    return new, best
+
+
+def newton_components(law: ContactLaw, r: Array, active: BoolArray) -> BoolArray:
+    """Components on which the law is smooth at ``r`` and that are free to move, (m, d)."""
+    return moving(law.linearise(r), active)
+
+
+def moving(line: Linearisation, active: BoolArray) -> BoolArray:
+    """The same where the law has been linearised."""
+    smooth = np.repeat(line.smooth, [1, active.shape[1] - 1], axis=1)
+    return np.asarray(active & smooth)
+
+
+def snapped(body: ContactBody, r: Array) -> Array:
+    """``r`` with the components that miss a kink by rounding put on it."""
+    out = r.copy()
+    near = _MISSED * float(body.vectors.largest(np.abs(r).max(initial=0.0))[0])
+    sizes = [r[:, 0]] if r.shape[1] == 1 else [r[:, 0], np.linalg.norm(r[:, 1:], axis=1)]
+    for c, (size, scalar) in enumerate(zip(sizes, (body.law.normal, body.law.tangential), strict=False)):
+        knot = scalar.kink_within(size, near)
+        hit = np.isfinite(knot)
+        if c == 0:
+            out[:, 0] = np.where(hit, knot, r[:, 0])
+        else:
+            scale = np.where(hit & (size > 0.0), knot / np.where(size > 0.0, size, 1.0), 1.0)
+            out[:, 1:] = r[:, 1:] * scale[:, None]
+    return np.where(body.active, out, body.fixed)

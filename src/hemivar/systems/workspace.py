@@ -1,0 +1,107 @@
+"""What is expensive about a body, kept by whoever owns it: factors, Schur complement, levels, norms."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from hemivar.basics.arguments import whole_number
+from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.systems.condensed import CondensedProblem, condense
+
+__all__ = ["Workspace"]
+
+T = TypeVar("T")
+_CONDENSATION = "condensation"
+
+
+class Workspace:
+    """What has been paid for a body, so that it is paid once.
+
+    Pass the same workspace to :func:`hemivar.solve`, :func:`hemivar.certify`, :func:`hemivar.find_solutions` and
+    :func:`hemivar.follow_path`.  What it holds is keyed by the stiffness of the body and the trace of its contact
+    points: another load, gap or law, made by :meth:`DiscreteProblem.with_`, costs no new factorisation.  Nothing in it
+    changes an answer.  It may be used by several threads: one makes what the others wait for.
+
+    Parameters
+    ----------
+    bodies : int
+        How many bodies it holds at a time; the one used longest ago is forgotten first.
+    """
+
+    def __init__(self, bodies: int = 8) -> None:
+        self._bodies = whole_number(bodies, "bodies of a workspace", 1)
+        self._lock = threading.Lock()
+        self._shelves: OrderedDict[tuple[int, int], _Shelf] = OrderedDict()
+
+    def __repr__(self) -> str:
+        with self._lock:
+            kept = [f"{shelf.unknowns} unknowns: {', '.join(sorted(shelf.things))}" for shelf in self._shelves.values()]
+        return f"Workspace({'; '.join(kept) or 'empty'})"
+
+    def __reduce__(self) -> tuple[type[Workspace], tuple[int]]:
+        return Workspace, (self._bodies,)  # factors cannot travel: they are made again on arrival
+
+    @classmethod
+    def holding(cls, condensed: CondensedProblem) -> Workspace:
+        """A workspace that knows a condensation already."""
+        workspace = cls()
+        workspace.once(_CONDENSATION, condensed.problem, lambda: condensed)
+        return workspace
+
+    def once(self, what: str, problem: DiscreteProblem, make: Callable[[], T]) -> T:
+        """What is known of the body of a problem under a name, made on the first call.
+
+        Parameters
+        ----------
+        what : str
+            The name; it stands for one kind of thing that depends on stiffness and trace alone.
+        problem : DiscreteProblem
+            With a quadratic bulk.
+        make : function
+            Makes it. Other threads that ask for the same wait.
+        """
+        shelf = self._shelf(problem)
+        with self._lock:
+            lock = shelf.locks.setdefault(what, threading.RLock())
+        with lock:
+            if what not in shelf.things:
+                shelf.things[what] = make()
+            return cast(T, shelf.things[what])
+
+    def condensed(self, problem: DiscreteProblem) -> CondensedProblem:
+        """The body condensed onto its contact boundary, under the load, the gap and the law of the problem."""
+        return self.once(_CONDENSATION, problem, lambda: condense(problem)).for_problem(problem)
+
+    def condenses(self, problem: DiscreteProblem) -> bool:
+        """Whether the body of the problem has been condensed already."""
+        return _CONDENSATION in self._shelf(problem).things
+
+    def forget(self) -> None:
+        """Give all memory back."""
+        with self._lock:
+            self._shelves.clear()
+
+    def _shelf(self, problem: DiscreteProblem) -> _Shelf:
+        stiffness, trace = quadratic(problem.bulk).stiffness, problem.contact.trace
+        key = (id(stiffness), id(trace))
+        with self._lock:
+            shelf = self._shelves.get(key)
+            if shelf is None:
+                shelf = self._shelves[key] = _Shelf((stiffness, trace), problem.unknowns)
+            self._shelves.move_to_end(key)
+            while len(self._shelves) > self._bodies:
+                self._shelves.popitem(last=False)
+        return shelf
+
+
+class _Shelf:
+    """What belongs to one body; the matrices are held so that their identities stay theirs."""
+
+    def __init__(self, owner: tuple[object, object], unknowns: int) -> None:
+        self.owner = owner
+        self.unknowns = unknowns
+        self.things: dict[str, Any] = {}
+        self.locks: dict[str, threading.RLock] = {}

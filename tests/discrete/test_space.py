@@ -1,0 +1,229 @@
+"""Fields of any number of components, bases that are not orthonormal, bulks and contact points by themselves."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import skfem
+from skfem.models.poisson import laplace, unit_load
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.discrete import Bulk, ContactPoints, DiscreteProblem, Field, Quadratic, Space
+from hemivar.laws import ContactLaw
+
+MESH = hv.rectangle((1.0, 1.0), 8)
+
+
+def membrane(scale: float = 1.0, push: float = 2.0, gap: float = 0.05) -> DiscreteProblem:
+    """A membrane over the unit square, held at its rim, pushed towards a rigid plane under it.
+
+    ``scale`` stretches the unknowns, so that the basis is not orthonormal.
+    """
+    mesh = skfem.MeshTri(MESH.points.T, MESH.cells.T)
+    basis = skfem.Basis(mesh, skfem.ElementTriP1())
+    K, f = laplace.assemble(basis), push * unit_load.assemble(basis)
+    free = basis.complement_dofs(basis.get_dofs())
+    area = unit_load.assemble(basis)[free]
+    P = sp.csr_array(sp.eye_array(len(f), format="csc")[:, free] * scale)
+    field = Field(MESH, 1, P, np.zeros(len(f)), components=1, name="deflection", lift=P.T / scale**2)
+    n = len(free)
+    contact = ContactPoints(
+        sp.csr_array(scale * sp.eye_array(n)),
+        area,
+        np.full((n, 1), gap),
+        points=MESH.points[free],
+        node=free,
+        boundary=np.zeros(n, dtype=np.int64),
+        names=("plane",),
+    )
+    law = ContactLaw(hv.Signorini()).at(MESH.points[free])
+    bulk = Quadratic(P.T @ K @ P, P.T @ f)
+    return DiscreteProblem(bulk, contact, law, Space((field,)))
+
+
+@pytest.mark.parametrize("method", ["newton", "active-set"])
+def test_a_membrane_on_a_plane(method: str) -> None:
+    problem = membrane()
+    found = hv.solve(problem, hv.METHODS[method]).raise_for_status()
+    assert problem.space is not None
+    deflection = problem.space["deflection"].full(found.unknowns)
+    assert deflection.shape == (81, 1)
+    pressed = found.multiplier[:, 0] > 1e-9
+    assert 0 < np.count_nonzero(pressed) < problem.contact_points
+    np.testing.assert_allclose(deflection[problem.contact.node[pressed], 0], 0.05, atol=1e-12)
+    assert deflection.max() <= 0.05 + 1e-12
+    # projected Gauss-Seidel, which knows nothing of laws
+    K, f = problem.bulk.hessian(found.unknowns).toarray(), -problem.bulk.gradient(np.zeros(problem.unknowns))
+    u = np.zeros(problem.unknowns)
+    for _ in range(400):
+        for i in range(len(u)):
+            u[i] = min(u[i] + (f[i] - K[i] @ u) / K[i, i], 0.05)
+    np.testing.assert_allclose(found.unknowns, u, atol=1e-10)
+    assert hv.certify(problem, found.unknowns, found.multiplier).unique
+
+
+def test_a_basis_need_not_be_orthonormal() -> None:
+    plain, stretched = membrane(), membrane(scale=3.0)
+    one, other = hv.solve(plain), hv.solve(stretched)
+    np.testing.assert_allclose(3.0 * other.unknowns, one.unknowns, rtol=1e-9, atol=1e-13)
+    assert plain.field is not None
+    assert stretched.field is not None
+    full = plain.field.full(one.unknowns)
+    np.testing.assert_allclose(stretched.field.full(other.unknowns), full, rtol=1e-9, atol=1e-13)
+    np.testing.assert_allclose(stretched.field.restrict(full), other.unknowns, rtol=1e-9, atol=1e-13)
+    first, second = (hv.certify(p, s.unknowns, s.multiplier) for p, s in ((plain, one), (stretched, other)))
+    assert first.energy == pytest.approx(second.energy, rel=1e-12)
+
+
+def test_a_softening_membrane_has_the_same_margin_in_any_basis() -> None:
+    margins = []
+    for scale in (1.0, 0.2):
+        problem = membrane(scale)
+        problem = problem.with_(law=ContactLaw(hv.SurveyLaw(0.1, 3.0)).at(problem.contact.points))
+        found = hv.solve(problem)
+        margins.append(hv.certify(problem, found.unknowns, found.multiplier).smallness.margin)
+    assert margins[0] == pytest.approx(margins[1], rel=1e-9)
+
+
+def test_two_bodies_pressed_together_by_their_relative_displacement() -> None:
+    """Two springs, 2 and 3, a gap of 0.1 between them, pushed by 1 and -0.5: closed form."""
+    problem = DiscreteProblem.of_arrays(
+        np.diag([2.0, 3.0]), [1.0, -0.5], [[1.0, -1.0]], [1.0], [0.1], ContactLaw(hv.Signorini())
+    )
+    found = hv.solve(problem)
+    # u1 - u2 = 0.1, 2 u1 = 1 - p, 3 u2 = -0.5 + p
+    p = (1.0 / 2 + 0.5 / 3 - 0.1) / (1.0 / 2 + 1.0 / 3)
+    np.testing.assert_allclose(found.unknowns, [(1.0 - p) / 2, (p - 0.5) / 3], rtol=1e-12)
+    assert found.pressure[0] == pytest.approx(p)
+
+
+def test_what_a_field_refuses() -> None:
+    n = MESH.number_of_nodes
+    basis = sp.eye_array(n, format="csr")
+    with pytest.raises(hv.ProblemError, match="not orthonormal; give a lift"):
+        Field(MESH, 1, 2.0 * basis, np.zeros(n))
+    with pytest.raises(hv.ProblemError, match="lift @ basis is not the identity"):
+        Field(MESH, 1, 2.0 * basis, np.zeros(n), lift=basis)
+    with pytest.raises(hv.ProblemError, match="2 components at each of the 81 nodes"):
+        Field(MESH, 1, basis, np.zeros(n), components=2)
+    with pytest.raises(hv.ProblemError, match="needs one for each of the 80"):
+        Field(MESH, 1, basis, np.zeros(n - 1))
+    field = Field(MESH, 1, basis, np.zeros(n), name="temperature")
+    assert field.components == 1
+    with pytest.raises(hv.ProblemError, match=r"no field .displacement. \(known: temperature"):
+        Space((field,))["displacement"]
+    with pytest.raises(hv.ProblemError, match="same name"):
+        Space((field, field))
+    other = Field(MESH, 1, basis[:, :5], np.zeros(n), name="deflection")
+    with pytest.raises(hv.ProblemError, match="differ in columns"):
+        Space((field, other))
+
+
+def test_the_derivatives_of_a_quadratic_bulk() -> None:
+    rng = np.random.default_rng(3)
+    A = rng.normal(size=(4, 4))
+    bulk = Quadratic(A @ A.T + np.eye(4), rng.normal(size=4), 2.0)
+    assert isinstance(bulk, Bulk)
+    u, v, step = rng.normal(size=4), rng.normal(size=4), 1e-5
+    slope = (bulk.value(u + step * v) - bulk.value(u - step * v)) / (2 * step)
+    assert bulk.gradient(u) @ v == pytest.approx(slope, rel=1e-8)
+    bent = (bulk.gradient(u + step * v) - bulk.gradient(u - step * v)) / (2 * step)
+    np.testing.assert_allclose(bulk.hessian(u) @ v, bent, rtol=1e-8)
+    assert bulk.value(np.zeros(4)) == 2.0
+    replaced = dataclasses.replace(bulk, constant=0.0)
+    assert replaced.value(u) == pytest.approx(bulk.value(u) - 2.0)
+    with pytest.raises(hv.ProblemError, match="not symmetric"):
+        dataclasses.replace(bulk, stiffness=A + 10 * np.eye(4))
+
+
+class Hardening:
+    """``sum of k/2 u^2 + u^4/4 - f u``: a bulk that is not quadratic."""
+
+    unknowns = 2
+
+    def value(self, u: Array) -> float:
+        return float((u**2 / 2 + u**4 / 4 - u).sum())
+
+    def gradient(self, u: Array) -> Array:
+        return np.asarray(u + u**3 - 1.0)
+
+    def hessian(self, u: Array) -> sp.csr_array:
+        return sp.csr_array(np.diag(1.0 + 3.0 * u**2))
+
+
+def test_a_step_of_newton_is_a_quadratic_bulk() -> None:
+    """A problem may have any bulk; its linearisations are solved, and meet its own energy."""
+    law = ContactLaw(hv.Signorini())
+    linear = DiscreteProblem.of_arrays(np.eye(2), [1.0, 1.0], [[1.0, 0.0]], [1.0], [0.2], law)
+    problem = linear.with_(bulk=Hardening())
+    with pytest.raises(hv.ProblemError, match="Hardening"):
+        hv.solve(problem)
+    u = np.zeros(2)
+    for _ in range(8):
+        H, g = problem.bulk.hessian(u), problem.bulk.gradient(u)
+        u = hv.solve(problem.with_(bulk=Quadratic(H, H @ u - g))).unknowns
+    assert u[0] == pytest.approx(0.2, abs=1e-12)
+    assert u[1] + u[1] ** 3 == pytest.approx(1.0, rel=1e-12)
+    assert problem.energy(u) == pytest.approx(Hardening().value(u))
+
+
+def corner() -> DiscreteProblem:
+    """A square pressed into a corner, with contact points on two boundaries that share a node."""
+    statement = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 4),
+        hv.Material.lame(1.0, 1.0),
+        supports={"top": hv.Prescribed((-0.1, -0.1))},
+        contact={"bottom": hv.Contact(hv.Compliance(5.0)), "left": hv.Contact(hv.Compliance(2.0))},
+    )
+    return hv.discretize(statement)
+
+
+def test_contact_points_know_their_node_and_boundary() -> None:
+    problem = corner()
+    contact, field = problem.contact, problem.field
+    assert field is not None
+    assert contact.names == ("bottom", "left")
+    bottom, left = contact.on("bottom"), contact.on("left")
+    assert sorted([*bottom, *left]) == list(range(contact.count))
+    assert contact.points is not None
+    np.testing.assert_array_equal(field.nodes[contact.node], contact.points)
+    np.testing.assert_array_equal(contact.points[bottom, 1], 0.0)
+    np.testing.assert_array_equal(contact.points[left, 0], 0.0)
+    shared = set(contact.node[bottom]) & set(contact.node[left])
+    assert [tuple(field.nodes[node]) for node in shared] == [(0.0, 0.0)]
+    some = contact.take(left)
+    assert some.count == len(left)
+    np.testing.assert_array_equal(some.local(np.ones(problem.unknowns)), contact.local(np.ones(problem.unknowns))[left])
+    with pytest.raises(hv.ProblemError, match=r"no contact boundary .right. \(known: .bottom., .left."):
+        contact.on("right")
+
+
+def test_midpoints_know_their_facet() -> None:
+    statement = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 4),
+        hv.Material.lame(1.0, 1.0),
+        supports={"top": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Compliance(5.0))},
+        quadrature=hv.Quadrature.MIDPOINT,
+    )
+    problem = hv.discretize(statement)
+    contact = problem.contact
+    assert (contact.node == -1).all()
+    facets = statement.mesh.boundaries["bottom"][contact.facet]
+    np.testing.assert_allclose(statement.mesh.points[facets].mean(axis=1), contact.points)
+
+
+def test_what_contact_points_refuse() -> None:
+    contact = corner().contact
+    for change, words in (
+        ({"boundary": np.full(contact.count, 2)}, "no places in names"),
+        ({"node": np.zeros(3)}, "node has shape"),
+        ({"offset": np.zeros((contact.count, 1))}, "offset has shape"),
+        ({"weights": -contact.weights}, "every weight must be positive"),
+    ):
+        with pytest.raises(hv.ProblemError, match=words):
+            dataclasses.replace(contact, **change)  # type: ignore[arg-type]

@@ -1,0 +1,202 @@
+"""Answers of laws at the edges of what they are made for: one side only, tiny or huge numbers, ends of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws import (
+    ContactLaw,
+    CoulombBound,
+    FormulaLaw,
+    Friction,
+    FunctionLaw,
+    PenetrationBound,
+    PiecewiseQuadratic,
+    StateBound,
+    Superpotential,
+    SurveyLaw,
+    table_law,
+)
+from hemivar.laws.testing import LawError, check_law
+
+
+class Table(PiecewiseQuadratic):
+    """A law of a class that is looked at, and whose alpha may be stated wrongly."""
+
+    told = 0.0
+
+    @property
+    def weak_convexity(self) -> Array:
+        return np.array([self.told])
+
+
+# ---- constants ----------------------------------------------------------------------------------------------
+
+
+def test_a_growth_that_is_proved_on_one_side_only_is_proved() -> None:
+    for text, c0 in (("max(r, 0)", 1.0), ("max(-2*r, 0)", 2.0)):
+        law = FormulaLaw(text)
+        assert not law.growth_sampled
+        assert law.growth[0][0] == pytest.approx(c0, rel=1e-6)
+
+
+def test_a_narrow_peak_of_the_derivative_is_climbed() -> None:
+    law = FunctionLaw(derivative=lambda r: 1.0 / (1.0 + ((r - 0.0051) / 0.02) ** 2))
+    assert law.growth_sampled
+    assert 1.0 - 1e-5 <= law.growth[0][0] <= 1.0 + 1e-5
+
+
+def test_the_asymptotic_curvature_has_one_entry_for_each_point() -> None:
+    law = FormulaLaw("r^2 + abs(r - 1) + abs(r + 1)")
+    for sign in (1.0, -1.0):
+        found = law.asymptotic_curvature(sign)
+        assert found.shape == (1,)
+        assert found[0] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_small_turns_of_a_curvature_are_where_they_are() -> None:
+    """The curvature of a function is sampled; it turns at multiples of pi, however small it is."""
+    law = FunctionLaw(derivative=lambda r: 0.05 * np.sin(r), curvature=lambda r: 0.05 * np.cos(r), reach=8.0)
+    turns = np.pi * np.array([-2.0, -1.0, 1.0, 2.0])
+    for turn in turns:
+        assert np.abs(law.knots[0] - turn).min() < 0.1
+
+
+# ---- bounds -------------------------------------------------------------------------------------------------
+
+
+def test_branches_that_meet_up_to_rounding_do_not_jump() -> None:
+    assert 0.1 * 0.7 * 3.0 != 0.21
+    bound = PenetrationBound("piecewise((0.1*s*3, s < 0.7), (0.21, True))")
+    assert bound.lipschitz[0] == pytest.approx(0.3, rel=1e-6)
+
+
+def test_a_jump_of_a_tiny_bound_is_a_jump() -> None:
+    for size in (1e-8, 1.0, 1e8):
+        assert PenetrationBound(lambda s, size=size: size * (s > 0.1)).lipschitz[0] == np.inf
+
+
+def test_a_bound_is_known_as_far_as_it_is_asked() -> None:
+    assert PenetrationBound("min(s, 5000)", reach=1e4).lipschitz[0] == pytest.approx(1.0, rel=1e-9)
+    assert not PenetrationBound(([0.0, 1.0], [0.0, 3.0])).lipschitz_sampled
+
+
+def test_a_bound_without_a_constant_says_so() -> None:
+    bound = PenetrationBound("sqrt(max(s, 0))")
+    assert bound.lipschitz_sampled or bound.lipschitz[0] == np.inf
+
+
+def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None:
+    def law(bound: StateBound | float, profile: Superpotential | None = None) -> ContactLaw:
+        return ContactLaw(SurveyLaw(0.3), Friction(bound) if profile is None else Friction(bound, profile))
+
+    own = PenetrationBound(lambda s: np.clip(8.0 * s, 0.0, 0.8))
+    exact = PenetrationBound(([0.0, 0.1], [0.0, 0.8]))
+    sampled = FunctionLaw(lambda r: np.log1p(r), even=True)
+    for bound, profile, expected in (
+        (own, None, True),
+        (exact, None, False),
+        (exact, sampled, True),
+        (0.5, sampled, False),
+        (CoulombBound(0.3), sampled, False),
+        (PenetrationBound(lambda s: 0.5 + 0.0 * s), sampled, False),
+    ):
+        found = law(bound, profile)
+        assert found.lipschitz_sampled is expected
+        assert found.lipschitz[0] == (
+            8.0 if bound is exact else bound.lipschitz[0] if isinstance(bound, StateBound) else 0.0
+        )
+
+
+def test_smooth_friction_is_bent_the_same_way_in_all_directions_at_rest() -> None:
+    law = ContactLaw(SurveyLaw(0.3), Friction(2.0, FormulaLaw("r^2", even=True)))
+    line = law.linearise(np.array([[0.1, 0.0, 0.0]]))
+    assert line.smooth.all()
+    np.testing.assert_allclose(line.hessian[0, 1:, 1:], 4.0 * np.eye(2))
+
+
+# ---- what a look at a user's law finds ----------------------------------------------------------------------
+
+
+def test_one_side_is_enough_to_refuse_a_derivative_without_bound() -> None:
+    for side in (1.0, -1.0):
+        with pytest.raises(ProblemError, match="without bound"):
+            FunctionLaw(lambda r, side=side: np.sqrt(np.maximum(side * r, 0.0)), kinks=[0.5 * side])
+
+
+def test_a_small_jump_down_and_a_fall_on_the_negative_side_are_seen() -> None:
+    class Falling(Table):
+        told = 0.5
+
+    ContactLaw(Falling(np.array([-0.3, -0.1]), np.array([0.0, -0.5, 0.0]), np.zeros(2)))
+    with pytest.raises(ProblemError, match=r"alpha of law 'piecewise' is 0.5, but its derivative falls by 2"):
+        ContactLaw(Falling(np.array([-0.3, -0.1]), np.array([0.0, -2.0, 0.0]), np.zeros(2)))
+    with pytest.raises(ProblemError, match=r"jumps down at r = 0.2: alpha is infinite"):
+        ContactLaw(Falling(np.array([0.0, 0.2]), np.array([0.0, 3.0, 0.0]), np.array([0.0, -3e-3])))
+
+
+def wrong(law: PiecewiseQuadratic, **methods: Callable[..., Any]) -> str:
+    """What the kit says of a law with some of its methods replaced."""
+    spoiled = type("Spoiled", (type(law),), methods)
+    with pytest.raises(LawError) as caught:
+        check_law(spoiled(law.breakpoints, law.slopes, law.jumps, law.start, law.lower, law.upper))
+    return str(caught.value)
+
+
+SOFT = table_law([0.0, 0.1, 0.5], [0.0, 0.2, 0.0])
+
+
+def test_the_kit_sees_answers_that_depend_on_the_company() -> None:
+    def derivative(self: PiecewiseQuadratic, r: Array) -> Array:
+        return np.asarray(PiecewiseQuadratic.derivative(self, r) * (1.0 + 1e-4 * (r.size == 12)))
+
+    assert "derivative at contact point" in wrong(SOFT, derivative=derivative)
+
+
+def test_the_kit_sees_minimisers_of_a_scaled_law_that_are_a_little_off() -> None:
+    class Off(PiecewiseQuadratic):
+        def local_argmin(self, a: Array, b: Array) -> Array:
+            return np.asarray(super().local_argmin(a, b) + 3e-3)
+
+    def scaled(self: PiecewiseQuadratic, factor: Array | float) -> PiecewiseQuadratic:
+        kind = Off if np.size(factor) == 1 and np.max(factor) == 3.0 else PiecewiseQuadratic
+        f = np.atleast_1d(factor)
+        return kind(self.breakpoints, f[:, None] * self.slopes, f[:, None] * self.jumps, f * self.start)
+
+    assert "scaled(3) does not have the minimisers" in wrong(SOFT, scaled=scaled)
+
+
+def test_the_kit_looks_at_a_knot_at_the_end_of_its_reach() -> None:
+    assert check_law(table_law([-1.0, -1.0, 1.0, 1.0], [-2.0, -1.0, 1.0, 3.0]), reach=1.0).passed
+
+
+def test_the_kit_sees_a_law_that_is_hardly_uneven() -> None:
+    law = table_law([-0.02, 0.0, 0.02], [-1.0, 0.0, 1.0 + 1e-4])
+    with pytest.raises(LawError, match="the law is even"):
+        check_law(law, reach=0.02, friction=True)
+
+
+# ---- tables -------------------------------------------------------------------------------------------------
+
+
+def test_the_second_slip_of_a_table_may_be_one() -> None:
+    law = table_law([0.0, 1.0, 2.0], [1.0, 3.0, 3.0], friction=True)
+    np.testing.assert_allclose(law.derivative(np.array([0.5, 1.5, -0.5])), [2.0, 3.0, -2.0])
+    np.testing.assert_allclose(law.subdifferential(np.zeros(1)).upper, 1.0)
+
+
+def test_of_many_knots_one_on_which_the_force_vanishes_is_the_minimiser() -> None:
+    """A steep valley with its bottom exactly on a knot, among slopes that fall elsewhere."""
+    r = np.linspace(-3.0, 3.0, 61)
+    law = table_law(r, np.where(np.abs(r) < 0.35, 100.0 * r, 35.0 * np.sign(r) * (1.0 - 0.3 * np.abs(r))))
+    assert law.shared_knots is not None
+    at: IntArray = np.flatnonzero(np.abs(law.knots[0]) < 1e-12)
+    knot = law.knots[0][at]
+    a = np.ones(1)
+    assert law.local_argmin(a, a * knot + law.derivative(knot)) == pytest.approx(knot, abs=1e-12)

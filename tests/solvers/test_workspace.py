@@ -1,0 +1,137 @@
+"""What is expensive about a body is paid once, by whoever owns the workspace, and changes no answer."""
+
+from __future__ import annotations
+
+import copy
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.discrete import Quadratic
+from hemivar.laws import ContactLaw
+from hemivar.systems import condensed
+
+from ..problems import discrete_square
+
+
+@pytest.fixture
+def factorisations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Sizes of the matrices factorised."""
+    sizes: list[int] = []
+    original = condensed.factorise
+
+    def counted(K: object, *rest: object) -> object:
+        sizes.append(K.shape[0])  # type: ignore[attr-defined]
+        return original(K, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(condensed, "factorise", counted)
+    return sizes
+
+
+def variants(problem: hv.DiscreteProblem) -> list[hv.DiscreteProblem]:
+    other = ContactLaw(hv.Compliance(3.0), hv.Tresca(0.1))
+    return [
+        problem.with_(load=1.5 * problem.bulk.load),  # type: ignore[attr-defined]
+        problem.with_(offset=problem.contact.offset + 0.01),
+        problem.with_(law=other),
+    ]
+
+
+def test_another_load_gap_or_law_costs_no_factorisation(factorisations: list[int]) -> None:
+    problem = discrete_square(n=6)
+    workspace = hv.Workspace()
+    newton = hv.NonsmoothNewton()
+    found = [hv.solve(p, newton, workspace=workspace) for p in [problem, *variants(problem)]]
+    assert len(factorisations) == 1
+    alone = [hv.solve(p, newton) for p in [problem, *variants(problem)]]
+    assert len(factorisations) == 5
+    for one, other in zip(found, alone, strict=True):
+        np.testing.assert_array_equal(one.unknowns, other.unknowns)
+
+
+def test_another_body_costs_one(factorisations: list[int]) -> None:
+    problem = discrete_square(n=4)
+    bulk = problem.bulk
+    assert isinstance(bulk, Quadratic)
+    stiffer = problem.with_(bulk=Quadratic(2.0 * bulk.stiffness, bulk.load, bulk.constant))
+    workspace = hv.Workspace()
+    for p in (problem, stiffer, problem, stiffer):
+        hv.solve(p, hv.NonsmoothNewton(), workspace=workspace)
+    assert len(factorisations) == 2
+    workspace.forget()
+    hv.solve(problem, hv.NonsmoothNewton(), workspace=workspace)
+    assert len(factorisations) == 3
+
+
+def test_a_small_workspace_forgets_the_body_used_longest_ago(factorisations: list[int]) -> None:
+    bodies = [discrete_square(n=n) for n in (2, 3, 4)]
+    workspace = hv.Workspace(bodies=2)
+    for body in (bodies[0], bodies[1], bodies[0], bodies[2]):
+        workspace.condensed(body)
+    assert len(factorisations) == 3
+    workspace.condensed(bodies[0])
+    assert len(factorisations) == 3
+    workspace.condensed(bodies[1])
+    assert len(factorisations) == 4
+
+
+def test_threads_wait_for_one_factorisation(factorisations: list[int]) -> None:
+    problem = discrete_square(n=8)
+    workspace, gate = hv.Workspace(), threading.Barrier(4)
+
+    def work(p: hv.DiscreteProblem) -> np.ndarray:
+        gate.wait()
+        return hv.solve(p, hv.NonsmoothNewton(), workspace=workspace).unknowns
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(work, [problem, *variants(problem)]))
+    assert len(factorisations) == 1
+    for u, p in zip(found, [problem, *variants(problem)], strict=True):
+        np.testing.assert_array_equal(u, hv.solve(p, hv.NonsmoothNewton()).unknowns)
+
+
+def test_it_says_what_it_holds_and_travels_empty() -> None:
+    workspace = hv.Workspace()
+    assert repr(workspace) == "Workspace(empty)"
+    problem = discrete_square(n=2)
+    workspace.condensed(problem)
+    assert repr(workspace) == f"Workspace({problem.unknowns} unknowns: condensation)"
+    assert repr(copy.deepcopy(workspace)) == "Workspace(empty)"
+
+
+@pytest.mark.parametrize("method", ["newton", "multigrid"])
+def test_a_solve_leaves_the_problem_as_it_was(method: str) -> None:
+    problem = discrete_square(n=8)
+    bulk, mesh = problem.bulk, problem.space.fields[0].mesh  # type: ignore[union-attr]
+    assert isinstance(bulk, Quadratic)
+    arrays = [
+        bulk.stiffness.data,
+        bulk.load,
+        problem.contact.trace.data,
+        problem.contact.offset,
+        mesh.points,
+        mesh.cells,
+    ]
+    before = [array.copy() for array in arrays]
+    hv.solve(problem, hv.METHODS[method])
+    for array, was in zip(arrays, before, strict=True):
+        np.testing.assert_array_equal(array, was)
+
+
+def test_what_differs_is_checked_as_the_constructor_does() -> None:
+    problem = discrete_square(n=2)
+    with pytest.raises(hv.ProblemError, match=r"load\[0\] = nan"):
+        problem.with_(load=np.full(problem.unknowns, np.nan))
+    with pytest.raises(hv.ProblemError, match="load has 3 entries"):
+        problem.with_(load=np.zeros(3))
+    with pytest.raises(hv.ProblemError, match="offset has shape"):
+        problem.with_(offset=np.zeros((1, 2)))
+    with pytest.raises(hv.ProblemError, match="offset has shape"):
+        problem.with_(offset=np.zeros((problem.contact_points, 1)))
+    with pytest.raises(hv.ProblemError, match="brings its own load"):
+        problem.with_(bulk=problem.bulk, load=np.zeros(problem.unknowns))
+    with pytest.raises(hv.ProblemError, match="the bulk of a discrete problem is 3"):
+        problem.with_(bulk=3)  # type: ignore[arg-type]
