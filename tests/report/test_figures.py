@@ -109,19 +109,23 @@ def test_contact_is_drawn_in_order_along_the_boundary(curved: Solution) -> None:
     np.testing.assert_allclose(upper.lines[1].get_xdata(), np.cumsum(chords), rtol=0.02)
 
 
-def test_each_boundary_has_its_panels(plane: Solution) -> None:
+@pytest.mark.parametrize("names", [("right", "bottom"), ("bottom", "right")])
+def test_each_boundary_has_its_panels(plane: Solution, names: tuple[str, str]) -> None:
+    """In the order in which they are stated, under these names, though another name stands for all facets first."""
     stated = plane.problem.origin
     assert stated is not None
-    both = dict.fromkeys(("right", "bottom"), stated.contact["bottom"])
-    solution = solve(discretize(replace(stated, contact=both)))
+    both = dict.fromkeys(names, stated.contact["bottom"])
+    mesh = stated.mesh.with_boundaries({"all": stated.mesh.boundary_facets, **stated.mesh.boundaries})
+    solution = solve(discretize(replace(stated, mesh=mesh, contact=both)))
     figure = plot_contact(solution)
-    assert [panel.get_title() for panel in figure.axes[:2]] == ["right", "bottom"]
-    assert [panel.get_xlabel() for panel in figure.axes[2:]] == ["y", "x"]
+    assert [panel.get_title() for panel in figure.axes[:2]] == [*names]
+    assert [panel.get_xlabel() for panel in figure.axes[2:]] == [{"right": "y", "bottom": "x"}[name] for name in names]
     points = solution.problem.points
     frames = solution.problem.frames
     assert points is not None
     assert frames is not None
-    for panel, axis, side in zip(figure.axes[:2], (1, 0), (frames[:, 0, 0] > 0.5, frames[:, 0, 1] < -0.5), strict=True):
+    for panel in figure.axes[:2]:
+        axis, side = (1, frames[:, 0, 0] > 0.5) if panel.get_title() == "right" else (0, frames[:, 0, 1] < -0.5)
         where = points[side, axis]
         np.testing.assert_array_equal(panel.lines[1].get_xdata(), np.sort(where))
         np.testing.assert_array_equal(panel.lines[1].get_ydata(), solution.pressure[side][np.argsort(where)])

@@ -130,5 +130,7 @@ def _print_entry(entry: LawEntry) -> None:
         print(f"      {p.name:<12}{form}{p.meaning} [{p.unit}]{lowest}{default}")
 
 
-def _text(value: str | float) -> str:
+def _text(value: str | float | tuple[float, ...]) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(f'{number:g}' for number in value)}]"
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"
