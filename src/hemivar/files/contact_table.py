@@ -274,8 +274,9 @@ def _friction_record(friction: Friction, where: str, name: str, aside: Aside) ->
             if callable(source):
                 raise unsaid(f"{where}.bound", source, "formulas of s as text, and tables")
             heads = (BOUND_COLUMNS[0][0], BOUND_COLUMNS[1][0])
+            s, values = (np.asarray(column, dtype=float) for column in source)
             bound = {
-                "table": aside.table(f"{where}.bound", f"{name}-bound", source, heads)
+                "table": aside.table(f"{where}.bound", f"{name}-bound", (s, values), heads)
                 if file is None
                 else file_name(file, aside.folder)
             }
