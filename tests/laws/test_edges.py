@@ -112,6 +112,8 @@ def test_of_several_laws_one_whose_constants_are_sampled_is_enough() -> None:
     assert both.alpha_sampled
     assert both.growth_sampled
     assert not stack([(known, 1), (SurveyLaw(0.5), 2)]).constants_sampled
+    assert str(sampled.describe()).count("(sampled)") == 2
+    assert "(sampled)" not in str(known.describe())
 
 
 def test_a_description_says_where_each_formula_holds() -> None:
@@ -154,6 +156,13 @@ def test_a_bound_is_known_as_far_as_it_is_asked() -> None:
 def test_a_bound_without_a_constant_says_so() -> None:
     bound = PenetrationBound("sqrt(max(s, 0))")
     assert bound.lipschitz_sampled or bound.lipschitz[0] == np.inf
+
+
+def test_a_function_that_is_negative_somewhere_is_no_bound() -> None:
+    with pytest.raises(ProblemError, match="it must be finite, and at least 0"):
+        PenetrationBound(lambda s: 1.0 - 0.2 * s)
+    with pytest.raises(ProblemError, match="-1 at penetration 5"):
+        PenetrationBound(lambda s: 1.0 - 0.4 * s, reach=2.0).value(np.array([1.0, 5.0]), np.zeros(2))
 
 
 def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None:
@@ -265,8 +274,23 @@ def test_the_kit_looks_at_a_knot_at_the_end_of_its_reach() -> None:
 
 def test_the_kit_sees_a_law_that_is_hardly_uneven() -> None:
     law = table_law([-0.02, 0.0, 0.02], [-1.0, 0.0, 1.0 + 1e-4])
-    with pytest.raises(LawError, match="the law is even"):
+    with pytest.raises(LawError, match=r"the law is even: it is not: j\(0\.\d"):
         check_law(law, reach=0.02, friction=True)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
+def test_friction_that_is_hardly_uneven_is_refused(size: float) -> None:
+    Friction(1.0, table_law([-0.02, 0.0, 0.02], [-size, 0.0, size]))
+    with pytest.raises(ProblemError, match="must be the same backwards"):
+        Friction(1.0, table_law([-0.02, 0.0, 0.02], [-size, 0.0, size * (1.0 + 1e-4)]))
+
+
+def test_the_kit_measures_company_by_the_size_of_the_law() -> None:
+    def local_argmin(self: PiecewiseQuadratic, a: Array, b: Array) -> Array:
+        return np.asarray(PiecewiseQuadratic.local_argmin(self, a, b) + 1e-8 * (np.size(a) == 12))
+
+    law = table_law([0.0, 1e-4, 5e-4], [0.0, 0.2, 0.0])
+    assert "local_argmin at contact point" in wrong(law, local_argmin=local_argmin)
 
 
 # ---- tables -------------------------------------------------------------------------------------------------
