@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from hemivar.solvers.base import Solver
+from hemivar.solvers.boundary_result import BoundaryResult
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
@@ -16,15 +17,15 @@ from hemivar.solvers.status import Status
 from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
 from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
 from hemivar.solvers.survey.bundle import ProximalBundle
-from hemivar.solvers.survey.direct import DirectOptimization, Optimizer, Powell
 from hemivar.solvers.survey.lbfgs import LBFGS
+from hemivar.solvers.survey.powell import Powell
 
 _ALL = (
     NonsmoothNewton(),
     NonsmoothMultigrid(),
-    DirectOptimization(Powell()),
-    DirectOptimization(LBFGS()),
-    DirectOptimization(ProximalBundle()),
+    Powell(),
+    LBFGS(),
+    ProximalBundle(),
     AugmentedLagrangian(),
     AugmentedLagrangianNewton(),
     PrimalDualActiveSet(ExactInner()),
@@ -39,9 +40,9 @@ __all__ = [
     "METHODS",
     "AugmentedLagrangian",
     "AugmentedLagrangianNewton",
+    "BoundaryResult",
     "ContactState",
     "Controls",
-    "DirectOptimization",
     "ExactInner",
     "FixedPoint",
     "InnerSolver",
@@ -49,7 +50,6 @@ __all__ = [
     "NewtonKrylov",
     "NonsmoothMultigrid",
     "NonsmoothNewton",
-    "Optimizer",
     "Powell",
     "PrimalDualActiveSet",
     "Progress",
