@@ -25,7 +25,8 @@ from hemivar.fem.assembly import region_masks
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
-from hemivar.solvers import ContactState, Progress, Solution
+from hemivar.solvers import BoundaryResult, ContactState, Progress, Solution
+from hemivar.solvers.boundary_result import table_columns
 
 __all__ = [
     "contact_columns",
@@ -37,7 +38,6 @@ __all__ = [
     "write_vtu",
 ]
 
-_AXES = "xyz"
 _MOST_BYTES = 2**31
 
 
@@ -79,12 +79,14 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     ``unknowns`` (their number), ``contact_points``, ``dim``, ``energy`` (a friction bound that depends on the state is
     taken at this pair), ``residual`` (relative), ``residual_parts`` (equilibrium, inclusion, scale, rounding; units of
     force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``contact_length``,
-    ``resultants``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of a problem made of arrays) and,
-    where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
+    ``resultants``, ``boundaries``, ``reactions``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of
+    a problem made of arrays) and, where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
 
     ``resultants`` holds ``normal_force`` (resultant of the pressure), ``friction_force`` (resultant of the friction
     in local components) and ``force``, the global vector of the force of the foundation on the body,
-    ``-sum_j w_j (lam_nu nu + lam_tau)``; null where the problem has no frames.
+    ``-sum_j w_j (lam_nu nu + lam_tau)``; null where the problem has no frames.  ``boundaries`` holds for each contact
+    boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the force of each support
+    on the body, by name, null where it is not known (:func:`hemivar.fem.support_reactions`).
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
     ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
@@ -113,6 +115,8 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
             "friction_force": solution.friction_force,
             "force": None if problem.frames is None else foundation_force(solution),
         },
+        "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
+        "reactions": _reactions(solution),
         "contact": _contact_record(solution),
         "displacement": solution.displacement,
     }
@@ -125,6 +129,17 @@ def foundation_force(solution: Solution) -> Array:
     """Resultant force of the foundation on the body, global vector (d,): ``-sum_j w_j (lam_nu nu + lam_tau)``."""
     problem = solution.problem
     return np.asarray(-(problem.weights @ global_vectors(problem, solution.multiplier)))
+
+
+def _boundary_record(result: BoundaryResult) -> dict[str, Any]:
+    return {"normal_force": result.normal_force, "force": result.force, "contact_length": result.contact_length}
+
+
+def _reactions(solution: Solution) -> dict[str, Array] | None:
+    try:
+        return dict(solution.reactions)
+    except ProblemError:
+        return None
 
 
 def _contact_record(solution: Solution) -> dict[str, Any]:
@@ -356,29 +371,8 @@ def contact_columns(solution: Solution) -> dict[str, list[Any]]:
     ``boundary, x, y, (z,) normal_x, ..., weight, gap, penetration, slip, pressure, friction, state``; in 3D slip and
     friction have two columns each, ``slip_1, slip_2``. Columns that the problem does not know are left out.
     """
-    problem = solution.problem
-    columns: dict[str, list[Any]] = {}
-    names = _boundary_names(problem)
-    if names is not None:
-        columns["boundary"] = names
-    if problem.points is not None:
-        columns |= {_AXES[k]: column.tolist() for k, column in enumerate(problem.points.T)}
-    if problem.frames is not None:
-        columns |= {f"normal_{_AXES[k]}": column.tolist() for k, column in enumerate(problem.frames[:, 0].T)}
-    columns["weight"] = problem.weights.tolist()
-    columns["gap"] = problem.gap.tolist()
-    columns["penetration"] = solution.penetration.tolist()
-    columns |= _numbered("slip", solution.slip)
-    columns["pressure"] = solution.pressure.tolist()
-    columns |= _numbered("friction", solution.friction)
-    columns["state"] = _state_names(solution)
-    return columns
-
-
-def _numbered(name: str, values: Array) -> dict[str, list[Any]]:
-    if values.shape[1] == 1:
-        return {name: values[:, 0].tolist()}
-    return {f"{name}_{k + 1}": column.tolist() for k, column in enumerate(values.T)}
+    columns = table_columns(solution.contact_table)
+    return {name: values.tolist() for name, values in columns.items() if not name.startswith("force")}
 
 
 def write_csv(solution: Solution, path: str | Path) -> Path:

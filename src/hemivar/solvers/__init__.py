@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from hemivar.solvers.base import Solver
+from hemivar.solvers.boundary_result import BoundaryResult
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
@@ -39,6 +40,7 @@ __all__ = [
     "METHODS",
     "AugmentedLagrangian",
     "AugmentedLagrangianNewton",
+    "BoundaryResult",
     "ContactState",
     "Controls",
     "ExactInner",
