@@ -152,8 +152,13 @@ def test_claims_of_the_certificate(tmp_path: Path) -> None:
     # the very same margin is an estimate where no factorisation shows it, and claims nothing
     for key in ("large", "sampled", "no time"):
         assert said[key]["unique"] is None, key
-        assert said[key]["kind"] is None, key
+        assert said[key]["kind"] == "stationary", key
         assert said[key]["error_bound"] is None, key
+        assert {"kind", "error bound"} <= set(said[key]["left_out"]), key
+    assert said["shown"]["kind"] == "unique minimiser"
+    assert said["shown"]["left_out"] == ["equilibrium", "trace constant"]
+    assert said["no time"]["margin"] is None
+    assert "margin" in said["no time"]["left_out"]
     assert "estimate" in said["large"]["method"]
     assert said["large"]["margin"] == pytest.approx(said["shown"]["margin"], abs=1e-3)
     assert said["sampled"]["alpha_sampled"] is True

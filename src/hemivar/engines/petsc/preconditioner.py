@@ -18,11 +18,17 @@ _SHIFT = 1e-6  # what is added to the diagonal of a body that supports do not ho
 _DIRECT = 6000  # unknowns of a coarsest level that every rank may factorise
 _OTHER = 0.3  # change of a second derivative, in terms of the stiffness there, after which the cycle is set up anew
 
-#: PETSc options set unless the user sets them. GAMG keeps its own smoothers: its coarse matrices may have zero rows.
+#: PETSc options set unless the user sets them: one sweep of Gauss-Seidel before and one back after the coarser levels,
+#: so that the cycle is symmetric. GAMG keeps its own smoothers: its coarse matrices may have zero rows.
 _DEFAULTS = {
-    "hemivar_mg_levels_ksp_type": "richardson",
-    "hemivar_mg_levels_ksp_max_it": "1",
-    "hemivar_mg_levels_pc_type": "sor",
+    f"hemivar_mg_{when}_{name}": value
+    for when, way in (("levels", "forward"), ("up", "backward"))
+    for name, value in (
+        ("ksp_type", "richardson"),
+        ("ksp_max_it", "1"),
+        ("pc_type", "sor"),
+        (f"pc_sor_local_{way}", "1"),
+    )
 }
 
 
@@ -31,8 +37,8 @@ class Multigrid:
 
     Prolongations are those of linear elements, coarse matrices are ``P'AP``.  Where there is one mesh only, it is
     PETSc's algebraic multigrid GAMG. Options of PETSc (in the environment variable PETSC_OPTIONS) with the prefixes
-    ``hemivar_`` and, for one mesh, ``hemivar_amg_`` change them, such as ``-hemivar_mg_levels_pc_type jacobi`` or
-    ``-hemivar_amg_pc_type hypre``.
+    ``hemivar_`` and, for one mesh, ``hemivar_amg_`` change them, such as ``-hemivar_amg_pc_type hypre``; those of the
+    smoothers before and after the coarser levels begin with ``-hemivar_mg_levels_`` and ``-hemivar_mg_up_``.
 
     The cycle is set up anew only where other unknowns are held, or the laws have become much stiffer or softer; with
     second derivatives that are negative left out.
@@ -86,6 +92,7 @@ class Multigrid:
         self.pc.setMGLevels(len(self.levels))
         for number, matrix in enumerate([*self.prolongations[:-1], self.masked], start=1):
             self.pc.setMGInterpolation(number, matrix)
+            self.pc.getMGSmootherUp(number).setOptionsPrefix("hemivar_mg_up_")
         coarse = self.pc.getMGCoarseSolve()
         coarse.setType("preonly")
         coarse.getPC().setType("redundant" if self.levels[0].K.getSize()[0] <= _DIRECT else "gamg")
@@ -131,12 +138,18 @@ class Multigrid:
             self._coarsen(top, held, first)
             self.pc.setOperators(top)
             for number, matrix in enumerate(self.matrices):
-                smoother = self.pc.getMGSmoother(number) if number else self.pc.getMGCoarseSolve()
-                smoother.setOperators(matrix)
+                for smoother in self._smoothers(number):
+                    smoother.setOperators(matrix)
             if first:
                 self.pc.setFromOptions()
         self.pc.setUp()
         self._built = held.copy(), _diagonal(self.body, curvature)
+
+    def _smoothers(self, number: int) -> list[Any]:
+        """What works on a level before and after the coarser ones."""
+        if not number:
+            return [self.pc.getMGCoarseSolve()]
+        return [self.pc.getMGSmootherDown(number), self.pc.getMGSmootherUp(number)]
 
     def _top(self, held: BoolArray, curvature: Array) -> Any:
         """Newton's matrix on the finest level, with unit rows (times the mean diagonal) for what is taken out."""
