@@ -90,8 +90,8 @@ def warm_up() -> None:
     import hemivar.cli.laws
     import hemivar.cli.path
     import hemivar.cli.solutions
+    import hemivar.files
     import hemivar.files.problem_file
-    import hemivar.files.results
     import hemivar.report
     import hemivar.solvers
 

@@ -746,12 +746,12 @@ def _write(
     title = stated.problem.title.replace("$", r"\$") or None
 
     def json(path: Path) -> None:
-        from hemivar.files.results import write_json
+        from hemivar.files import write_json
 
         write_json(solution, path, certificate)
 
     def vtu(path: Path) -> tuple[Path, Path | None]:
-        from hemivar.files.results import write_vtu
+        from hemivar.files import write_vtu
 
         return write_vtu(solution, path)
 

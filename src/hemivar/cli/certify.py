@@ -42,7 +42,7 @@ def run_certify(
         unknowns: Array = solution.unknowns
         multiplier: Array | None = solution.multiplier
     else:
-        from hemivar.files.results import read_solution
+        from hemivar.files import read_solution
 
         unknowns, multiplier = read_solution(solution_file, discrete)
         source = str(solution_file)

@@ -9,7 +9,7 @@ from hemivar.basics.disk import write_text
 from hemivar.branches import SolutionSet, find_solutions
 from hemivar.cli.outputs import Writer
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.files.results import solution_record
+from hemivar.files import solution_record
 from hemivar.report.tables import Table
 from hemivar.solvers import Controls
 

@@ -24,7 +24,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import FileError, HemivarError, ProblemError
 from hemivar.fem import discretize, interpolate, v_norm
-from hemivar.files.results import write_csv, write_json
+from hemivar.files import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA, survey
 from hemivar.mesh import Mesh
 from hemivar.report.bodies import plot_solution
