@@ -7,6 +7,7 @@ import pytest
 
 from hemivar.branches import enumeration, find_solutions, search
 from hemivar.discrete import DiscreteProblem
+from hemivar.discrete.point_kind import PointKind
 from hemivar.laws import Compliance, ContactLaw, PiecewiseQuadratic, Tresca, table_law
 from hemivar.solvers import Status, solve
 
@@ -24,7 +25,7 @@ def problem(load: tuple[float, ...], law: ContactLaw, gap: float = 0.0) -> Discr
 def test_a_bound_far_above_the_load_holds_the_body(ratio: float) -> None:
     found = find_solutions(problem((0.1, 0.7), ContactLaw(Compliance(1.0), Tresca(ratio))))
     assert found.exhaustive
-    assert [s.kind for s in found] == ["minimum"]
+    assert [s.kind for s in found] == [PointKind.LOCAL_MINIMISER]
     np.testing.assert_allclose(found[0].local, [[0.1 / 3.0, 0.0]], atol=1e-15)
     assert found[0].status is Status.CONVERGED
 
@@ -49,7 +50,7 @@ def test_minima_between_knots_of_large_pressure_are_all_there(size: float) -> No
     assert found.exhaustive
     expected = sorted([1.0, 1.0 / (1.0 + 5.0 * size), (10.0 * size / 5.0 - 1.0) / (5.0 * size - 1.0)])
     np.testing.assert_allclose(sorted(s.penetration[0] for s in found), expected, rtol=1e-9)
-    assert sum(s.kind == "minimum" for s in found) == 2
+    assert sum(s.kind is PointKind.LOCAL_MINIMISER for s in found) == 2
 
 
 def test_what_solve_returns_is_among_them() -> None:

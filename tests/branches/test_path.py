@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hemivar.branches import find_solutions, follow_path
+from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance, PiecewiseQuadratic, Softening
@@ -129,7 +130,7 @@ def test_every_crossing_of_a_random_path_is_a_solution(seed: int) -> None:
         distance = np.abs(places - r).max(axis=(1, 2))
         assert distance.min() < 1e-6
         if known.exhaustive:
-            assert (kinds[int(np.argmin(distance))] == "minimum") == stable
+            assert (kinds[int(np.argmin(distance))] is PointKind.LOCAL_MINIMISER) == stable
 
 
 def test_the_path_starts_where_load_stepping_arrives() -> None:

@@ -8,7 +8,9 @@ from scipy.optimize import brentq
 
 from hemivar.basics.types import Array
 from hemivar.branches import find_solutions
+from hemivar.certify import certify
 from hemivar.discrete import DiscreteProblem
+from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import ProblemError
 from hemivar.laws import Bilateral, ContactLaw, PiecewiseQuadratic, SlipWeakening
 from hemivar.mechanics import Quadrature
@@ -63,7 +65,7 @@ def test_bar_on_a_softening_foundation_has_its_three_solutions(enumerate_up_to: 
     assert found.exhaustive == (enumerate_up_to > 0)
     np.testing.assert_allclose([s.penetration[0] for s in found], [0.25, 1.0 / 12.0, 0.15], atol=1e-10)
     np.testing.assert_allclose(found.energies, [0.02, 1.0 / 48.0, 0.0225], atol=1e-10)
-    assert [s.kind for s in found] == ["minimum", "minimum", "maximum"]
+    assert [s.kind for s in found] == ["local minimiser", "local minimiser", "maximum"]
     assert len(found.minima) == 2
     assert all(s.status is Status.CONVERGED and s.residual.relative < 1e-12 for s in found)
 
@@ -91,9 +93,9 @@ def test_a_capped_law_has_its_jump_as_a_clarke_point() -> None:
     law = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0])
     found = find_solutions(bar(2.0, law))  # kappa = 1, r0 = 1
     kinds = {s.kind: s for s in found}
-    assert sorted(s.kind for s in found) == ["jump", "minimum", "minimum"]
-    assert kinds["jump"].penetration[0] == pytest.approx(0.1)
-    assert kinds["jump"].pressure[0] == pytest.approx(0.9)
+    assert sorted(s.kind for s in found) == ["local minimiser", "local minimiser", "maximum"]
+    assert kinds[PointKind.MAXIMUM].penetration[0] == pytest.approx(0.1)
+    assert kinds[PointKind.MAXIMUM].pressure[0] == pytest.approx(0.9)
 
 
 @pytest.mark.parametrize("w0", [4.85, 4.92, 4.97, 5.3])
@@ -126,7 +128,7 @@ def test_two_columns_have_nine_solutions() -> None:
     pairs = {tuple(np.round(s.penetration, 8)) for s in found}
     values = [round(v, 8) for v in (1.0 / 12.0, 0.15, 0.25)]
     assert pairs == {(a, b) for a in values for b in values}
-    assert sorted(s.kind or "" for s in found) == ["maximum"] + 4 * ["minimum"] + 4 * ["saddle"]
+    assert sorted(s.kind or "" for s in found) == 4 * ["local minimiser"] + ["maximum"] + 4 * ["saddle"]
 
 
 def test_many_columns_say_how_far_the_search_went() -> None:
@@ -153,7 +155,7 @@ def test_a_convex_problem_has_one_solution(quadrature: Quadrature) -> None:
     found = find_solutions(problem)
     assert len(found) == 1
     np.testing.assert_allclose(found[0].unknowns, solve(problem).unknowns, atol=1e-10)
-    assert found[0].kind == "minimum"
+    assert found[0].kind is PointKind.LOCAL_MINIMISER
 
 
 def test_bad_options_are_named() -> None:
@@ -199,3 +201,24 @@ def test_a_positive_margin_ends_the_search():
     searched = find_solutions(columns(17, alpha=2.0), starts=2, max_solutions=3)
     assert not searched.exhaustive
     assert searched.starts > 1
+
+
+def test_the_kind_of_each_solution_is_that_of_its_certificate() -> None:
+    """One word for one thing: chain and certificate find it in different ways."""
+    seen: dict[PointKind, int] = {}
+    for seed in range(40):
+        for solution in find_solutions(random_problem(seed), max_solutions=200, enumerate_up_to=5000, starts=0):
+            kind = certify(solution).kind
+            if kind in (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER):
+                kind = PointKind.LOCAL_MINIMISER
+            if kind is not PointKind.DIRECTIONALLY_STATIONARY:
+                assert solution.kind is kind, f"seed {seed}"
+                seen[kind] = seen.get(kind, 0) + 1
+    assert min(seen[kind] for kind in (PointKind.LOCAL_MINIMISER, PointKind.SADDLE, PointKind.MAXIMUM)) > 1
+
+
+def test_a_jump_met_at_its_end_is_stationary_to_one_side_only() -> None:
+    found = find_solutions(bar(2.0 * 0.15, PiecewiseQuadratic([0.0, 0.15], [0.0, 2.0, 0.0], [0.0, -0.3])))
+    at_end = [s for s in found if abs(s.penetration[0] - 0.15) < 1e-12]
+    assert [s.kind for s in at_end] == [PointKind.CLARKE_STATIONARY]
+    assert at_end[0] not in found.minima

@@ -7,7 +7,6 @@ import pytest
 
 from hemivar.branches import find_solutions
 from hemivar.certify import Certificate, PointKind, certify, one_solution, smallness
-from hemivar.cli.certify import certificate_lines
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, Friction, FunctionLaw, PenetrationBound, Superpotential
 from hemivar.solvers import solve
@@ -33,7 +32,7 @@ def check_words(problem: DiscreteProblem, sampled: bool) -> None:
     assert constants.sampled == certificate.error_bound_sampled == sampled
     assert one_solution(problem, constants) == (not sampled)
     assert certificate.unique is (None if sampled else True)
-    text = "\n".join(certificate_lines(certificate, whole=True))
+    text = "\n".join(certificate.lines(whole=True))
     record = certificate.record()
     assert record["error_bound_sampled"] == sampled
     assert (record["alpha_sampled"] or record["m_L_sampled"]) == sampled

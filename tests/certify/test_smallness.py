@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from hemivar.certify import ellipticity, smallness, trace_constants
+from hemivar.certify import ellipticity, one_solution, smallness, trace_constants
+from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.gallery import survey
-from hemivar.laws import Friction
+from hemivar.laws import Compliance, ContactLaw, Friction, PenetrationBound
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import rectangle
 from tests.certify.problems import bar_problem, softening, square, weakening
@@ -47,6 +48,23 @@ def test_constant_is_the_largest_eigenvalue(n):
     # the discrete margin is sharper than the survey's condition
     assert found.survey_margin is not None
     assert found.margin >= found.survey_margin
+
+
+@pytest.mark.parametrize(("rate", "alpha"), [(0.3, 0.0), (1.2, 0.5), (3.0, 0.9)])
+def test_margin_of_one_point_with_a_bound_that_depends_on_the_penetration(rate: float, alpha: float) -> None:
+    """c = alpha / k_nu, coupling = L / sqrt(k_nu k_tau), and both count."""
+    stiffness = np.diag([1.5, 6.0])
+    normal = softening(2.0, 0.1, alpha) if alpha > 0.0 else Compliance(1.0)
+    law = ContactLaw(normal, Friction(PenetrationBound(([0.0, 1.0], [0.0, rate]))))
+    problem = DiscreteProblem.of_arrays(stiffness, np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law)
+    found = smallness(problem)
+    coupling = rate / np.sqrt(1.5 * 6.0)
+    assert found.coupling == pytest.approx(coupling, rel=1e-10)
+    assert found.constant == pytest.approx(alpha / 1.5, rel=1e-10)
+    assert found.margin == pytest.approx(1.0 - alpha / 1.5 - coupling, rel=1e-10)
+    assert found.contraction == pytest.approx(coupling / (1.0 - alpha / 1.5), rel=1e-10)
+    assert found.m_L == pytest.approx(rate)
+    assert one_solution(problem, found) == (found.margin > 0.0)
 
 
 def test_trace_constant_by_a_dense_eigenproblem():

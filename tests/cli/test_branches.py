@@ -43,7 +43,7 @@ def test_solutions_are_listed_and_written(block: Path, tmp_path: Path, capsys: p
     energies = [solution["energy"] for solution in record["solutions"]]
     assert energies == sorted(energies)
     kinds = {solution["kind"] for solution in record["solutions"]}
-    assert {"minimum", "jump"} <= kinds
+    assert {"local minimiser", "saddle"} <= kinds
     assert len(record["solutions"][0]["contact"]["penetration"]) == 4
     assert all(solution["residual"] < 1e-9 for solution in record["solutions"])
 
@@ -83,7 +83,7 @@ def test_another_quantity(block: Path, tmp_path: Path) -> None:
 
 def test_a_path_that_is_cut_short_is_told_by_the_exit_code(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["path", str(block), "--load-factor", "0", "3", "--max-points", "4"]) == 1
-    assert "limit of 4 points" in capsys.readouterr().out
+    assert "limit of points" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

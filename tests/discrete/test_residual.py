@@ -120,3 +120,34 @@ def test_tolerances_that_would_accept_anything_are_refused(change: dict[str, flo
     problem = discrete_square()
     with pytest.raises(ProblemError, match="tolerance of a certificate is 1"):
         certify(problem, np.zeros(problem.unknowns), tolerance=1e10)
+
+
+def test_the_rounding_that_is_forgiven_is_that_of_the_sums() -> None:
+    """Eight units in the last place of ``|K| |u| + |f|``, and never more than a millionth of the load."""
+    problem = spring(3.0, Compliance(1.0), stiffness=4.0)
+    eps = float(np.finfo(float).eps)
+    for u, lam in ((0.6, 0.6), (0.7, 0.6), (-2.0, 0.0)):
+        found = residual(problem, np.array([u]), np.array([[lam]]))
+        assert found.noise == pytest.approx(8.0 * eps * (4.0 * abs(u) + 3.0), rel=1e-14)
+        assert found.rounding == found.noise
+    assert Residual(0.0, 0.0, 2.0, 1.0).rounding == pytest.approx(2e-6)
+    edge = Residual(0.0, 3.0e-9, 1.0, 1e-9)
+    assert edge.below(1e-9, 1.0000001e-9)
+    assert not edge.below(1e-9, 0.9999999e-9)
+    assert Residual(3.0, 4.0, 10.0, 0.0).total == 5.0
+    assert Residual(3.0, 4.0, 10.0, 0.0).relative == 0.5
+    assert Residual(3.0, 4.0, 0.0, 0.0).relative == 5.0
+
+
+def test_both_parts_of_a_residual_by_hand() -> None:
+    """Weight 2, trace -1, gap 0.25: r = -u - 0.25."""
+    problem = DiscreteProblem.of_arrays(
+        [[4.0]], [3.0], [[-1.0]], [2.0], [0.25], ContactLaw(Signorini(), NoFriction())  # type: ignore[arg-type]
+    )  # fmt: skip
+    off = residual(problem, np.array([0.5]), np.array([[0.125]]))
+    assert off.equilibrium == pytest.approx(abs(3.0 - 4.0 * 0.5 + 2.0 * 0.125))
+    assert off.inclusion == pytest.approx(2.0 * 0.125)  # r = -0.75: no pressure without contact
+    assert off.scale == 3.0
+    deep = residual(problem, np.array([-0.5]), np.array([[0.125]]))
+    assert deep.inclusion == pytest.approx(4.0 * 0.25)  # beyond the end by 0.25, as a force 2 (0.25 / (2 / 4))
+    assert deep.equilibrium == pytest.approx(3.0 + 2.0 + 0.25)

@@ -10,18 +10,30 @@ import pytest
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, FormulaLaw, FunctionLaw, PenetrationBound, PiecewiseQuadratic, table_law
+from hemivar.laws import (
+    ContactLaw,
+    CoulombBound,
+    FormulaLaw,
+    Friction,
+    FunctionLaw,
+    PenetrationBound,
+    PiecewiseQuadratic,
+    StateBound,
+    Superpotential,
+    SurveyLaw,
+    table_law,
+)
 from hemivar.laws.testing import LawError, check_law
 
 
 class Table(PiecewiseQuadratic):
     """A law of a class that is looked at, and whose alpha may be stated wrongly."""
 
-    stated = 0.0
+    told = 0.0
 
     @property
     def weak_convexity(self) -> Array:
-        return np.array([self.stated])
+        return np.array([self.told])
 
 
 # ---- constants ----------------------------------------------------------------------------------------------
@@ -80,6 +92,35 @@ def test_a_bound_without_a_constant_says_so() -> None:
     assert bound.lipschitz_sampled or bound.lipschitz[0] == np.inf
 
 
+def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None:
+    def law(bound: StateBound | float, profile: Superpotential | None = None) -> ContactLaw:
+        return ContactLaw(SurveyLaw(0.3), Friction(bound) if profile is None else Friction(bound, profile))
+
+    own = PenetrationBound(lambda s: np.clip(8.0 * s, 0.0, 0.8))
+    exact = PenetrationBound(([0.0, 0.1], [0.0, 0.8]))
+    sampled = FunctionLaw(lambda r: np.log1p(r), even=True)
+    for bound, profile, expected in (
+        (own, None, True),
+        (exact, None, False),
+        (exact, sampled, True),
+        (0.5, sampled, False),
+        (CoulombBound(0.3), sampled, False),
+        (PenetrationBound(lambda s: 0.5 + 0.0 * s), sampled, False),
+    ):
+        found = law(bound, profile)
+        assert found.lipschitz_sampled is expected
+        assert found.lipschitz[0] == (
+            8.0 if bound is exact else bound.lipschitz[0] if isinstance(bound, StateBound) else 0.0
+        )
+
+
+def test_smooth_friction_is_bent_the_same_way_in_all_directions_at_rest() -> None:
+    law = ContactLaw(SurveyLaw(0.3), Friction(2.0, FormulaLaw("r^2", even=True)))
+    line = law.linearise(np.array([[0.1, 0.0, 0.0]]))
+    assert line.smooth.all()
+    np.testing.assert_allclose(line.hessian[0, 1:, 1:], 4.0 * np.eye(2))
+
+
 # ---- what a look at a user's law finds ----------------------------------------------------------------------
 
 
@@ -91,7 +132,7 @@ def test_one_side_is_enough_to_refuse_a_derivative_without_bound() -> None:
 
 def test_a_small_jump_down_and_a_fall_on_the_negative_side_are_seen() -> None:
     class Falling(Table):
-        stated = 0.5
+        told = 0.5
 
     ContactLaw(Falling(np.array([-0.3, -0.1]), np.array([0.0, -0.5, 0.0]), np.zeros(2)))
     with pytest.raises(ProblemError, match=r"alpha of law 'piecewise' is 0.5, but its derivative falls by 2"):

@@ -309,14 +309,14 @@ class _Spring(PiecewiseQuadratic):
     """A law of a user's own class, with a curvature and an alpha that may be wrong."""
 
     bend = 1.0
-    stated = 2.0
+    told = 2.0
 
     def piece_curvature(self, piece: np.ndarray, r: np.ndarray) -> np.ndarray:
         return self.bend * super().piece_curvature(piece, r)
 
     @property
     def weak_convexity(self) -> np.ndarray:
-        return np.array([self.stated])
+        return np.array([self.told])
 
 
 def test_laws_of_own_classes_are_looked_at() -> None:
@@ -325,7 +325,7 @@ def test_laws_of_own_classes_are_looked_at() -> None:
     wrong = type("Wrong", (_Spring,), {"bend": 2.0, "__module__": __name__})
     with pytest.raises(ProblemError, match="the curvature of law 'piecewise' is"):
         ContactLaw(wrong(*table))
-    soft = type("Soft", (_Spring,), {"stated": 1.0, "__module__": __name__})
+    soft = type("Soft", (_Spring,), {"told": 1.0, "__module__": __name__})
     with pytest.raises(ProblemError, match=r"alpha of law 'piecewise' is 1, but its derivative falls by 2"):
         ContactLaw(soft(*table))
     with pytest.raises(ProblemError, match=r"jumps down at r = 0.3"):

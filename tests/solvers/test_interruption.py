@@ -23,7 +23,6 @@ from hemivar.laws import PiecewiseQuadratic
 from hemivar.linear import factor_memory as memory
 from hemivar.solvers import (
     Controls,
-    DirectOptimization,
     FixedPoint,
     LoadStepping,
     NonsmoothNewton,
@@ -113,7 +112,7 @@ def test_powell_keeps_the_best_point_of_its_only_step(monkeypatch: pytest.Monkey
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Budget, "check", check)  # Powell asks after a hundred evaluations
-    found = solve(problem, DirectOptimization(Powell()), workspace=Workspace.holding(system))
+    found = solve(problem, Powell(), workspace=Workspace.holding(system))
     assert found.status is Status.INTERRUPTED
     assert found.evaluations >= 100
     assert found.energy < rest
@@ -165,11 +164,11 @@ def test_the_search_for_solutions_keeps_to_its_time() -> None:
 
 
 def test_a_path_keeps_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    from hemivar.branches import path as module
+    from hemivar.branches.follower import Follower
 
     law = PiecewiseQuadratic([0.0, 0.1, 0.15], [0.0, 2.0, -2.0, 0.0], [0.0] * 3)  # type: ignore[arg-type]
     whole = follow_path(bar(0.5, law))
-    step = module._Follower.straight_step
+    step = Follower.straight_step
     calls = []
 
     def interrupted(self, *arguments):  # type: ignore[no-untyped-def]
@@ -178,7 +177,7 @@ def test_a_path_keeps_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
             raise KeyboardInterrupt
         return step(self, *arguments)
 
-    monkeypatch.setattr(module._Follower, "straight_step", interrupted)
+    monkeypatch.setattr(Follower, "straight_step", interrupted)
     found = follow_path(bar(0.5, law))
     assert found.interrupted
     assert not whole.interrupted

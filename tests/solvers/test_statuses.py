@@ -15,7 +15,6 @@ from hemivar.solvers import (
     METHODS,
     AugmentedLagrangian,
     Controls,
-    DirectOptimization,
     ExactInner,
     NonsmoothNewton,
     Powell,
@@ -57,8 +56,8 @@ def test_time_limit_is_kept_within_a_method(method: str) -> None:
 
 def test_long_minimisation_returns_its_best_iterate_at_the_time_limit() -> None:
     problem = discrete_square("figure 1", n=64)  # takes Powell ten seconds and more
-    start = solve(problem, DirectOptimization(Powell()), Controls(max_time=0.0))
-    found = solve(problem, DirectOptimization(Powell()), Controls(max_time=2.0))
+    start = solve(problem, Powell(), Controls(max_time=0.0))
+    found = solve(problem, Powell(), Controls(max_time=2.0))
     assert found.status is Status.MAX_TIME
     assert found.timings["iterate"] < 4.0
     assert found.energy < start.energy

@@ -12,23 +12,21 @@ piecewise affine for piecewise quadratic laws.  Enumeration, deflation and path 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hemivar.basics.deadline import check_time
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, IntArray
+from hemivar.branches.segments import Segments, graph_segments, joined_rows
+from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import MethodError
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import ContactLaw
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["Chain", "chain_of", "segments_at_most"]
 
-_Scalar = TypeVar("_Scalar", bound=np.generic)
 _Kind = TypeVar("_Kind", bound="Chain")
 
 #: Relative rounding that a zero of F may carry; more for one where the Jacobian is nearly singular, up to _SAME.
@@ -37,7 +35,7 @@ _SAME = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class Chain(Segments):
     """The curves of all free components, cut into segments: pieces of the law, and its kinks.
 
     Arrays have one row for each free component (n) and one column for each segment (S), padded.
@@ -47,46 +45,11 @@ class Chain:
     system : CondensedProblem
     point, column : int arrays (n,)
         Contact point and local component.
-    count : int array (n,)
-        Number of segments.
-    kink : bool array (n, S)
-        Whether lambda moves along the segment (else r).
-    piece : int array (n, S)
-        Piece of the law.
-    knot : array (n, S)
-        Displacement at a kink.
-    direction : array (n, S)
-        +1, or -1 at a kink where the derivative jumps down.
-    start, end : arrays (n, S)
-        theta at the two ends (lengths), infinite at the outer ones.
-    origin, value : arrays (n, S)
-        theta at a finite point of the segment, and r (piece) or lambda (kink) there.
-    low, high : arrays (n, S)
-        The ends themselves: r (piece), lambda to the left and to the right (kink); may be infinite.
-    affine : bool array (n, S)
-        Whether lambda is affine in r on the segment.
     """
 
     system: CondensedProblem
     point: IntArray
     column: IntArray
-    count: IntArray
-    kink: BoolArray
-    piece: IntArray
-    knot: Array
-    direction: Array
-    start: Array
-    end: Array
-    origin: Array
-    value: Array
-    low: Array
-    high: Array
-    affine: BoolArray
-
-    @property
-    def size(self) -> int:
-        """Number n of free components."""
-        return self.point.size
 
     @cached_property
     def matrix(self) -> Array:
@@ -124,23 +87,6 @@ class Chain:
         """A typical displacement: of the load, of the laws' finite ends."""
         finite = np.concatenate([self.start[np.isfinite(self.start)], self.end[np.isfinite(self.end)]])
         return max(self.system.length_scale, float(np.abs(finite).max(initial=0.0)) * 1e-3)
-
-    @cached_property
-    def combinations(self) -> float:
-        """Number of combinations of segments."""
-        return float(np.prod(self.count.astype(float)))
-
-    @cached_property
-    def _rows(self) -> IntArray:
-        return np.arange(self.size)
-
-    def pick(self, table: NDArray[_Scalar], segment: IntArray) -> NDArray[_Scalar]:
-        """The entry of each row that belongs to its segment."""
-        return np.asarray(table[self._rows, segment])
-
-    def segment_of(self, theta: Array) -> IntArray:
-        """The segment that holds each theta."""
-        return np.asarray(np.minimum(np.sum(theta[:, None] > self.end, axis=1), self.count - 1), dtype=np.int64)
 
     def evaluate(self, theta: Array, segment: IntArray) -> tuple[Array, Array, Array, Array]:
         """r, lambda, dr/dtheta and dlambda/dtheta of the given segments, continued beyond their ends."""
@@ -257,11 +203,6 @@ class Chain:
             theta, segment = np.where(closer, at, theta), np.where(closer, choice, segment)
         return theta, segment
 
-    def inside(self, theta: Array, segment: IntArray, tolerance: float) -> BoolArray:
-        """Whether each theta lies on its segment."""
-        low, high = self.pick(self.start, segment), self.pick(self.end, segment)
-        return np.asarray((theta >= low - tolerance) & (theta <= high + tolerance))
-
     def reduced_hessian(self, theta: Array, segment: IntArray) -> Array:
         """Second derivative of the energy in the components that are on a piece."""
         moving = ~self.pick(self.kink, segment)
@@ -284,17 +225,26 @@ class Chain:
             return False
         return True
 
-    def kind(self, theta: Array, segment: IntArray) -> str:
-        """ "minimum", "saddle" or "maximum" of the energy of the contact unknowns; "jump" at a downward jump.
+    def kind(self, theta: Array, segment: IntArray) -> PointKind:
+        """The kind of a stationary point; with a bound that depends on the state, that of the energy frozen here.
 
-        A component at an upward kink is held there, so that a point with such components is no maximum.
+        A component at an upward kink is held there, so that a point with such components is no maximum; at a downward
+        jump the energy falls to both sides, or to one where the multiplier is at an end of the jump.
         """
-        if self.falls(segment):
-            return "jump"
+        kink = self.pick(self.kink, segment)
+        down = kink & (self.pick(self.direction, segment) < 0.0)
         values = np.linalg.eigvalsh(self.reduced_hessian(theta, segment))
+        everywhere = bool(np.all(values < 0.0)) and values.size + int(down.sum()) == self.size
+        if down.any():
+            start, end = (np.where(down, self.pick(table, segment), 0.0) for table in (self.start, self.end))
+            slack = _SAME * (end - start)
+            both = down & (theta > start + slack) & (theta < end - slack)
+            if not both.any():
+                return PointKind.CLARKE_STATIONARY
+            return PointKind.MAXIMUM if everywhere and bool((both == down).all()) else PointKind.SADDLE
         if values.size == 0 or values[0] > 0.0:
-            return "minimum"
-        return "maximum" if values[-1] < 0.0 and values.size == self.size else "saddle"
+            return PointKind.LOCAL_MINIMISER
+        return PointKind.MAXIMUM if everywhere else PointKind.SADDLE
 
     def correct(self, theta: Array, segment: IntArray, force: Array) -> Array | None:
         """Newton's method for F = 0 with the segments given; None where it fails."""
@@ -325,128 +275,15 @@ def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # t
     m, d = system.shape
     if d > 2:
         raise MethodError("the graph of the law is a curve only in one and two dimensions; this problem has three")
-    tables = [_SegmentTable(law, m) for law in kind.graph_law(system).scalar_laws(d)]
     point, column = np.divmod(system.free, d)
     tau = kind.lengths(system, point, column)
-    rows = []
-    for j, c, t in zip(point, column, tau, strict=True):
-        check_time()
-        rows.append(tables[c].row(int(j), float(t)))
-    width = max((len(row) for row in rows), default=1)
-
-    def table(name: str, fill: float | bool | int) -> Array:
-        out = np.full((len(rows), width), fill)
-        for i, row in enumerate(rows):
-            check_time()
-            out[i, : len(row)] = [getattr(segment, name) for segment in row]
-        return out
-
-    return kind(
-        system=system,
-        point=point,
-        column=column,
-        count=np.array([len(row) for row in rows], dtype=np.int64),
-        kink=table("kink", False).astype(bool),
-        piece=table("piece", 0).astype(np.int64),
-        knot=table("knot", 0.0),
-        direction=table("direction", 1.0),
-        start=table("start", np.inf),
-        end=table("end", np.inf),
-        origin=table("origin", 0.0),
-        value=table("value", 0.0),
-        low=table("low", np.inf),
-        high=table("high", np.inf),
-        affine=table("affine", True).astype(bool),
-    )
-
-
-@dataclass
-class _Segment:
-    kink: bool
-    piece: int
-    low: float
-    high: float
-    knot: float = 0.0
-    affine: bool = True
-    curvature: float = 0.0
-    direction: float = 1.0
-    start: float = -np.inf
-    end: float = np.inf
-    origin: float = 0.0
-    value: float = 0.0
+    laws = kind.graph_law(system).scalar_laws(d)
+    rows = [np.flatnonzero(column == c) for c in range(len(laws))]
+    segments = joined_rows([graph_segments(law, m, point[i], tau[i]) for law, i in zip(laws, rows, strict=True)], rows)
+    return kind(**vars(segments), system=system, point=point, column=column)
 
 
 def segments_at_most(system: CondensedProblem) -> int:
     """Number of segments that :func:`chain_of` will lay out, at most."""
     counts = [2 * law.knots.shape[-1] + 1 for law in system.law.scalar_laws(system.shape[1])]
     return int(np.bincount(system.free % system.shape[1], minlength=len(counts)) @ counts)
-
-
-class _SegmentTable:
-    """Knots, jumps and curvatures of one scalar law at all contact points, and the segments made of them."""
-
-    def __init__(self, law: Superpotential, m: int) -> None:
-        knots = law.knots
-        self.knots = np.broadcast_to(knots, (m, knots.shape[-1]))
-        left, right = law.knot_slopes()
-        self.left, self.right = (np.broadcast_to(slope, self.knots.shape) for slope in (left, right))
-        self.lower = np.broadcast_to(law.domain.lower, (m,))
-        self.upper = np.broadcast_to(law.domain.upper, (m,))
-        count = knots.shape[-1] + 1
-        self.curvature = np.zeros((m, count))
-        self.affine = np.zeros((m, count), dtype=bool)
-        for k in range(count):
-            check_time()
-            low, high = law.piece_bounds(np.full(m, k, dtype=np.int64))
-            low, high = np.broadcast_to(low, (m,)), np.broadcast_to(high, (m,))
-            with np.errstate(invalid="ignore"):
-                width = high - low
-            reach = np.where(np.isfinite(width), width, 1.0 + np.abs(np.where(np.isfinite(low), low, 0.0)))
-            base = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - reach, -0.5 * reach))
-            piece = np.full(m, k, dtype=np.int64)
-            at = [base + part * np.where(reach > 0.0, reach, 1.0) for part in (0.13, 0.41, 0.77)]
-            with np.errstate(all="ignore"):
-                curvature = np.array([np.broadcast_to(law.piece_curvature(piece, x), (m,)) for x in at])
-            self.curvature[:, k] = curvature[1]
-            self.affine[:, k] = np.ptp(curvature, axis=0) <= 1e-13 * np.abs(curvature).max(axis=0)
-
-    def row(self, j: int, tau: float) -> list[_Segment]:
-        segments: list[_Segment] = []
-        knots = self.knots[j][np.isfinite(self.knots[j])]
-        lower, upper = self.lower[j], self.upper[j]
-        for k in range(knots.size + 1):
-            low = -np.inf if k == 0 else knots[k - 1]
-            high = np.inf if k == knots.size else knots[k]
-            if high > lower and low < upper:
-                last = segments[-1] if segments else None
-                affine, curvature = bool(self.affine[j, k]), float(self.curvature[j, k])
-                if last and not last.kink and last.affine and affine and last.curvature == curvature:
-                    last.high = high
-                else:
-                    segments.append(_Segment(False, k, low, high, affine=affine, curvature=curvature))
-            if k < knots.size and lower <= knots[k] <= upper:
-                left, right = self.left[j, k], self.right[j, k]
-                size = max(abs(left), abs(right))
-                if right != left and not (np.isfinite(size) and abs(right - left) <= 1e-14 * size):
-                    sign = 1.0 if right > left else -1.0
-                    segments.append(_Segment(True, k, left, right, knot=float(knots[k]), direction=sign))
-        _lay_out(segments, tau)
-        return segments
-
-
-def _lay_out(segments: Iterable[_Segment], tau: float) -> None:
-    """Put the segments one after the other on the axis of theta."""
-    theta = 0.0
-    for i, segment in enumerate(segments):
-        low, high = segment.low, segment.high
-        length = abs(high - low) * (tau if segment.kink else 1.0)
-        if np.isfinite(low):
-            segment.start, segment.end = theta, theta + length
-            segment.origin, segment.value = theta, low
-            theta = segment.end
-        elif np.isfinite(high):
-            assert i == 0
-            segment.start, segment.end = -np.inf, theta
-            segment.origin, segment.value = theta, high
-        else:
-            segment.start, segment.end, segment.origin, segment.value = -np.inf, np.inf, 0.0, 0.0

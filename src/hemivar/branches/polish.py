@@ -9,6 +9,7 @@ import numpy as np
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.certify import trace_force
+from hemivar.discrete.problem import quadratic
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
 from hemivar.solvers.controls import Budget
@@ -51,7 +52,7 @@ def polish(
         if best.residual.below(controls.atol, 0.01 * controls.rtol) or chain.size == 0:
             break
         u, lam = best.unknowns, best.multiplier.copy()
-        rest = problem.load - problem.stiffness @ u - problem.contact_force(lam)
+        rest = -problem.bulk.gradient(u) - problem.contact_force(lam)
         inner, force = system.spread_force(rest, trace_force)
         _, J = chain.balance(theta, segment, chain.force)
         try:
@@ -76,14 +77,15 @@ def _best(system: CondensedProblem, u: Array, r: Array, lam: Array) -> Polished:
     problem = system.problem
     nearest = np.where(system.active, system.law_at(r, lam).nearest_multiplier(r, lam), lam)
     bodies = [u]
-    if not np.any(problem.load):
+    bulk = quadratic(problem.bulk, "refinement")
+    if not np.any(bulk.load):
         bodies.append(np.zeros_like(u))
     pairs = [(body, multiplier) for body in bodies for multiplier in (lam, nearest)]
     found = [residual(problem, *pair) for pair in pairs]
     # of equal ones, the element of the law itself
     order = sorted(range(len(pairs)), key=lambda i: (max(found[i].total - found[i].rounding, 0.0), -i))
     body, multiplier = pairs[order[0]]
-    moved = problem.row_sums * np.abs(body) + np.abs(problem.load) + np.abs(problem.contact_force(np.abs(multiplier)))
+    moved = bulk.row_sums * np.abs(body) + np.abs(bulk.load) + np.abs(problem.contact_force(np.abs(multiplier)))
     return Polished(body, multiplier, found[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
 
 
@@ -101,7 +103,7 @@ def polish_by_solver(
         if better.residual.below(controls.atol, controls.rtol):
             solution = better
     r, lam = solution.local, solution.multiplier
-    frozen = system.for_problem(problem.with_law(system.law_at(r, lam)))
+    frozen = system.for_problem(problem.with_(law=system.law_at(r, lam)))
     index = np.flatnonzero(newton_components(frozen.law, r, frozen.active).ravel())
     length = system.length_scale
     error = np.full(system.shape, 1e-12 * length)

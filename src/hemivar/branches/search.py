@@ -11,9 +11,10 @@ import numpy as np
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.branches.enumeration import Candidate
-from hemivar.branches.path import trace
+from hemivar.branches.follower import trace
 from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.branches.state_chain import StateChain
+from hemivar.discrete.point_kind import PointKind
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.newton import newton_system
@@ -147,7 +148,7 @@ class SolutionSearch:
             self.points.append(self.chain.nearest(solution.local, solution.multiplier))
         return True
 
-    def _solution(self, found: Polished, kind: str) -> Solution:
+    def _solution(self, found: Polished, kind: PointKind) -> Solution:
         below = found.residual.below(self.controls.atol, self.controls.rtol)
         return Solution(
             problem=self.system.problem,
@@ -313,14 +314,15 @@ def _deflated_newton(chain: Chain, theta: Array, known: list[Array]) -> tuple[Ar
     return None
 
 
-def _kind(system: CondensedProblem, r: Array, lam: Array) -> str:
+def _kind(system: CondensedProblem, r: Array, lam: Array) -> PointKind:
     """The kind of a stationary point by the curvature of the components that are off the kinks, in any dimension."""
-    frozen = system.for_problem(system.problem.with_law(system.law_at(r, lam)))
+    frozen = system.for_problem(system.problem.with_(law=system.law_at(r, lam)))
     index = np.flatnonzero(newton_components(frozen.law, r, frozen.active).ravel())
     if index.size == 0:
-        return "minimum"
+        return PointKind.LOCAL_MINIMISER
     H, _ = newton_system(frozen, r, index, frozen.out_of_balance(r))
     values = np.linalg.eigvalsh(H)
     if values[0] > 0.0:
-        return "minimum"
-    return "maximum" if values[-1] < 0.0 and values.size == frozen.free.size else "saddle"
+        return PointKind.LOCAL_MINIMISER
+    whole = values[-1] < 0.0 and values.size == frozen.free.size
+    return PointKind.MAXIMUM if whole else PointKind.SADDLE

@@ -16,6 +16,7 @@ from hemivar.branches.enumeration import enumerate_points
 from hemivar.branches.search import SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.certify import Smallness, one_solution, smallness
+from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.posed import posed
 from hemivar.mechanics.statement import ContactProblem
@@ -27,6 +28,8 @@ __all__ = ["SolutionSet", "find_solutions"]
 
 #: Segments of laws that are laid out before it is known whether there is one solution: a moment's work.
 _SEGMENTS = 20_000
+#: Energies in a short description.
+_SHOWN = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +39,9 @@ class SolutionSet(Sequence[Solution], Displayed):
     Attributes
     ----------
     solutions : tuple of Solution
-        Each with its energy and its ``kind``: "minimum" (no lower point nearby), "saddle", "maximum" (of the energy as
-        a function of the contact displacements alone), or "jump" (a component at a downward jump of its law:
-        stationary in Clarke's sense, never a local minimum).
+        Each with its energy and its ``kind``: LOCAL_MINIMISER (no lower point nearby), SADDLE, MAXIMUM (of the energy
+        as a function of the contact displacements alone), or CLARKE_STATIONARY.  A point with a component at a downward
+        jump of its law is never a local minimiser.
     exhaustive : bool
         Whether there are no others: every combination of pieces and kinks was tried and rounding left none of them
         undecided, or the problem has one solution by its margin.  Solutions nearer to each other than their rounding
@@ -61,6 +64,12 @@ class SolutionSet(Sequence[Solution], Displayed):
     searched: str
     interrupted: bool = False
 
+    def __repr__(self) -> str:
+        energies = ", ".join(f"{solution.energy:.6g}" for solution in self.solutions[:_SHOWN])
+        more = ", ..." if len(self) > _SHOWN else ""
+        known = "all" if self.exhaustive else "perhaps not all"
+        return f"SolutionSet({len(self)} solutions, {known}; energies {energies}{more}; {self.searched})"
+
     def __len__(self) -> int:
         return len(self.solutions)
 
@@ -78,7 +87,7 @@ class SolutionSet(Sequence[Solution], Displayed):
     @property
     def minima(self) -> tuple[Solution, ...]:
         """The local minimisers among them."""
-        return tuple(solution for solution in self.solutions if solution.kind == "minimum")
+        return tuple(solution for solution in self.solutions if solution.kind is PointKind.LOCAL_MINIMISER)
 
 
 def find_solutions(
@@ -137,7 +146,7 @@ def find_solutions(
     system = condense(problem) if condensed is None else condensed
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
-    plane = problem.dim <= 2 and problem.contact_points > 0
+    plane = problem.contact.components <= 2 and problem.contact_points > 0
     if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
         chain = state_chain_of(system) if dependent else chain_of(system)
     search = SolutionSearch(system, chain, controls, max_solutions, np.random.default_rng(seed), budget)

@@ -11,15 +11,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.certify.norms import EnergyNorm, Norm, gram_solve, lift, symmetric_inverse
-from hemivar.discrete.problem import DiscreteProblem
+from hemivar.certify.norms import EnergyNorm, Norm
+from hemivar.certify.trace_inverse import gram_solve, lift, symmetric_inverse
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import ContactLaw, StateBound, Superpotential
 
@@ -32,6 +35,7 @@ _SMALL = 2_000_000
 #: No search with more contact components than this, for it works with dense matrices.
 _SEARCHABLE = 1500
 _SEARCH_STEPS = 60
+_Real = TypeVar("_Real", bound=np.floating)
 _ROWS = 1 << 14
 #: Contact points times knots that are looked at in one go.
 _PAIRS = 1 << 20
@@ -47,10 +51,17 @@ class Point:
     lam: Array
 
     @property
+    def bulk(self) -> Quadratic:
+        """The body, which is linear or stands for its tangent."""
+        return quadratic(self.problem.bulk, "a bound of the error")
+
+    @property
     def active(self) -> BoolArray:
         """Which local components can move, (m, d)."""
         problem = self.problem
-        return np.asarray(np.diff(problem.trace.indptr).reshape(problem.contact_points, problem.dim) > 0)
+        return np.asarray(
+            np.diff(problem.contact.trace.indptr).reshape(problem.contact_points, problem.contact.components) > 0
+        )
 
     def law(self, r: Array, lam: Array) -> ContactLaw:
         """The ordinary law at a state."""
@@ -74,14 +85,14 @@ class Point:
 
 def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
     """The multiplier (m, d) that balances ``f - K u`` on the contact unknowns, in the sense of least squares."""
-    return trace_force(problem, problem.load - problem.stiffness @ u) / problem.weights[:, None]
+    return trace_force(problem, -problem.bulk.gradient(u)) / problem.contact.weights[:, None]
 
 
 def trace_force(problem: DiscreteProblem, force: Array) -> Array:
     """The contact forces (m, d) that balance a force (n,) on the contact unknowns, in the sense of least squares."""
-    active = np.diff(problem.trace.indptr) > 0
-    inner = gram_solve(problem.trace, np.where(active, problem.trace @ force, 0.0), active)
-    shape = (problem.contact_points, problem.dim)
+    active = np.diff(problem.contact.trace.indptr) > 0
+    inner = gram_solve(problem.contact.trace, np.where(active, problem.contact.trace @ force, 0.0), active)
+    shape = (problem.contact_points, problem.contact.components)
     return np.zeros(shape) if inner is None else inner.reshape(shape)
 
 
@@ -182,7 +193,7 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
         return np.inf
     problem = point.problem
     if problem.contact_points == 0:
-        return _evaluate(point, point.u, np.zeros((0, problem.dim)), point.lam, margin)
+        return _evaluate(point, point.u, np.zeros((0, problem.contact.components)), point.lam, margin)
     best = np.inf
     r = problem.local(point.u)
     tau = point.compliance
@@ -219,7 +230,7 @@ def _evaluate(point: Point, base: Array, r: Array, lam: Array, margin: float) ->
     v = base
     if problem.contact_points and np.any(r != problem.local(base)):
         change = (r - problem.local(base)).ravel()
-        moved = lift(problem.trace, np.where(point.active.ravel(), change, 0.0), point.active.ravel())
+        moved = lift(problem.contact.trace, np.where(point.active.ravel(), change, 0.0), point.active.ravel())
         if moved is None:
             return np.inf
         v = base + moved
@@ -248,7 +259,7 @@ def _nearby(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
     more = longest * float(np.finfo(float).eps) * (size + float(np.linalg.norm(rest / np.sqrt(point.energy.diagonal))))
     if more > doubt:
         return _out_of_balance(point, v, lam)
-    moved = problem.stiffness @ step if v is not point.u else 0.0
+    moved = point.bulk.stiffness @ step if v is not point.u else 0.0
     return rest - moved - change, doubt + more
 
 
@@ -257,12 +268,12 @@ def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
 
     ``|e| <= longest eps (|K| |v| + |f| + |B'| |W lam|)``, entry by entry, longest being the number of terms.
     """
-    problem, long = point.problem, np.longdouble
-    force = problem.weights[:, None].astype(long) * lam
-    transposed = sp.csr_array(problem.trace.T)
-    rest = problem.load - _product(problem.stiffness, v.astype(long)) - _product(transposed, force.ravel())
+    problem, bulk, long = point.problem, point.bulk, np.longdouble
+    force = problem.contact.weights[:, None].astype(long) * lam
+    transposed = sp.csr_array(problem.contact.trace.T)
+    rest = bulk.load - _product(bulk.stiffness, v.astype(long)) - _product(transposed, force.ravel())
     rounded = rest.astype(float)
-    size, longest = _rounding_size(point, v, problem.load, lam)
+    size, longest = _rounding_size(point, v, bulk.load, lam)
     last = float(np.finfo(float).eps * np.linalg.norm(rounded / np.sqrt(point.energy.diagonal)))
     return rounded, longest * float(np.finfo(long).eps) * size + last
 
@@ -273,15 +284,15 @@ def _rounding_size(point: Point, v: Array, load: Array, lam: Array) -> tuple[flo
     By Schur's test ``|D^-1/2 |K| |v||_2 <= max_i (sum_j |K_ij| / K_ii) |D^1/2 v|_2``.
     """
     problem, diagonal = point.problem, point.energy.diagonal
-    transposed = sp.csr_array(problem.trace.T)
-    longest = max(int(np.diff(matrix.indptr).max(initial=0)) for matrix in (problem.stiffness, transposed)) + 4
+    transposed = sp.csr_array(problem.contact.trace.T)
+    longest = max(int(np.diff(matrix.indptr).max(initial=0)) for matrix in (point.bulk.stiffness, transposed)) + 4
     root = np.sqrt(diagonal)
-    applied = np.abs(load) + abs(transposed) @ np.abs(problem.weights[:, None] * lam).ravel()
-    spread = float((problem.row_sums / diagonal).max(initial=0.0))
+    applied = np.abs(load) + abs(transposed) @ np.abs(problem.contact.weights[:, None] * lam).ravel()
+    spread = float((point.bulk.row_sums / diagonal).max(initial=0.0))
     return spread * float(np.linalg.norm(root * v)) + float(np.linalg.norm(applied / root)), longest
 
 
-def _product(matrix: sp.csr_array, x: Any) -> Any:
+def _product(matrix: sp.csr_array, x: NDArray[_Real]) -> NDArray[_Real]:
     """``matrix @ x`` in the precision of x, some rows at a time."""
     out = np.zeros(matrix.shape[0], dtype=x.dtype)
     for start in range(0, matrix.shape[0], _ROWS):
@@ -296,17 +307,17 @@ def _product(matrix: sp.csr_array, x: Any) -> Any:
 def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceiling: Array | None) -> float:
     """Look for a better pair by Newton steps on the condensed problem; every iterate gives a pair."""
     problem = point.problem
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     rows = np.flatnonzero(point.active.ravel())
-    part = problem.trace[rows]
+    part = problem.contact.trace[rows]
     columns = energy.solve(part.T.toarray())
     flexibility = part @ columns
     S = symmetric_inverse(np.asarray(flexibility))
     if S is None:
         return best
-    w = np.repeat(problem.weights, d)[rows]
-    free = energy.solve(problem.load)
-    target = (part @ free) - problem.offset[rows]  # local displacement without contact
+    w = np.repeat(problem.contact.weights, d)[rows]
+    free = energy.solve(point.bulk.load)
+    target = (part @ free) - problem.contact.offset.ravel()[rows]  # local displacement without contact
     held = problem.local(point.u)
     r = held.copy()
     ratio = (w / np.diagonal(S)).reshape(-1)
@@ -365,5 +376,5 @@ def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceilin
             break
     if not np.isfinite(least):
         return best
-    load = problem.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
+    load = point.bulk.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
     return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin, ceiling))

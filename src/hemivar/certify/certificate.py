@@ -16,9 +16,11 @@ from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.display import Displayed
 from hemivar.basics.types import Array
 from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound
-from hemivar.certify.kind import LocalStudy, PointKind, study
+from hemivar.certify.kind import LocalStudy, study
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
 from hemivar.certify.smallness import Smallness, one_solution, smallness, unknown_constants, with_survey
+from hemivar.certify.words import certificate_lines
+from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
@@ -28,6 +30,9 @@ from hemivar.linear.threads import one_thread
 __all__ = ["Certificate", "certify"]
 
 _Part = TypeVar("_Part")
+
+#: What rounding may put a nodal displacement off its supports by, of the largest displacement.
+_OFF_SUPPORT = 1e-9
 
 
 @runtime_checkable
@@ -125,6 +130,14 @@ class Certificate(Displayed):
     error_bound_sampled: bool = False
     left_out: tuple[str, ...] = ()
 
+    def lines(self, whole: bool = False) -> list[str]:
+        """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""
+        return certificate_lines(self, whole)
+
+    def __repr__(self) -> str:
+        residual = f"residual          {self.residual.relative:.1e} relative, tolerance {self.tolerance:.0e}"
+        return "\n  ".join(["Certificate", residual, *self.lines()])
+
     def record(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON.
 
@@ -132,12 +145,12 @@ class Certificate(Displayed):
         :class:`Smallness`.  Numbers that are infinite become null and their keys are listed under ``infinite``
         (under ``minus_infinite`` if negative); other nulls mean "not known".
         """
-        values: dict[str, Any] = {}
+        values: dict[str, object] = {}
         for owner in (self, self.smallness):
             for item in fields(owner):
                 if item.name not in ("residual", "smallness"):
                     values.setdefault(item.name, getattr(owner, item.name))
-        plain: dict[str, Any] = {}
+        plain: dict[str, object] = {}
         infinite: list[str] = []
         negative: list[str] = []
         for name, value in values.items():
@@ -171,8 +184,9 @@ def certify(
     ----------
     problem : DiscreteProblem or Solution
         A solution stands for its problem, unknowns and multiplier.
-    displacement : array (n,) or Solution
-        The unknowns u of the problem; left out only where a solution is the first argument.
+    displacement : array (n,) or (nodes, d), or Solution
+        The unknowns u of the problem, or the displacement of all nodes of its mesh (checked to fulfil the supports);
+        left out only where a solution is the first argument.
     multiplier : array (m, d), optional
         Pressure and friction; recomputed from equilibrium (least squares) if not given.
     factor : EnergyNorm or MultigridNorm, optional
@@ -192,7 +206,8 @@ def certify(
     Raises
     ------
     ProblemError
-        Wrong shapes, numbers that are not finite, or a stiffness with a negative eigenvalue.
+        Wrong shapes, numbers that are not finite, a displacement that the supports do not allow, or a stiffness with a
+        negative eigenvalue.
 
     Notes
     -----
@@ -203,17 +218,13 @@ def certify(
     if factor is not None:
         expect(factor, EnergyNorm | MultigridNorm, "the factor", "pass hemivar.certify.energy_norm(problem)")
     tolerance = number(tolerance, "the tolerance of a certificate")
-    u = real_array(given, "the displacement", finite=False)
-    m, d = problem.contact_points, problem.dim
-    if u.shape != problem.load.shape:
-        raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {problem.load.shape}")
+    m, d = problem.contact_points, problem.contact.components
+    u = _unknowns(problem, given)
     if not 0.0 <= tolerance <= 0.1:
         raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
-    if not np.isfinite(u).all():
-        raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
     budget = Budget(max_time)
     energy = energy_norm(problem) if factor is None else factor
-    if energy.stiffness is not problem.stiffness and energy.stiffness.shape != problem.stiffness.shape:
+    if energy.stiffness.shape[0] != problem.unknowns:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
     if not energy.definite:
         refuse_indefinite(energy.indefinite)
@@ -243,7 +254,9 @@ def _known(certificate: Certificate) -> Certificate:
     return replace(certificate, unique=None, kind=kind)
 
 
-def _pair(problem: object, displacement: object, multiplier: Array | None) -> tuple[DiscreteProblem, Any, Array | None]:
+def _pair(
+    problem: object, displacement: Array | Certifiable | None, multiplier: Array | None
+) -> tuple[DiscreteProblem, Array, Array | None]:
     """Problem, unknowns and multiplier, taken from a solution where one is given."""
     if isinstance(problem, Certifiable):
         if displacement is not None or multiplier is not None:
@@ -251,7 +264,8 @@ def _pair(problem: object, displacement: object, multiplier: Array | None) -> tu
                 "certify: a solution stands for its unknowns and multiplier, and these are given as well; leave them "
                 "out, or give the problem, solution.problem, in the place of the solution"
             )
-        problem, displacement = problem.problem, problem
+        displacement = problem
+        problem = displacement.problem
     remedy = "give hemivar.discretize(problem), or the solution alone: certify(solution)"
     discrete = expect(problem, DiscreteProblem, "certify: the problem", remedy)
     if isinstance(displacement, Certifiable):
@@ -260,6 +274,32 @@ def _pair(problem: object, displacement: object, multiplier: Array | None) -> tu
     if displacement is None:
         raise ProblemError("certify: no displacement is given; give a solution, or its unknowns (n,)")
     return discrete, displacement, multiplier
+
+
+def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
+    """The unknowns (n,), given themselves or as the displacement of all nodes, (nodes, d)."""
+    u = real_array(given, "the displacement", finite=False)
+    field = problem.field
+    nodal = None if field is None else (field.number_of_nodes, field.components)
+    shape = (problem.unknowns,)
+    if u.shape not in (shape, nodal):
+        nodes = "" if nodal is None else f", the displacement of the nodes has shape {nodal}"
+        raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {shape}{nodes}")
+    if not np.isfinite(u).all():
+        raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
+    if field is None or u.shape == shape:
+        return u
+    unknowns = field.restrict(u)
+    off = np.abs(field.full(unknowns) - u).max(axis=1)
+    misses = off > _OFF_SUPPORT * np.abs(u).max()
+    if misses.any():
+        node = int(off.argmax())
+        place = ", ".join(f"{x + 0.0:.6g}" for x in field.nodes[node])
+        raise ProblemError(
+            f"the displacement does not fulfil the supports at {np.count_nonzero(misses)} nodes; at node {node}, "
+            f"x = ({place}), it is off by {off[node]:.3g}"
+        )
+    return unknowns
 
 
 def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Budget) -> Certificate:
@@ -287,7 +327,7 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Bud
     )
     equilibrium, load_norm = in_time(
         "equilibrium",
-        lambda: (point.imbalance[1], energy.least_dual_norm(problem.load)) if energy.definite else (np.inf, np.inf),
+        lambda: (point.imbalance[1], energy.least_dual_norm(point.bulk.load)) if energy.definite else (np.inf, np.inf),
         (np.inf, np.inf),
     )
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
@@ -334,8 +374,8 @@ def _ratio(part: float, whole: float) -> float:
 def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
     """Equilibrium where the body can move; the multiplier of the law nearest to zero where it cannot."""
     lam = equilibrium_multiplier(problem, u)
-    m, d = problem.contact_points, problem.dim
-    fixed = np.diff(problem.trace.indptr).reshape(m, d) == 0
+    m, d = problem.contact_points, problem.contact.components
+    fixed = np.diff(problem.contact.trace.indptr).reshape(m, d) == 0
     if fixed.any():
         r = problem.local(u)
         law = problem.law.frozen(r, lam)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,9 +11,10 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.bound import Point, snap
 from hemivar.certify.norms import EnergyNorm, MultigridNorm
+from hemivar.discrete.point_kind import PointKind
 from hemivar.laws import Superpotential
 
-__all__ = ["LocalStudy", "PointKind", "study"]
+__all__ = ["LocalStudy", "study"]
 
 #: Curvatures (relative to the elastic one) this small are not decided.
 _FLAT = 1e-9
@@ -22,31 +22,6 @@ _FLAT = 1e-9
 _AT_END = 1e-8
 #: Contact components up to which all curvatures are computed, not the smallest one alone.
 _FEW = 200
-
-
-class PointKind(StrEnum):
-    """What a point is for the energy."""
-
-    UNIQUE_MINIMISER = "unique minimiser"
-    """The only solution there is, and the global minimiser of the energy."""
-    GLOBAL_MINIMISER = "global minimiser"
-    """The law is convex, so every stationary point is a global minimiser; there may be others with the same energy."""
-    UNIQUE_SOLUTION = "unique solution"
-    """The only solution of a problem whose friction bound depends on the solution, which has no energy."""
-    LOCAL_MINIMISER = "local minimiser"
-    """The energy (for a state-dependent bound, frozen here) rises in every direction."""
-    SADDLE = "saddle"
-    """The energy falls to both sides in some direction and rises in another."""
-    MAXIMUM = "maximum"
-    """The energy, as a function of the contact displacements alone, falls in every direction."""
-    DIRECTIONALLY_STATIONARY = "directionally stationary"
-    """The energy falls in no direction to first order; its curvature does not decide."""
-    CLARKE_STATIONARY = "Clarke-stationary"
-    """Stationary in the sense of Clarke only: at a downward jump the energy falls to one side to first order."""
-    STATIONARY = "stationary"
-    """The residual is below the tolerance; what kind of point it is was not looked at, for lack of time."""
-    NOT_STATIONARY = "not stationary"
-    """Equilibrium or the law is not fulfilled to the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +153,7 @@ def _sort(point: IntArray, axis: Array, lam: Array, sides: _Part, slack: float) 
 def _components(point: Point) -> _Sorted:
     """Every contact component, sorted."""
     problem = point.problem
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     active = point.active
     law = point.law(problem.local(point.u), point.lam)
     r = np.where(active, snap(law, problem.local(point.u), point.lam, point.compliance), 0.0)
@@ -214,7 +189,7 @@ def _components(point: Point) -> _Sorted:
 
 def study(point: Point) -> LocalStudy:
     """Classify a pair that is stationary up to rounding."""
-    m, d = point.problem.contact_points, point.problem.dim
+    m, d = point.problem.contact_points, point.problem.contact.components
     parts = _components(point)
     free, held, weak, falls, one_sided = parts.free, parts.held, parts.weak, parts.falls, parts.one_sided
 
@@ -253,11 +228,11 @@ def study(point: Point) -> LocalStudy:
 def _rows(point: Point, parts: _Components) -> sp.csr_array:
     """Rows ``axis . B_j`` of contact components."""
     problem = point.problem
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     columns = (parts.point[:, None] * d + np.arange(d)).ravel()
     starts = np.arange(parts.size + 1) * d
     select = sp.csr_array((parts.axis.ravel(), columns, starts), shape=(parts.size, m * d))
-    return sp.csr_array(select @ problem.trace)
+    return sp.csr_array(select @ problem.contact.trace)
 
 
 def _curvatures(point: Point, free: _Components, held: _Components, every: bool) -> tuple[Array | None, Array | None]:
@@ -266,9 +241,9 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
     Returns them with the local displacements of the lowest one; None where they cannot be had.
     """
     problem = point.problem
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     C = _rows(point, free)
-    weight = problem.weights[free.point] * free.bend
+    weight = problem.contact.weights[free.point] * free.bend
     count = C.shape[0]
     if not point.energy.definite:
         return None, None
@@ -290,16 +265,16 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
         root = vectors[:, kept] * np.sqrt(values[kept])
         bends, modes = np.linalg.eigh(np.eye(int(kept.sum())) + root.T @ (weight[:, None] * root))
         force = np.linalg.lstsq(root.T, modes[:, 0], rcond=None)[0]
-        return bends, _normalised(problem.trace @ (columns @ force), m, d)
+        return bends, _normalised(problem.contact.trace @ (columns @ force), m, d)
     A = sp.csr_array(C.T @ sp.diags_array(-weight) @ C)
     n = problem.unknowns
     inverse = spla.LinearOperator((n, n), matvec=lambda x: solver.solve(x.ravel()), dtype=float)
     start = solver.solve(np.asarray(C.T @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal(count))))
     try:
-        top, modes = spla.eigsh(A, k=1, M=problem.stiffness, Minv=inverse, which="LA", v0=start, tol=1e-8, ncv=16)
+        top, modes = spla.eigsh(A, k=1, M=point.energy.stiffness, Minv=inverse, which="LA", v0=start, tol=1e-8, ncv=16)
     except (spla.ArpackNoConvergence, RuntimeError):
         return None, None
-    return 1.0 - top, _normalised(problem.trace @ modes[:, 0], m, d)
+    return 1.0 - top, _normalised(problem.contact.trace @ modes[:, 0], m, d)
 
 
 def _lowest_by_multigrid(
@@ -307,7 +282,7 @@ def _lowest_by_multigrid(
 ) -> tuple[Array | None, Array | None]:
     """The lowest eigenvalue alone: what its vector attains where that is negative, else what it is at least."""
     problem = point.problem
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     at_rest = np.zeros((m, d), dtype=bool)
     row, component = np.nonzero(held.axis)
     if row.size != held.size or np.any(np.diff(row) == 0):  # a direction that is no component
@@ -317,7 +292,7 @@ def _lowest_by_multigrid(
     if mode is None or mode.vector is None:
         return None, None
     lowest = 1.0 - (mode.value if mode.value > 1.0 else mode.bound)
-    return np.array([lowest]), _normalised(problem.trace @ mode.vector, m, d)
+    return np.array([lowest]), _normalised(problem.contact.trace @ mode.vector, m, d)
 
 
 def _normalised(vector: Array, m: int, d: int) -> Array:

@@ -188,11 +188,11 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
     Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is
     in docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair.
     """
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
     weakens = np.broadcast_to(problem.law.friction.profile.weak_convexity, (m,)) > 0.0
     if point is None:
-        r, lam = -problem.offset.reshape(m, d), np.zeros((m, d))
+        r, lam = -problem.contact.offset, np.zeros((m, d))
         return np.where(rate > 0.0, np.inf, friction_bound(problem, r, lam))
     if d == 1 or not (energy.definite and np.any(weakens)) or not np.isfinite(rate).all():
         return np.full(m, np.inf)
@@ -205,15 +205,15 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
     radius = error_bound(point, margin, near)
     # |(B e)_nu| at a contact point is at most |e|_K sqrt(largest eigenvalue of (B_nu'W B_nu, K) / weight)
     weight = np.zeros((m, d))
-    weight[:, 0] = problem.weights
-    stretch = energy.largest_eigenvalue(problem.trace, weight.ravel()).bound
-    reached = here + rate * radius * np.sqrt(stretch / problem.weights)
+    weight[:, 0] = problem.contact.weights
+    stretch = energy.largest_eigenvalue(problem.contact.trace, weight.ravel()).bound
+    reached = here + rate * radius * np.sqrt(stretch / problem.contact.weights)
     return near if bool((reached <= near).all()) else np.where(np.isnan(reached), np.inf, reached)
 
 
 def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | None) -> Smallness:
     """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state."""
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     if m:
         law = problem.law
         normal = np.broadcast_to(law.normal.weak_convexity, (m,))
@@ -232,13 +232,13 @@ def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | No
         sampled = False
     if d == 1:
         tangential = coupling_weight = np.zeros(m)
-    visible = np.diff(problem.trace.indptr).reshape(m, d) > 0 if m else np.zeros((0, d), dtype=bool)
+    visible = np.diff(problem.contact.trace.indptr).reshape(m, d) > 0 if m else np.zeros((0, d), dtype=bool)
     seen_normal = visible[:, 0]
     seen_tangential = visible[:, 1:].any(axis=1)
     normal = np.where(seen_normal, normal, 0.0)
     tangential = np.where(seen_tangential, tangential, 0.0)
     coupling_weight = np.where(seen_normal & seen_tangential, coupling_weight, 0.0)
-    w = problem.weights
+    w = problem.contact.weights
 
     def top(on_normal: Array, on_tangential: Array, near: float | None = None) -> float:
         weight = np.zeros((m, d))
@@ -248,7 +248,7 @@ def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | No
             return 0.0
         if energy is None or not (energy.definite and np.isfinite(weight).all()):
             return np.inf
-        return energy.largest_eigenvalue(problem.trace, (w[:, None] * weight).ravel(), near).bound
+        return energy.largest_eigenvalue(problem.contact.trace, (w[:, None] * weight).ravel(), near).bound
 
     none = np.zeros(m)
     both = bool(np.any(normal) and np.any(tangential))
@@ -349,16 +349,16 @@ def _trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
         raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
     check_time()
     energy: Norm
-    if problem.statement is not None and not factorises(problem):
-        unit = replace(problem.statement, material=Material.lame(0.0, 0.5))
+    if problem.origin is not None and not factorises(problem):
+        unit = replace(problem.origin, material=Material.lame(0.0, 0.5))
         energy = MultigridNorm(discretize(unit, check_coercivity=False))
     else:
         strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
         matrix = sp.csr_array(field.basis.T @ strain @ field.basis)
         energy = EnergyNorm(sp.csr_array(0.5 * (matrix + matrix.T)))
-    both = np.repeat(problem.weights[:, None], problem.dim, axis=1)
-    normal = both * (np.arange(problem.dim) == 0)
+    both = np.repeat(problem.contact.weights[:, None], problem.contact.components, axis=1)
+    normal = both * (np.arange(problem.contact.components) == 0)
     chosen = [both, normal, both - normal] if parts else [both]
     if not energy.definite:
         return [np.inf] * len(chosen)
-    return [float(np.sqrt(energy.largest_eigenvalue(problem.trace, w.ravel()).bound)) for w in chosen]
+    return [float(np.sqrt(energy.largest_eigenvalue(problem.contact.trace, w.ravel()).bound)) for w in chosen]

@@ -898,7 +898,6 @@ def _print_summary(console: Console, solution: Solution, certificate: Certificat
     """Print what was found."""
     import numpy as np
 
-    from hemivar.cli.certify import certificate_lines
     from hemivar.solvers import ContactState, Status
 
     good = solution.status is Status.CONVERGED
@@ -912,7 +911,7 @@ def _print_summary(console: Console, solution: Solution, certificate: Certificat
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
     if not good:
         print(f"what to do        {solution.status.remedy}")
-    for line in [] if certificate is None else certificate_lines(certificate):
+    for line in [] if certificate is None else certificate.lines():
         print(line)
     if solution.problem.contact_points == 0:
         return

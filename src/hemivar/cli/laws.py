@@ -154,8 +154,8 @@ def _build(entry: LawEntry, given: dict[str, str]) -> tuple[Any, str]:
         elif p.shown is not None:
             values[p.name] = p.shown
             if p.default is None:
-                listed = isinstance(p.shown, tuple)
-                shown.append(f"{p.name}={','.join(f'{x:g}' for x in p.shown) if listed else p.shown}")
+                value = p.shown
+                shown.append(f"{p.name}={','.join(f'{x:g}' for x in value) if isinstance(value, tuple) else value}")
     law = entry.make(**values).at(None)
     note = f"\nshown with        {'  '.join(shown)}  (change them with --set)" if shown else ""
     return law, note

@@ -6,7 +6,6 @@ An interval is a pair of arrays (k,), its lower and upper ends, each of which ma
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -89,7 +88,7 @@ def _absolute(x: Pair) -> Pair:
     return np.maximum(np.maximum(low, -high), 0.0), np.maximum(np.abs(low), np.abs(high))
 
 
-def _wave(x: Pair, function: Callable[[Any], Any], top: float) -> Pair:
+def _wave(x: Pair, function: np.ufunc, top: float) -> Pair:
     """A sine whose maxima are at ``top + 2 pi k``."""
     low, high = x
     margin = 1e-14 * (1.0 + np.maximum(np.abs(low), np.abs(high)))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, Parameter
@@ -38,7 +37,7 @@ def evaluate(parameter: Parameter, points: Array | None, what: str, minimum: flo
     if callable(parameter):
         if points is None:
             raise ProblemError(f"{what} is a function of x: evaluate the law with law.at(points) first")
-        values: Any = parameter(points)
+        values: ArrayLike = parameter(points)
     else:
         values = parameter
     if np.iscomplexobj(values):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import cast
 
 from hemivar.basics.types import Parameter
 from hemivar.errors import ProblemError
@@ -51,6 +51,10 @@ __all__ = [
 ]
 
 
+#: A value of a parameter as it may be written: a number, a text, a list of numbers; None if there is none.
+Value = float | str | tuple[float, ...] | None
+
+
 class LawKind(StrEnum):
     """Which part of the contact law an entry describes."""
 
@@ -84,7 +88,7 @@ class LawParameter:
         In words, without the name.
     unit : str
         In terms of force and length.
-    default : float or None
+    default : float, str or None
         Value if it is left out; ``None`` means that it must be given.
     minimum : float
         Smallest value allowed.
@@ -101,12 +105,12 @@ class LawParameter:
     name: str
     meaning: str
     unit: str
-    default: Any = None
+    default: Value = None
     minimum: float = -math.inf
     form: ParameterForm = ParameterForm.NUMBER
     optional: bool = False
     choices: tuple[str, ...] = ()
-    example: Any = None
+    example: Value = None
 
     @property
     def required(self) -> bool:
@@ -114,7 +118,7 @@ class LawParameter:
         return self.default is None and not self.optional
 
     @property
-    def shown(self) -> Any:
+    def shown(self) -> Value:
         """A value to show the law with; ``None`` to leave it out."""
         if self.example is not None:
             return self.example
@@ -140,7 +144,7 @@ class LawEntry:
 
     name: str
     kind: LawKind
-    build: Callable[..., Any]
+    build: Callable[..., Superpotential | Friction]
     summary: str
     formula: str
     parameters: tuple[LawParameter, ...] = ()
@@ -150,7 +154,7 @@ class LawEntry:
         """Names of the parameters that must be given."""
         return tuple(p.name for p in self.parameters if p.required)
 
-    def make(self, **values: Any) -> Any:
+    def make(self, **values: object) -> Superpotential | Friction:
         """The law with these parameters.
 
         Raises
@@ -476,16 +480,14 @@ NORMAL_LAWS: Mapping[str, LawEntry] = MappingProxyType({entry.name: entry for en
 FRICTION_LAWS: Mapping[str, LawEntry] = MappingProxyType({entry.name: entry for entry in _FRICTION})
 
 
-def normal_law(name: str, **values: Any) -> Superpotential:
+def normal_law(name: str, **values: object) -> Superpotential:
     """The normal law of this name, such as ``normal_law("survey", q_max=0.3, p_const=2.0)``."""
-    law: Superpotential = _entry(NORMAL_LAWS, name).make(**values)
-    return law
+    return cast(Superpotential, _entry(NORMAL_LAWS, name).make(**values))
 
 
-def friction_law(name: str, **values: Any) -> Friction:
+def friction_law(name: str, **values: object) -> Friction:
     """The friction law of this name, such as ``friction_law("tresca", bound=0.5)``."""
-    law: Friction = _entry(FRICTION_LAWS, name).make(**values)
-    return law
+    return cast(Friction, _entry(FRICTION_LAWS, name).make(**values))
 
 
 def _entry(laws: Mapping[str, LawEntry], name: str) -> LawEntry:

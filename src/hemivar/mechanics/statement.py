@@ -188,6 +188,13 @@ class ContactProblem(Portable, Displayed):
         object.__setattr__(self, "tractions", MappingProxyType(forces))
         self._check_overlaps()
 
+    def __repr__(self) -> str:
+        parts = [repr(self.title)] if self.title else []
+        parts += [repr(self.mesh), type(self.material).__name__.lstrip("_").lower() + " material"]
+        parts += [f"contact on {name}: {contact.law.normal.name}" for name, contact in self.contact.items()]
+        parts += [f"{type(support).__name__} on {name}" for name, support in self.supports.items()]
+        return f"ContactProblem({', '.join(parts)})"
+
     def on(self, mesh: Mesh) -> ContactProblem:
         """The same problem on another mesh, which must have the same boundary names."""
         return replace(self, mesh=mesh)

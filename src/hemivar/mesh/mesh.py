@@ -144,6 +144,13 @@ class Mesh(Portable):
         mesh._set(points, cells, boundaries, regions, parent, recipe)
         return mesh
 
+    def __repr__(self) -> str:
+        cells = f"{len(self.cells)} {'triangles' if self.dim == 2 else 'tetrahedra'}"
+        named = [
+            f"{what} {', '.join(of)}" for what, of in (("boundaries", self.boundaries), ("regions", self.regions)) if of
+        ]
+        return f"Mesh({'; '.join([f'{len(self.points)} nodes, {cells}', *named])})"
+
     @property
     def dim(self) -> int:
         """Space dimension d, 2 or 3."""

@@ -16,15 +16,15 @@ from hemivar.solvers.status import Status
 from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
 from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
 from hemivar.solvers.survey.bundle import ProximalBundle
-from hemivar.solvers.survey.direct import DirectOptimization, Optimizer, Powell
 from hemivar.solvers.survey.lbfgs import LBFGS
+from hemivar.solvers.survey.powell import Powell
 
 _ALL = (
     NonsmoothNewton(),
     NonsmoothMultigrid(),
-    DirectOptimization(Powell()),
-    DirectOptimization(LBFGS()),
-    DirectOptimization(ProximalBundle()),
+    Powell(),
+    LBFGS(),
+    ProximalBundle(),
     AugmentedLagrangian(),
     AugmentedLagrangianNewton(),
     PrimalDualActiveSet(ExactInner()),
@@ -41,7 +41,6 @@ __all__ = [
     "AugmentedLagrangianNewton",
     "ContactState",
     "Controls",
-    "DirectOptimization",
     "ExactInner",
     "FixedPoint",
     "InnerSolver",
@@ -49,7 +48,6 @@ __all__ = [
     "NewtonKrylov",
     "NonsmoothMultigrid",
     "NonsmoothNewton",
-    "Optimizer",
     "Powell",
     "PrimalDualActiveSet",
     "Progress",

@@ -25,8 +25,8 @@ def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
     Fitted to one core of 2026 and linear elements (``benchmarks/crossover.py``); only their ratio and their order of
     magnitude matter.
     """
-    n, dense = float(problem.unknowns), 5e-10 * float(problem.trace.nnz) ** 3
-    if problem.dim == 3:
+    n, dense = float(problem.unknowns), 5e-10 * float(problem.contact.trace.nnz) ** 3
+    if problem.contact.components == 3:
         return 1.5e-8 * n**2 + dense, 0.1 + 4.5e-5 * n
     return 1.2e-6 * n * math.log2(max(n, 2.0)) + dense, 0.05 + 4.0e-6 * n
 
@@ -38,15 +38,18 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     for laws that are not convex it is preferred a while longer, for it looks further for a lower energy.
     """
     newton, multigrid = predicted_seconds(problem)
-    needed, free = factorisation_bytes(problem.unknowns, problem.dim, problem.trace.nnz), available_bytes()
+    needed, free = (
+        factorisation_bytes(problem.unknowns, problem.contact.components, problem.contact.trace.nnz),
+        available_bytes(),
+    )
     fits = free is None or needed <= _SHARE * free
     convex = True
     if problem.contact_points:
-        rest = -problem.offset.reshape(problem.contact_points, problem.dim)
+        rest = -problem.contact.offset
         convex = all(bool((alpha == 0.0).all()) for alpha in problem.law.frozen_at(rest).weak_convexity)
     size = f"{problem.unknowns} unknowns"
     costs = f"predicted: NonsmoothNewton {newton:.2g} s, NonsmoothMultigrid {multigrid:.2g} s"
-    if not selects(problem.trace):
+    if not selects(problem.contact.trace):
         return NonsmoothNewton(), f"NonsmoothNewton for {size}, for contact points share displacements"
     if not fits:
         memory = f"a factorisation would need about {needed / 2**30:.2g} GiB, free are {(free or 0.0) / 2**30:.2g} GiB"

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.solvers.controls import Progress
 from hemivar.solvers.status import Status
+
+if TYPE_CHECKING:
+    from hemivar.certify.certificate import Certificate
 
 __all__ = ["ContactState", "Solution", "contact_state"]
 
@@ -63,8 +69,8 @@ class Solution(Portable, Displayed):
         energy norm ``sqrt(v'Kv)``.
     contraction : float or None
         Contraction factor measured by the outer fixed point, where the law depends on the solution.
-    kind : str or None
-        What kind of stationary point it is, where it was determined ("minimum", "saddle", "maximum", "jump").
+    kind : PointKind or None
+        What kind of stationary point it is, where it was determined.
     """
 
     problem: DiscreteProblem
@@ -79,7 +85,7 @@ class Solution(Portable, Displayed):
     timings: Mapping[str, float] = field(default_factory=dict)
     error_bound: float | None = None
     contraction: float | None = None
-    kind: str | None = None
+    kind: PointKind | None = None
 
     @cached_property
     def displacement(self) -> Array:
@@ -129,17 +135,36 @@ class Solution(Portable, Displayed):
     @cached_property
     def normal_force(self) -> float:
         """Resultant of the pressure over the contact boundary."""
-        return float(self.problem.weights @ self.pressure)
+        return float(self.problem.contact.weights @ self.pressure)
 
     @cached_property
     def friction_force(self) -> Array:
         """Resultant of the friction in local components, (d - 1,)."""
-        return np.asarray(self.problem.weights @ self.friction)
+        return np.asarray(self.problem.contact.weights @ self.friction)
 
     @cached_property
     def contact_length(self) -> float:
         """Measure of the part of the contact boundary that is not open (length in 2D, area in 3D)."""
-        return float(self.problem.weights @ (self.state != ContactState.OPEN))
+        return float(self.problem.contact.weights @ (self.state != ContactState.OPEN))
+
+    def certify(
+        self, *, tolerance: float = 1e-8, trace_constant: bool = True, max_time: float = math.inf
+    ) -> Certificate:
+        """What is known about this solution, see :func:`hemivar.certify`."""
+        from hemivar.certify import certify
+
+        return certify(self, tolerance=tolerance, trace_constant=trace_constant, max_time=max_time)
+
+    def __repr__(self) -> str:
+        problem, r = self.problem, self.local
+        ended = f"{self.status.value} after {self.steps} steps, relative residual {self.residual.relative:.1e}"
+        lines = [f"Solution of {problem.unknowns} unknowns by {self.method}", f"status      {ended}"]
+        lines.append(f"energy      {self.energy:.10g}" + (f", {self.kind.value}" if self.kind else ""))
+        if problem.contact_points:
+            states = ", ".join(f"{np.count_nonzero(self.state == s)} {s.label}" for s in ContactState)
+            lines.append(f"contact     {problem.contact_points} points: {states}")
+            lines.append(f"            penetration at most {r[:, 0].max():.4g}, normal force {self.normal_force:.6g}")
+        return "\n  ".join([*lines, *(f"warning     {sentence}" for sentence in self.warnings)])
 
     def raise_for_status(self) -> Solution:
         """This solution, or an error with the remedy if the solve did not converge."""

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import Portable
@@ -111,7 +111,7 @@ class PenetrationBound(StateBound):
     function is the steepest slope that was met there: then :attr:`lipschitz_sampled` is true.
     """
 
-    source: Any
+    source: str | ScalarFormula | Callable[[Array], ArrayLike] | tuple[ArrayLike, ArrayLike]
     reach: float = 10.0
     file: Path | None = field(default=None, compare=False)
     _evaluate: Callable[[Array], Array] = field(init=False, repr=False)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -15,6 +16,9 @@ from hemivar.laws.own.pieces import OwnLaw, Piece, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FunctionLaw"]
+
+#: What a user gives: a function of an array, or, if it cannot take one, of a number.
+GivenFunction = Callable[[Any], ArrayLike]
 
 #: Weights at -2, -1, 0, 1, 2 of the interpolating polynomial in powers of t.
 _STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
@@ -26,9 +30,9 @@ _PANELS = 8
 class _FunctionLaw(OwnLaw):
     """The law that :func:`FunctionLaw` makes."""
 
-    potential: Callable[[Array], Any] | None = None
-    derivative_function: Callable[[Array], Any] | None = None
-    curvature_function: Callable[[Array], Any] | None = None
+    potential: GivenFunction | None = None
+    derivative_function: GivenFunction | None = None
+    curvature_function: GivenFunction | None = None
     kinks_at: Sequence[float] = ()
     reach: float = 10.0
     even: bool = False
@@ -49,7 +53,7 @@ class _FunctionLaw(OwnLaw):
         else:
             check_consistency(self, self.reach)
 
-    def _called(self, function: Callable[[Any], Any], r: Array) -> Array:
+    def _called(self, function: GivenFunction, r: Array) -> Array:
         try:
             given = np.asarray(function(r))
             if np.iscomplexobj(given):
@@ -61,7 +65,7 @@ class _FunctionLaw(OwnLaw):
             raise
         except (TypeError, ValueError):
             try:
-                values = np.array([float(function(x)) for x in r.ravel().tolist()]).reshape(r.shape)
+                values = np.array([float(cast(float, function(x))) for x in r.ravel().tolist()]).reshape(r.shape)
             except Exception as error:
                 raise ProblemError(f"a function of law '{self.name}' failed at a number r: {error}") from error
         return values
@@ -102,7 +106,7 @@ class _FunctionLaw(OwnLaw):
         """Functions that stay inside ``(low, high)``."""
         margin = 1e-9 * scale
 
-        def differences(function: Callable[[Array], Any], r: Array, orders: tuple[int, ...]) -> list[Array]:
+        def differences(function: GivenFunction, r: Array, orders: tuple[int, ...]) -> list[Array]:
             """Derivatives of the polynomial through five values around r, all of them inside the piece."""
             step = np.minimum(3e-3 * np.maximum(scale, np.abs(r)), 0.24 * (high - low) - 0.5 * margin)
             centre = np.clip(r, low + 2.0 * step + margin, high - 2.0 * step - margin)
@@ -183,9 +187,9 @@ def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
 
 
 def FunctionLaw(  # noqa: N802 - a law, named as the others are
-    potential: Callable[[Array], Any] | None = None,
-    derivative: Callable[[Array], Any] | None = None,
-    curvature: Callable[[Array], Any] | None = None,
+    potential: GivenFunction | None = None,
+    derivative: GivenFunction | None = None,
+    curvature: GivenFunction | None = None,
     *,
     kinks: Sequence[float] = (),
     reach: float = 10.0,

@@ -3,18 +3,16 @@
 from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
 from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
 from hemivar.solvers.survey.bundle import ProximalBundle
-from hemivar.solvers.survey.direct import DirectOptimization, Optimizer, Powell
 from hemivar.solvers.survey.lbfgs import LBFGS
+from hemivar.solvers.survey.powell import Powell
 
 __all__ = [
     "LBFGS",
     "AugmentedLagrangian",
     "AugmentedLagrangianNewton",
-    "DirectOptimization",
     "ExactInner",
     "InnerSolver",
     "NewtonKrylov",
-    "Optimizer",
     "Powell",
     "PrimalDualActiveSet",
     "ProximalBundle",

@@ -181,8 +181,8 @@ class AugmentedLagrangianNewton(Solver):
         tau = _safe_steps(system, self.penalty)
         steps = spread(tau, d)
         free = system.free
-        B = problem.trace[free]
-        stiffness = (np.repeat(problem.weights, d) / steps.ravel())[free]
+        B = problem.contact.trace[free]
+        stiffness = (np.repeat(problem.contact.weights, d) / steps.ravel())[free]
 
         def out_of_balance(v: Array, lam: Array) -> tuple[Array, Array]:
             first = problem.load - problem.stiffness @ v - problem.contact_force(np.where(system.active, lam, 0.0))

@@ -13,18 +13,17 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, Interval, Superpotential
-from hemivar.solvers.base import State
+from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import Status
-from hemivar.solvers.survey.direct import Optimizer
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["CuttingPlanes", "ProximalBundle"]
 
 
 @dataclass(frozen=True)
-class ProximalBundle(Optimizer):
+class ProximalBundle(Solver):
     """Proximal bundle method with one bundle for each contact point (disaggregated cutting planes).
 
     The elastic energy is kept exactly; of the laws it uses only values and one subgradient at the points visited.
@@ -72,7 +71,7 @@ class ProximalBundle(Optimizer):
             return "the law is not convex, and cutting planes of a nonconvex law are no lower bounds; use newton"
         return None
 
-    def begin(self, system: CondensedProblem, start: State) -> State:
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
         m, d = system.shape
         reach = 10.0 * system.length_scale
         normal = CuttingPlanes.around(system.law.normal, m, reach)
@@ -284,7 +283,7 @@ def _minimise_model(
     stiffness[~system.active.ravel()] = 0.0
     model = replace(
         system,
-        problem=system.problem.with_law(law),
+        problem=system.problem.with_(law=law),
         matrix=system.matrix + np.diag(stiffness),
         force=system.force + stiffness * centre.ravel(),
     )

@@ -11,9 +11,8 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.solvers.base import State
+from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.survey.direct import Optimizer
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.contact_moves import majorant
 
@@ -21,7 +20,7 @@ __all__ = ["LBFGS"]
 
 
 @dataclass(frozen=True)
-class LBFGS(Optimizer):
+class LBFGS(Solver):
     """L-BFGS for the nonsmooth energy (PANOC; Stella, Themelis, Sopasakis and Patrinos 2017).
 
     Plain L-BFGS needs gradients, which a kink does not have.  The forward-backward envelope of the energy is finite and
@@ -48,7 +47,7 @@ class LBFGS(Optimizer):
             return "the law jumps down, so that its proximal map jumps as well; use newton"
         return None
 
-    def begin(self, system: CondensedProblem, start: State) -> State:
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
         envelope = _Envelope(system, 0.95 / majorant(system))
         point = envelope.at(start.r)
         return _state(system, point, 1, _Memory(envelope, point))

@@ -1,15 +1,13 @@
-"""Direct optimization: minimise the energy of the condensed problem."""
+"""Direct optimization (survey, section 4.1): Powell's method on the energy of the condensed problem."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 import scipy.optimize as opt
 
-from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -18,82 +16,11 @@ from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
 
-__all__ = ["DirectOptimization", "Optimizer", "Powell"]
-
-
-class Optimizer(ABC):
-    """An algorithm that minimises the condensed energy."""
-
-    #: Added to ``direct-`` (or the whole name of the method).
-    name: ClassVar[str]
-    #: Limit of steps unless the controls set one.
-    default_steps: ClassVar[int]
-    #: Steps without progress in the residual after which it counts as stalled.
-    patience: ClassVar[int] = 12
-    #: Whether its energy never rises.
-    descends: ClassVar[bool] = False
-
-    def refuse(self, problem: DiscreteProblem) -> str | None:
-        """Why it cannot treat the problem, or None."""
-        return None
-
-    def begin(self, system: CondensedProblem, start: State) -> State:
-        """The first state."""
-        return replace(start, evaluations=1, energy=system.energy(start.r))
-
-    @abstractmethod
-    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
-        """One step."""
+__all__ = ["Powell"]
 
 
 @dataclass(frozen=True)
-class DirectOptimization(Solver):
-    """Direct optimization (survey, section 4.1): minimise E over the contact unknowns.
-
-    Parameters
-    ----------
-    optimizer : Optimizer
-        :class:`Powell` as in the survey, :class:`~hemivar.solvers.survey.lbfgs.LBFGS`, or
-        :class:`~hemivar.solvers.survey.bundle.ProximalBundle`.
-    """
-
-    optimizer: Optimizer = field(default_factory=lambda: Powell())
-
-    def __post_init__(self) -> None:
-        expect(self.optimizer, Optimizer, "DirectOptimization.optimizer", "pass Powell(), LBFGS() or ProximalBundle()")
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """Name in tables."""
-        return self.optimizer.name
-
-    @property
-    def default_steps(self) -> int:  # type: ignore[override]
-        """Limit of steps."""
-        return self.optimizer.default_steps
-
-    @property
-    def descends(self) -> bool:  # type: ignore[override]
-        """Whether its energy never rises."""
-        return self.optimizer.descends
-
-    @property
-    def patience(self) -> int:  # type: ignore[override]
-        """Steps without progress that it may take."""
-        return self.optimizer.patience
-
-    def refuse(self, problem: DiscreteProblem) -> str | None:
-        return self.optimizer.refuse(problem)
-
-    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
-        return self.optimizer.begin(system, start)
-
-    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
-        return self.optimizer.step(system, state, budget)
-
-
-@dataclass(frozen=True)
-class Powell(Optimizer):
+class Powell(Solver):
     """Powell's conjugate direction method of SciPy, as in the survey; one step is one whole minimisation.
 
     It stops when the relative change of the energy in an iteration is below ``ftol``; with the survey's tolerances the
@@ -126,6 +53,9 @@ class Powell(Optimizer):
                 "need a finite energy; use newton, bundle, direct-lbfgs or active-set"
             )
         return None
+
+    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
+        return replace(start, evaluations=1, energy=system.energy(start.r))
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         free = system.free

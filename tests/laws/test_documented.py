@@ -1,0 +1,70 @@
+"""The pages name every law, friction and bound, with its parameters, and none that is not there."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from hemivar import laws
+from hemivar.laws import Friction, StateBound, Superpotential, friction, normal, own
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry
+
+DOCS = Path(__file__).parents[2] / "docs"
+LAWS_PAGE = (DOCS / "laws.md").read_text(encoding="utf-8")
+FILE_PAGE = (DOCS / "problem-file.md").read_text(encoding="utf-8")
+
+#: Calls as the tables and lists of the page write them: ``Name(first, second)``.
+CALLS = dict(re.findall(r"`([A-Z]\w*|table_law)\(([\w, ]*)\)`", LAWS_PAGE))
+#: What makes a law, a friction or a bound; formulas and functions are shown by example.
+MAKERS = {
+    *normal.__all__,
+    *(set(friction.__all__) & set(laws.__all__)),
+    "ContactLaw",
+    "PiecewiseQuadratic",
+    "table_law",
+} - {"StateBound"}
+
+
+@pytest.mark.parametrize("name", sorted(laws.__all__))
+def test_every_public_name_stands_on_the_page_about_laws(name: str) -> None:
+    assert re.search(rf"`{name}\b", LAWS_PAGE), f"docs/laws.md does not name {name}"
+
+
+@pytest.mark.parametrize("name", sorted(MAKERS))
+def test_the_page_about_laws_gives_the_parameters(name: str) -> None:
+    assert name in CALLS, f"docs/laws.md has no `{name}(...)`"
+    known = [p for p in inspect.signature(getattr(laws, name)).parameters if p not in ("name", "file", "stated")]
+    given = [p.strip() for p in CALLS[name].split(",") if p.strip()]
+    if name == "table_law":
+        assert given == known[:2]
+        return
+    assert given == known, f"docs/laws.md writes {name}({', '.join(given)})"
+
+
+def test_every_class_of_laws_is_public() -> None:
+    """A law, a friction or a bound that a user may want is exported; what is built in between is not."""
+    inner = {"ExponentialWeakening", "LogarithmicWeakening", "StaticKineticProfile"}
+    for room in (normal, friction, own):
+        for name in room.__all__:
+            value = getattr(room, name)
+            if inspect.isclass(value) and issubclass(value, Superpotential | Friction | StateBound):
+                assert name in laws.__all__ or name in inner, name
+
+
+def rows(title: str) -> dict[str, str]:
+    """Rows of the table of the page about problem files whose head begins so, by the law that they name."""
+    table = FILE_PAGE.split(f"| {title} |", 1)[1].split("\n\n", 1)[0]
+    return {found[1]: row for row in table.splitlines() if (found := re.match(r'\| `"([\w-]+)"`', row))}
+
+
+@pytest.mark.parametrize(("title", "entries"), [("normal law", NORMAL_LAWS), ("friction law", FRICTION_LAWS)])
+def test_the_page_about_problem_files_lists_the_laws(title: str, entries: Mapping[str, LawEntry]) -> None:
+    found = rows(title)
+    assert set(found) == set(entries)
+    for name, entry in entries.items():
+        told = set(re.findall(r"`(\w+)`", found[name].split("|")[-2]))
+        assert told == {parameter.name for parameter in entry.parameters}, name
