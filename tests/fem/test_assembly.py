@@ -7,6 +7,7 @@ import pytest
 import skfem
 from skfem.helpers import ddot, sym_grad, trace
 
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import _form_stiffness, linear_stiffness, load_vector, quadrature_rule, stiffness_matrix
 from hemivar.fem.unknowns import basis_of
@@ -123,6 +124,35 @@ def test_rigid_motions_carry_no_energy(name: str, order: int) -> None:
     turn[:, 0], turn[:, 1] = -nodes[:, 1], nodes[:, 0]
     for motion in (np.ones_like(nodes), turn):
         assert np.abs(K @ motion.ravel()).max() < 1e-12 * abs(K).max()
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_order_two_energy_under_a_varying_modulus(name: str) -> None:
+    """u = (q(x), 0, 0) with q quadratic, nu = 0: twice the energy is the integral of E(x) q'(x)^2, of degree 3."""
+    mesh = MESHES[name]()
+    a = np.array([1.0, -0.5, 0.25])[: mesh.dim]
+
+    def modulus(x: Array) -> Array:
+        return np.asarray(3.0 + x @ a)
+
+    nodes = mesh.nodes(2)
+    u = np.zeros_like(nodes)
+    u[:, 0] = nodes[:, 0] + 0.5 * nodes[:, 0] ** 2
+    K = stiffness_matrix(mesh, Material.young(modulus, 0.0), 2)
+    # rules of degree 3 written out
+    corner = mesh.points[mesh.cells]
+    if mesh.dim == 2:
+        middles = 0.5 * (corner + np.roll(corner, 1, axis=1))
+        parts = [(corner, 1 / 20), (middles, 2 / 15), (corner.mean(axis=1, keepdims=True), 9 / 20)]
+    else:
+        faces = (corner.sum(axis=1, keepdims=True) - corner) / 3.0
+        parts = [(corner, 1 / 40), (faces, 9 / 40)]
+    expected = 0.0
+    for places, weight in parts:
+        flat = places.reshape(-1, mesh.dim)
+        values = (modulus(flat) * (1.0 + flat[:, 0]) ** 2).reshape(places.shape[:2]).sum(axis=1)
+        expected += weight * float(mesh.volumes @ values)
+    assert u.ravel() @ (K @ u.ravel()) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", MESHES)

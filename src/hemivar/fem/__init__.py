@@ -3,6 +3,7 @@
 from hemivar.fem.discretize import discretize
 from hemivar.fem.fields import nodal_average, strain, stress, v_norm, von_mises
 from hemivar.fem.load_line import LoadLine
+from hemivar.fem.reactions import support_reactions
 from hemivar.fem.transfer import interpolate, interpolation_matrix
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "nodal_average",
     "strain",
     "stress",
+    "support_reactions",
     "v_norm",
     "von_mises",
 ]

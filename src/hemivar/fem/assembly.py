@@ -23,7 +23,15 @@ from hemivar.mechanics.material import Material
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["EdgeBlocks", "linear_stiffness", "load_vector", "quadrature_rule", "region_masks", "stiffness_matrix"]
+__all__ = [
+    "EdgeBlocks",
+    "linear_stiffness",
+    "load_vector",
+    "quadrature_rule",
+    "region_masks",
+    "stiffness_matrix",
+    "tensors",
+]
 
 #: Cells whose loads are formed, and nodes whose rows are formed, at a time; in how many portions blocks are summed.
 _CHUNK = 1 << 17
@@ -78,16 +86,24 @@ def stiffness_matrix(mesh: Mesh, material: Material, order: int = 1) -> sp.csr_a
     return linear_stiffness(mesh, material).matrix() if order == 1 else _form_stiffness(mesh, material, order)
 
 
-def _tensors(mesh: Mesh, material: Material, degree: int, cells: slice = slice(None)) -> tuple[Array, Array]:
+def tensors(
+    mesh: Mesh,
+    material: Material,
+    degree: int,
+    cells: slice | IntArray = slice(None),
+    vertices: IntArray | None = None,
+) -> tuple[Array, Array]:
     """Elasticity matrices at quadrature points of some cells, shape (k, q, v, v), and weights of the rule, shape (q,).
 
-    A homogeneous material gives a single matrix, shape (1, 1, v, v).
+    A homogeneous material gives a single matrix, shape (1, 1, v, v).  The rule takes the vertices of a cell as they
+    stand in ``mesh.cells``, or in ``vertices``, shape (k, d + 1).
     """
     if material.homogeneous:
         return material.stiffness_tensor(mesh.points[:1])[None], np.ones(1)
     barycentric, weights = quadrature_rule(mesh.dim, degree)
     rule = len(weights)
-    points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells[cells]])
+    corners = mesh.points[mesh.cells[cells] if vertices is None else vertices]
+    points = np.einsum("qk,mkd->mqd", barycentric, corners)
     masks = {name: np.repeat(mask[cells], rule) for name, mask in region_masks(mesh).items()}
     tensor = material.stiffness_tensor(points.reshape(-1, mesh.dim), masks)
     return tensor.reshape(len(points), rule, *tensor.shape[1:]), weights
@@ -243,7 +259,7 @@ def linear_stiffness(mesh: Mesh, material: Material) -> EdgeBlocks:
         place = (edge - first).ravel()
         tensor = None
         if not material.homogeneous:
-            values, weights = _tensors(mesh, material, 2, part)
+            values, weights = tensors(mesh, material, 2, part)
             tensor = np.einsum("q,mqvw->mvw", weights, values)
         for (i, j), values in _components(mesh, part, tensor):
             upper[first:last, i, j] += np.bincount(place, weights=values.ravel(), minlength=last - first)
@@ -343,7 +359,8 @@ def _closing_blocks(upper: Array, edges: IntArray, count: int) -> Array:
 def _form_stiffness(mesh: Mesh, material: Material, order: int) -> sp.csr_array:
     """Any order, by scikit-fem."""
     dim = mesh.dim
-    tensor, _ = _tensors(mesh, material, 2 * order)
+    library_mesh = _library_mesh(mesh)
+    tensor, _ = tensors(mesh, material, 2 * order, vertices=library_mesh.t.T)  # it may sort the vertices of a cell
     constant = tensor.shape[0] == 1
     kinds: dict[tuple[int, int], Any] = {
         (2, 1): skfem.ElementTriP1,
@@ -352,7 +369,6 @@ def _form_stiffness(mesh: Mesh, material: Material, order: int) -> sp.csr_array:
         (3, 2): skfem.ElementTetP2,
     }
     element = skfem.ElementVector(kinds[dim, order]())
-    library_mesh = _library_mesh(mesh)
     degree = 2 * (order - 1) if constant else 2 * order
     basis = skfem.Basis(library_mesh, element, intorder=max(degree, 1))
     coefficient = tensor[0, 0][..., None, None] if constant else np.moveaxis(tensor, (0, 1), (2, 3))

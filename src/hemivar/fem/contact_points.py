@@ -9,14 +9,22 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
-from hemivar.errors import ProblemError
+from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
 from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
-__all__ = ["BoundaryContact", "boundary_contact", "join", "local_components", "merge_corners", "refuse_dependent"]
+__all__ = [
+    "BoundaryContact",
+    "boundary_contact",
+    "join",
+    "local_components",
+    "merge_corners",
+    "refuse_dependent",
+    "shares",
+]
 
 #: Entries of the trace below this are rounding.
 _ZERO = 1e-12
@@ -52,7 +60,7 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     normals, measures = mesh.facet_normals(facets)
     count, dim = supports.nodes.shape
     weights: Array
-    share = np.array([1 / 6, 1 / 6, 4 / 6]) if order == 2 else np.full(dim, 1 / dim)
+    share = shares(order, dim)
     if problem.quadrature is Quadrature.NODAL:
         nodes, place = np.unique(members.ravel(), return_inverse=True)
         place = place.ravel()
@@ -99,6 +107,11 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         local_components(average, frames), weights, offset, points, frames, nodes, facet, boundary, names
     )
     return BoundaryContact(found, contact.law.at(points), blocked)
+
+
+def shares(order: int, dim: int) -> Array:
+    """Shares of the nodes of a facet in its measure, vertices first."""
+    return np.array([1 / 6, 1 / 6, 4 / 6]) if order == 2 else np.full(dim, 1 / dim)
 
 
 def _check_never_touching(law: ContactLaw, name: str, points: Array) -> None:
@@ -241,7 +254,7 @@ def join(
     if not np.all(np.isfinite(values)):
         bad = int(held[np.flatnonzero(~np.isfinite(values))[0]])
         assert contact.points is not None
-        raise ProblemError(
+        raise SupportError(
             f"the supports hold the contact point x = {in_words(contact.points[bad])} at penetration "
             f"{-offset[bad, 0]:.3g}, which its law forbids; change the support or the gap"
         )

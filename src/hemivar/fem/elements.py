@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
@@ -17,7 +17,7 @@ def voigt_index(dim: int) -> Array:
     return np.array(table)
 
 
-def barycentric_gradients(mesh: Mesh, cells: slice = slice(None)) -> Array:
+def barycentric_gradients(mesh: Mesh, cells: slice | IntArray = slice(None)) -> Array:
     """Gradients of the barycentric coordinates, shape (M, d + 1, d)."""
     corner = mesh.points[mesh.cells[cells]]
     gradients = np.empty(corner.shape)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.errors import ProblemError
+from hemivar.errors import SupportError
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller, Support, evaluate_scalar, evaluate_vector
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["DEPENDENT", "SHARP", "Supports", "impose", "in_words", "movable", "sum_by", "unit"]
+__all__ = ["DEPENDENT", "SHARP", "Supports", "in_words", "movable", "stated_supports", "sum_by", "unit"]
 
 #: Part of a unit vector below which it depends on others.
 DEPENDENT = 1e-8
@@ -45,7 +46,7 @@ class Supports:
             bad = int(np.flatnonzero(conflict)[0])
             node = int(nodes[bad])
             other = self.names[int(self.owner[node, int(np.argmax(np.abs(along[bad])))])]
-            raise ProblemError(
+            raise SupportError(
                 f"supports '{other}' and '{name}' prescribe different displacements at node {node}, "
                 f"x = {in_words(self.nodes[node])}: they differ by {missing[bad]:.3g} along "
                 f"{in_words(directions[bad])}; make them agree there or free one of them"
@@ -65,7 +66,15 @@ class Supports:
         self.count[nodes] += 1
 
 
-def impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support) -> None:
+def stated_supports(problem: ContactProblem) -> Supports:
+    """What the supports of a problem demand, in the order in which they are stated."""
+    supports = Supports(problem.mesh.nodes(problem.order))
+    for name, support in problem.supports.items():
+        _impose(supports, problem.mesh, problem.order, name, support)
+    return supports
+
+
+def _impose(supports: Supports, mesh: Mesh, order: int, name: str, support: Support) -> None:
     """Demand what a support demands at the nodes of its boundary."""
     facets = mesh.boundaries[name]
     ids = np.unique(mesh.facet_nodes(facets, order))

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.fem.contact_points import BoundaryContact, boundary_contact, join, merge_corners
-from hemivar.fem.supports import Supports, impose, movable, unit
+from hemivar.fem.supports import Supports, movable, stated_supports, unit
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
@@ -60,10 +60,7 @@ class NodalConditions:
 
 def nodal_conditions(problem: ContactProblem) -> NodalConditions:
     """Supports and contact at the nodes of a problem."""
-    mesh, order = problem.mesh, problem.order
-    supports = Supports(mesh.nodes(order))
-    for name, support in problem.supports.items():
-        impose(supports, mesh, order, name, support)
+    supports = stated_supports(problem)
     groups = [boundary_contact(problem, name, supports) for name in problem.contact]
     if problem.quadrature is Quadrature.NODAL:
         groups = merge_corners(groups, supports)

@@ -271,11 +271,12 @@ def _friction_record(friction: Friction, where: str, name: str, aside: Aside) ->
         case PenetrationBound(source=ScalarFormula(text=text)):
             bound = {"formula": text}
         case PenetrationBound(source=source, file=file):
-            if callable(source):
+            if callable(source) or isinstance(source, str):
                 raise unsaid(f"{where}.bound", source, "formulas of s as text, and tables")
             heads = (BOUND_COLUMNS[0][0], BOUND_COLUMNS[1][0])
+            columns = (np.asarray(source[0], dtype=float), np.asarray(source[1], dtype=float))
             bound = {
-                "table": aside.table(f"{where}.bound", f"{name}-bound", source, heads)
+                "table": aside.table(f"{where}.bound", f"{name}-bound", columns, heads)
                 if file is None
                 else file_name(file, aside.folder)
             }

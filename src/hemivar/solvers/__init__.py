@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from hemivar.solvers.base import Solver
+from hemivar.solvers.boundary_result import BoundaryResult
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
@@ -11,7 +12,7 @@ from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.solution import ContactState, Solution
-from hemivar.solvers.solve import solve, suited
+from hemivar.solvers.solve import solve, solving, suited
 from hemivar.solvers.status import Status
 from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
 from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
@@ -39,6 +40,7 @@ __all__ = [
     "METHODS",
     "AugmentedLagrangian",
     "AugmentedLagrangianNewton",
+    "BoundaryResult",
     "ContactState",
     "Controls",
     "ExactInner",
@@ -59,6 +61,7 @@ __all__ = [
     "Status",
     "solve",
     "solve_nested",
+    "solving",
     "suited",
     "transfer_solution",
 ]

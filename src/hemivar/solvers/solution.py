@@ -7,9 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
-from typing import TYPE_CHECKING
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
@@ -18,10 +21,15 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
+from hemivar.fem.reactions import support_reactions
+from hemivar.solvers.boundary_result import BoundaryResult, contact_table, table_columns
 from hemivar.solvers.controls import Progress
 from hemivar.solvers.status import Status
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
     from hemivar.certify.certificate import Certificate
 
 __all__ = ["ContactState", "Solution", "contact_state"]
@@ -165,6 +173,91 @@ class Solution(Portable, Displayed):
             lines.append(f"contact     {problem.contact_points} points: {states}")
             lines.append(f"            penetration at most {r[:, 0].max():.4g}, normal force {self.normal_force:.6g}")
         return "\n  ".join([*lines, *(f"warning     {sentence}" for sentence in self.warnings)])
+
+    def on(self, boundary: str) -> BoundaryResult:
+        """Displacements and forces on one contact boundary.
+
+        Raises
+        ------
+        ProblemError
+            There is no contact boundary of that name, or the problem was made of arrays without names.
+        """
+        index = self.problem.contact.on(boundary)
+        points = self.problem.contact.take(index)
+        return BoundaryResult(boundary, index, points, self.local[index], self.multiplier[index], self.state[index])
+
+    @cached_property
+    def reactions(self) -> Mapping[str, Array]:
+        """Force of each support on the body, by name, in the coordinates of the mesh.
+
+        Loads, contact forces and reactions add up to zero; see :func:`hemivar.fem.support_reactions`, also for nodes of
+        several supports.
+
+        Raises
+        ------
+        ProblemError
+            The problem was made of arrays, or its load is not the one that was stated.
+        """
+        return MappingProxyType(support_reactions(self.problem, self.displacement, self.multiplier))
+
+    @cached_property
+    def contact_table(self) -> NDArray[np.void]:
+        """One row for each contact point, a structured array (m,).
+
+        Fields: ``boundary`` (name), ``x`` and ``normal`` (vectors), ``weight``, ``gap``, ``penetration``, ``slip``,
+        ``pressure``, ``friction`` (it and ``slip`` in local components: numbers in 2D), ``state`` ("open", "stick",
+        "slip") and ``force`` (vector; of the foundation on the body).  What is not known of a problem made of arrays,
+        and what a law of one component lacks, is left out.
+        """
+        names = np.array([kind.label for kind in ContactState])
+        return contact_table(self.problem.contact, self.local, self.multiplier, names[self.state])
+
+    def to_dataframe(self) -> DataFrame:
+        """The :attr:`contact_table` as a pandas DataFrame, a column for each component of a vector.
+
+        Raises
+        ------
+        ProblemError
+            pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise ProblemError(
+                "pandas is not installed; pip install pandas, or take solution.contact_table, which needs numpy only"
+            ) from error
+        return pandas.DataFrame(table_columns(self.contact_table))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, lists and strings, see :func:`hemivar.files.solution_record`."""
+        from hemivar.files import solution_record
+
+        return solution_record(self)
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write :meth:`to_dict` to a file; returns its path.  :func:`hemivar.files.read_solution` reads it back."""
+        from hemivar.files import write_json
+
+        return write_json(self, path)
+
+    def to_vtu(self, path: str | Path) -> Path:
+        """Write the body, and beside it its contact boundaries, for ParaView, see :func:`hemivar.files.write_vtu`."""
+        from hemivar.files import write_vtu
+
+        return write_vtu(self, path)[0]
+
+    def plot(
+        self, *, scale: float | Literal["auto"] = 1.0, title: str | None = None, unit: str = "", stress_unit: str = ""
+    ) -> Figure:
+        """The figure of the deformed body, see :func:`hemivar.report.plot_solution`, which has more options.
+
+        Of a problem without a mesh it is that of the contact points, :func:`hemivar.report.plot_contact`.
+        """
+        from hemivar.report import plot_contact, plot_solution
+
+        if self.problem.field is None:
+            return plot_contact(self, title=title, unit=unit, stress_unit=stress_unit)
+        return plot_solution(self, scale=scale, title=title, unit=unit, stress_unit=stress_unit)
 
     def raise_for_status(self) -> Solution:
         """This solution, or an error with the remedy if the solve did not converge."""

@@ -1,0 +1,107 @@
+"""Reactions of supports: the forces that hold a body where its supports hold it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hemivar.basics.arrays import norm
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import load_vector, quadrature_rule, tensors
+from hemivar.fem.contact_points import shares
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
+from hemivar.fem.supports import stated_supports, sum_by
+from hemivar.mechanics.statement import ContactProblem
+
+__all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
+
+#: Part of the load by which that of a problem may differ from the stated one, by rounding.
+_SAME_LOAD = 1e-9
+
+
+def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> dict[str, Array]:
+    """Force of each support on the body, in the coordinates of the mesh.
+
+    It is the residual of the equations that the supports took away, ``K U - F`` less the contact forces, with K, U and
+    F of all nodes.  Loads, contact forces and reactions of a solution add up to zero.  Force of the foundation at
+    contact nodes that the supports hold entirely, which are no contact points, is part of the reactions.
+
+    A node of several supports is booked direction by direction, in the order in which the supports are stated: each
+    takes the force along what it fixes and none before it has fixed.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+        From :func:`discretize`.
+    displacement : array, shape (nodes, d)
+    multiplier : array, shape (m, d)
+
+    Returns
+    -------
+    dict of support name to array, shape (d,)
+
+    Raises
+    ------
+    ProblemError
+        The problem was made of arrays, or its load is not the one that was stated.
+    """
+    stated, field = problem.origin, problem.field
+    if stated is None or field is None:
+        raise ProblemError("this problem was made of arrays: its supports are not known; state it and discretize it")
+    supports = stated_supports(stated)
+    held = supports.count > 0
+    mesh, order = stated.mesh, stated.order
+    cells = np.flatnonzero(held[mesh.cell_nodes(order)].any(axis=1))
+    load = load_vector(mesh, order, stated.body_force, stated.tractions).reshape(-1, mesh.dim)
+    moved = internal_forces(stated, supports.value, cells)
+    expected = field.basis.T @ (load - moved).ravel()
+    if norm(expected - problem.load) > _SAME_LOAD * max(norm(load.ravel()), norm(moved.ravel())):
+        raise ProblemError(
+            "reactions are known under the stated load only, and this problem has another one; state that load"
+        )
+    force = internal_forces(stated, displacement, cells) - load - nodal_contact_forces(problem, multiplier)
+    amounts = np.einsum("kqd,kd->kq", supports.directions, force)
+    return {
+        name: np.einsum("kq,kqd->d", np.where(supports.owner == number, amounts, 0.0), supports.directions)
+        for number, name in ((supports.names.index(name), name) for name in stated.supports)
+    }
+
+
+def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
+    """Forces of the foundation on the nodes of the body, shape (nodes, d): ``-w_j (lam_nu nu + lam_tau)``."""
+    field, contact = problem.field, problem.contact
+    if field is None:
+        raise ProblemError("this problem was made of arrays: it has no nodes; use contact_force")
+    forces = np.zeros((field.number_of_nodes, field.mesh.dim))
+    if not contact.count:
+        return forces
+    vectors = -contact.weights[:, None] * contact.global_vectors(multiplier)
+    at = contact.node >= 0
+    np.add.at(forces, contact.node[at], vectors[at])
+    share = shares(field.order, field.mesh.dim)
+    for number, name in enumerate(contact.names):
+        here = np.flatnonzero(~at & (contact.boundary == number))
+        members = field.mesh.facet_nodes(field.mesh.boundaries[name], field.order)[contact.facet[here]]
+        np.add.at(forces, members, share[:, None] * vectors[here][:, None, :])
+    return forces
+
+
+def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
+    """Forces that some cells exert on the nodes against a displacement, shape (nodes, d): their part of ``K U``."""
+    mesh, order, material = problem.mesh, problem.order, problem.material
+    rule = 2 * (order - 1) if material.homogeneous else 2 * order
+    barycentric, weights = quadrature_rule(mesh.dim, max(rule, 1))
+    tensor, _ = tensors(mesh, material, 2 * order, cells)
+    index = voigt_index(mesh.dim)
+    gradients, nodes = barycentric_gradients(mesh, cells), mesh.cell_nodes(order)[cells]
+    values, volumes = displacement[nodes], mesh.volumes[cells]
+    forces = np.zeros((len(cells), nodes.shape[1], mesh.dim))
+    for q, (place, weight) in enumerate(zip(barycentric, weights, strict=True)):
+        shapes = np.einsum("la,kad->kld", shape_derivatives(order, place), gradients)
+        gradient = np.einsum("kld,klc->kcd", shapes, values)
+        strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+        elastic = tensor[:, min(q, tensor.shape[1] - 1)][:, index[:, :, None, None], index]
+        stress = np.einsum("kijmn,kmn->kij", np.broadcast_to(elastic, (len(cells), *elastic.shape[1:])), strain)
+        forces += np.einsum("k,kij,klj->kli", weight * volumes, stress, shapes)
+    return sum_by(nodes.ravel(), forces.reshape(-1, mesh.dim), len(displacement))

@@ -1,0 +1,176 @@
+"""What happens on one contact boundary of a solution, and at all contact points as a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.contact import ContactPoints
+from hemivar.errors import ProblemError
+
+__all__ = ["BoundaryResult", "contact_table", "table_columns"]
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryResult(Portable):
+    """Displacements and forces at the p contact points of one boundary.
+
+    Attributes
+    ----------
+    name : str
+        Of the boundary.
+    index : int array (p,)
+        Numbers of its contact points among those of the problem.
+    contact : ContactPoints
+        These points.
+    local : array (p, c)
+        Penetration (column 0) and slip.
+    multiplier : array (p, c)
+        Pressure (column 0) and friction, force per area.
+    state : int array (p,)
+        A :class:`ContactState` for each point.
+    """
+
+    name: str
+    index: IntArray
+    contact: ContactPoints
+    local: Array
+    multiplier: Array
+    state: IntArray
+
+    @property
+    def points(self) -> Array | None:
+        """Coordinates of the contact points, (p, d)."""
+        return self.contact.points
+
+    @property
+    def normals(self) -> Array | None:
+        """Unit vectors out of the body, (p, d)."""
+        return None if self.contact.frames is None else self.contact.frames[:, 0]
+
+    @property
+    def weights(self) -> Array:
+        """Length (2D) or area (3D) that belongs to each point, (p,)."""
+        return self.contact.weights
+
+    @property
+    def penetration(self) -> Array:
+        """u_nu - g, (p,); positive into the foundation."""
+        return self.local[:, 0]
+
+    @property
+    def slip(self) -> Array:
+        """u_tau in local components, (p, c - 1)."""
+        return self.local[:, 1:]
+
+    @property
+    def pressure(self) -> Array:
+        """-sigma_nu, (p,)."""
+        return self.multiplier[:, 0]
+
+    @property
+    def friction(self) -> Array:
+        """-sigma_tau in local components, (p, c - 1)."""
+        return self.multiplier[:, 1:]
+
+    @cached_property
+    def slip_vectors(self) -> Array:
+        """Slip in the coordinates of the mesh, (p, d)."""
+        return self.contact.global_vectors(_tangential(self.local))
+
+    @cached_property
+    def friction_vectors(self) -> Array:
+        """Friction on the body, force per area in the coordinates of the mesh, (p, d)."""
+        return -self.contact.global_vectors(_tangential(self.multiplier))
+
+    @cached_property
+    def tractions(self) -> Array:
+        """Pressure and friction on the body, force per area in the coordinates of the mesh, (p, d)."""
+        return -self.contact.global_vectors(self.multiplier)
+
+    @cached_property
+    def normal_force(self) -> float:
+        """Resultant of the pressure."""
+        return float(self.weights @ self.pressure)
+
+    @cached_property
+    def friction_force(self) -> Array:
+        """Resultant of the friction in the coordinates of the mesh, (d,): that of the foundation on the body."""
+        return np.asarray(self.weights @ self.friction_vectors)
+
+    @cached_property
+    def force(self) -> Array:
+        """Force of the foundation on the body in the coordinates of the mesh, (d,)."""
+        return np.asarray(self.weights @ self.tractions)
+
+    @cached_property
+    def contact_length(self) -> float:
+        """Measure of the part that is not open (length in 2D, area in 3D)."""
+        return float(self.weights @ (self.state != 0))
+
+    def moment(self, about: Array | tuple[float, ...]) -> Array:
+        """Moment of the force about a point (d,): a vector in 3D, in 2D a number (positive turns x towards y)."""
+        if self.points is None:
+            raise ProblemError("these contact points have no places; give the problem its points")
+        arms, forces = self.points - np.asarray(about, dtype=float), self.weights[:, None] * self.tractions
+        if arms.shape[1] == 3:
+            return np.asarray(np.cross(arms, forces).sum(axis=0))
+        return np.asarray(arms[:, 0] @ forces[:, 1] - arms[:, 1] @ forces[:, 0])
+
+
+def contact_table(
+    contact: ContactPoints, local: Array, multiplier: Array, states: NDArray[np.str_]
+) -> NDArray[np.void]:
+    """One row for each contact point.
+
+    Fields: ``boundary`` (name), ``x`` and ``normal`` (vectors), ``weight``, ``gap``, ``penetration``, ``slip``,
+    ``pressure``, ``friction`` (the latter and ``slip`` in local components: numbers in 2D), ``state`` ("open",
+    "stick", "slip") and ``force`` (vector; of the foundation on the body).  What is not known of a problem made of
+    arrays is left out.
+    """
+    columns: dict[str, NDArray[np.generic]] = {}
+    if contact.names:
+        columns["boundary"] = np.array([*contact.names, ""])[contact.boundary]
+    if contact.points is not None:
+        columns["x"] = contact.points
+    if contact.frames is not None:
+        columns["normal"] = contact.frames[:, 0]
+    columns |= {"weight": contact.weights, "gap": contact.gap, "penetration": local[:, 0]}
+    tangential = contact.components > 1
+    if tangential:
+        columns["slip"] = local[:, 1] if contact.components == 2 else local[:, 1:]
+    columns["pressure"] = multiplier[:, 0]
+    if tangential:
+        columns["friction"] = multiplier[:, 1] if contact.components == 2 else multiplier[:, 1:]
+    columns["state"] = states
+    if contact.frames is not None:
+        columns["force"] = -contact.weights[:, None] * contact.global_vectors(multiplier)
+    table = np.zeros(contact.count, dtype=[(name, value.dtype, value.shape[1:]) for name, value in columns.items()])
+    for name, value in columns.items():
+        table[name] = value
+    table.flags.writeable = False
+    return table
+
+
+def table_columns(table: NDArray[np.void]) -> dict[str, NDArray[np.generic]]:
+    """The fields of a :func:`contact_table` as columns of numbers: ``x, y``, ``normal_x``, ..., ``slip_1``, ..."""
+    columns: dict[str, NDArray[np.generic]] = {}
+    for name in table.dtype.names or ():
+        values = table[name]
+        if values.ndim == 1:
+            columns[name] = values
+            continue
+        ends = "xyz" if name in ("x", "normal", "force") else "12"
+        columns |= {
+            end if name == "x" else f"{name}_{end}": values[:, k] for k, end in enumerate(ends[: values.shape[1]])
+        }
+    return columns
+
+
+def _tangential(local: Array) -> Array:
+    return np.where(np.arange(local.shape[1]) > 0, local, 0.0)
