@@ -102,14 +102,14 @@ def test_vtu_can_be_read(body, tmp_path, capfd):
     assert np.allclose(grid.points[:, : field.mesh.dim], field.nodes, atol=1e-15)
     (block,) = grid.cells
     assert block.type == {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra"}[field.mesh.dim, field.order]
-    assert np.array_equal(grid.point_data["displacement"][:, : field.dim], solution.displacement)
+    assert np.array_equal(grid.point_data["displacement"][:, : field.mesh.dim], solution.displacement)
     assert np.allclose(grid.cell_data["von_mises"][0], von_mises(field, solution.displacement))
     stress = grid.cell_data["stress"][0]
     xx, yy, zz, xy, yz, xz = stress.T
     mises = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (xy**2 + yz**2 + xz**2))
     assert np.allclose(mises, grid.cell_data["von_mises"][0])
     (facets,) = skin.cells
-    assert facets.type == {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle"}[field.dim, field.order]
+    assert facets.type == {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle"}[field.mesh.dim, field.order]
     assert len(facets.data) == len(field.mesh.boundaries["bottom"])
     assert skin.point_data["pressure"].max() <= solution.pressure.max() * (1 + 1e-12)
     assert skin.point_data["pressure"].max() == grid.point_data["pressure"].max()
