@@ -178,7 +178,7 @@ def laws(draw: st.DrawFn, entry: LawEntry, folder: Path) -> hv.Superpotential | 
 
 
 def _read_bound(path: Path) -> object:
-    from hemivar.laws.columns import BOUND_COLUMNS, read_columns
+    from hemivar.laws.own.columns import BOUND_COLUMNS, read_columns
 
     return read_columns(path, BOUND_COLUMNS)
 

@@ -14,7 +14,7 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import beam, survey, survey_cube
-from hemivar.report import Arrows, observed_order, plot_contact, plot_errors, plot_history, plot_solution, save
+from hemivar.report import Arrows, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.statement_figure import plot_problem
 from hemivar.solvers import ContactState, Solution, solve
@@ -226,13 +226,6 @@ def test_statement_of_a_solid() -> None:
     colours, counts = np.unique(np.round(surface.get_facecolor(), 6), axis=0, return_counts=True)
     assert sorted(counts) == [8, 8, 32]  # one face is clamped, one meets the foundation
     assert len(colours) == 3
-
-
-def test_observed_order() -> None:
-    sizes = 0.5 ** np.arange(1, 7)
-    assert observed_order(sizes, 3.0 * sizes**0.8) == pytest.approx(0.8)
-    assert observed_order(sizes, np.where(sizes > 0.1, sizes, np.nan)) == pytest.approx(1.0)
-    assert np.isnan(observed_order(sizes[:1], sizes[:1]))
 
 
 def test_errors_leave_out_the_mesh_next_to_the_reference(tmp_path: Path) -> None:
