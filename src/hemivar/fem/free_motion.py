@@ -10,11 +10,11 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array
 from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_along
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.rigid import FreeMotions, MovingGroup, rigid_basis
 from hemivar.discrete.space import Field
 from hemivar.errors import SupportError
-from hemivar.fem.rigid import FreeMotions, MovingGroup, free_motions, rigid_basis
 
-__all__ = ["describe", "free_growth", "geometric_slack", "known_to_be_held", "refuse", "refuse_free_motion"]
+__all__ = ["describe", "free_growth", "geometric_slack", "refuse", "refuse_free_motion"]
 
 
 def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> None:
@@ -34,19 +34,12 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> N
     """
     if problem.field is None or not problem.field.moves:
         return
-    motions = free_motions(problem.field)
+    motions = problem.field.free_motions
     for group, growth in zip(motions.groups, free_growth(problem, motions, load), strict=True):
         hold = decide(growth)
         if hold.verdict is not Verdict.HELD:
             assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
             raise _refusal(problem, motions, group, hold)
-    object.__setattr__(problem, "_held_under", (problem.load, problem.law))
-
-
-def known_to_be_held(problem: DiscreteProblem) -> bool:
-    """Whether :func:`refuse_free_motion` has passed this very load and law."""
-    load, law = problem.__dict__.get("_held_under", (None, None))
-    return load is problem.load and law is problem.law
 
 
 def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | None = None) -> list[Growth]:

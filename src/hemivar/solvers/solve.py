@@ -18,7 +18,6 @@ from hemivar.basics.types import Array
 from hemivar.discrete.hold import Verdict, decide
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
-from hemivar.fem.free_motion import known_to_be_held
 from hemivar.fem.posed import posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
@@ -242,8 +241,6 @@ def _check_held(system: PosedSystem) -> None:
     """Refuse a convex problem whose energy falls without end along a motion that deforms nothing."""
     law = system.law
     if law.state_dependent or any((alpha > 0.0).any() for alpha in law.weak_convexity):
-        return
-    if known_to_be_held(system.problem):
         return
     if any(decide(growth).verdict is Verdict.FALLS for growth in system.free_growth()):
         raise ProblemError(

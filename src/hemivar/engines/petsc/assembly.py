@@ -19,6 +19,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.hold import Growth, decide, growth_along
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.rigid import admitted, rigid_basis
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
@@ -28,7 +29,6 @@ from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
 from hemivar.fem.discretize import discretize, friction_warning
 from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
-from hemivar.fem.rigid import admitted, free_motions, rigid_basis
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -317,7 +317,7 @@ def _supported(
         if piece.whole is None:
             return None
         field = _unrefined(piece.whole, state).field
-        return field is not None and free_motions(field).count == 0
+        return field is not None and field.free_motions.count == 0
 
     return bool(ranks.mpi.bcast(ranks.agree(look)))
 
