@@ -177,12 +177,12 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     if friction.size == 1:
         print(f"friction force    {friction[0]:.6g}")
     elif friction.size:
-        frames = solution.problem.frames
+        frames = solution.problem.contact.frames
         assert frames is not None
-        vector = np.einsum("m,mc,mcd->d", solution.problem.weights, solution.friction, frames[:, 1:])
+        vector = np.einsum("m,mc,mcd->d", solution.problem.contact.weights, solution.friction, frames[:, 1:])
         print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
-    what = "length" if solution.problem.dim == 2 else "area"
-    total = float(solution.problem.weights.sum())
+    what = "length" if solution.problem.contact.components == 2 else "area"
+    total = float(solution.problem.contact.weights.sum())
     print(f"contact {what:<10}{solution.contact_length:.6g} of {total:.6g}")
     counts = [f"{int(np.sum(solution.state == state))} {state.label}" for state in ContactState]
     print(f"contact points    {', '.join(counts)}")

@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
 from hemivar.discrete.space import Field, Space
@@ -193,6 +192,17 @@ class DiscreteProblem(Portable, Displayed):
         return f"DiscreteProblem({self.unknowns} unknowns, {where}, law {self.law.normal.name})"
 
     @property
+    def linear(self) -> Quadratic:
+        """The bulk of a linear body: its stiffness, load and constant.
+
+        Raises
+        ------
+        ProblemError
+            The bulk is not quadratic.
+        """
+        return quadratic(self.bulk)
+
+    @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
         return self.bulk.unknowns
@@ -266,87 +276,6 @@ class DiscreteProblem(Portable, Displayed):
         if u.shape != (self.unknowns,):
             raise ProblemError(f"the unknowns have shape {u.shape}; this problem has {(self.unknowns,)}")
         return u
-
-    # ---- views by their former names ----------------------------------------------------------------------
-
-    @property
-    def stiffness(self) -> sp.csr_array:
-        """Stiffness."""
-        return quadratic(self.bulk).stiffness
-
-    @property
-    def load(self) -> Array:
-        """Load."""
-        return quadratic(self.bulk).load
-
-    @property
-    def constant(self) -> float:
-        """Constant."""
-        return quadratic(self.bulk).constant
-
-    @property
-    def diagonal(self) -> Array:
-        """Diagonal."""
-        return quadratic(self.bulk).diagonal
-
-    @property
-    def row_sums(self) -> Array:
-        """Row sums."""
-        return quadratic(self.bulk).row_sums
-
-    @property
-    def trace(self) -> sp.csr_array:
-        """Trace."""
-        return self.contact.trace
-
-    @property
-    def weights(self) -> Array:
-        """Weights."""
-        return self.contact.weights
-
-    @property
-    def gap(self) -> Array:
-        """Gap."""
-        return self.contact.gap
-
-    @property
-    def slip_offset(self) -> Array:
-        """Slip offset."""
-        return np.asarray(self.contact.offset[:, 1:])
-
-    @property
-    def offset(self) -> Array:
-        """Offset."""
-        return self.contact.offset.ravel()
-
-    @property
-    def points(self) -> Array | None:
-        """Points."""
-        return self.contact.points
-
-    @property
-    def frames(self) -> Array | None:
-        """Frames."""
-        return self.contact.frames
-
-    @property
-    def without_friction(self) -> BoolArray | None:
-        """Without friction."""
-        return self.contact.without_friction
-
-    @property
-    def dim(self) -> int:
-        """Components."""
-        return self.contact.components
-
-    @property
-    def statement(self) -> ContactProblem | None:
-        """Statement."""
-        return self.origin
-
-    def with_law(self, law: ContactLaw) -> DiscreteProblem:
-        """Another law."""
-        return self.with_(law=law)
 
 
 def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:

@@ -10,6 +10,7 @@ import numpy as np
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.types import Array
+from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
@@ -114,11 +115,10 @@ class Residual:
 def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
     """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it."""
     if not problem.contact_points:
-        return LoadScale(norm(problem.load), 0.0)
-    offset = problem.offset.reshape(problem.contact_points, problem.dim)
+        return LoadScale(norm(_load(problem)), 0.0)
     with np.errstate(all="ignore"):
-        rest = norm(problem.contact_force(resting_multiplier(problem.law, offset, compliance)))
-    return LoadScale(norm(problem.load), rest if math.isfinite(rest) else math.inf)
+        rest = norm(problem.contact_force(resting_multiplier(problem.law, problem.contact.offset, compliance)))
+    return LoadScale(norm(_load(problem)), rest if math.isfinite(rest) else math.inf)
 
 
 def resting_multiplier(law: ContactLaw, offset: Array, compliance: Array) -> Array:
@@ -141,13 +141,15 @@ def contact_compliance(problem: DiscreteProblem) -> Array:
 
     It makes displacement and multiplier comparable; the columns are for the normal and the tangential part.
     """
-    flexibility = problem.trace.power(2) @ (1.0 / problem.diagonal)
-    flexibility = flexibility.reshape(problem.contact_points, problem.dim)
+    bulk = problem.bulk
+    stiff = bulk.diagonal if isinstance(bulk, Quadratic) else bulk.hessian(np.zeros(bulk.unknowns)).diagonal()
+    flexibility = problem.contact.trace.power(2) @ (1.0 / stiff)
+    flexibility = flexibility.reshape(problem.contact_points, problem.contact.components)
     normal = flexibility[:, 0]
-    tangential = flexibility[:, 1:].max(axis=1) if problem.dim > 1 else normal
+    tangential = flexibility[:, 1:].max(axis=1) if problem.contact.components > 1 else normal
     pair = np.stack([normal, tangential], axis=1)
     largest = pair.max(initial=0.0)
-    return problem.weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0)
+    return problem.contact.weights[:, None] * np.where(pair > 0.0, pair, largest if largest > 0.0 else 1.0)
 
 
 def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -> Residual:
@@ -168,22 +170,33 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
         Wrong shapes, or arrays that are not of real numbers.
     """
     expect(problem, DiscreteProblem, "the problem of the residual", "discretise it first, hemivar.discretize(problem)")
-    K, f = problem.stiffness, problem.load
     displacement = real_array(displacement, "the displacement", finite=False)
     multiplier = real_array(multiplier, "the multiplier", finite=False)
-    if displacement.shape != f.shape:
-        raise ProblemError(f"the displacement has shape {displacement.shape}; the unknowns have shape {f.shape}")
+    if displacement.shape != (problem.unknowns,):
+        raise ProblemError(f"the displacement has shape {displacement.shape}; the unknowns have {(problem.unknowns,)}")
     force = problem.contact_force(multiplier)
     compliance = contact_compliance(problem)
     inclusion = np.zeros(0)
     if problem.contact_points:
         r = problem.local(displacement)
         law = problem.law.frozen(r, multiplier)
-        inclusion = problem.weights * law.graph_distance(r, multiplier, compliance)
+        inclusion = problem.contact.weights * law.graph_distance(r, multiplier, compliance)
     return Residual.of(
-        out_of_balance=f - K @ displacement - force,
+        out_of_balance=-problem.bulk.gradient(displacement) - force,
         inclusion=inclusion,
         load=load_scale(problem, compliance),
         contact_force=force,
-        moved=problem.row_sums * np.abs(displacement) + np.abs(f),
+        moved=_moved(problem.bulk, displacement) + np.abs(_load(problem)),
     )
+
+
+def _load(problem: DiscreteProblem) -> Array:
+    """External forces on the body at rest."""
+    bulk = problem.bulk
+    return bulk.load if isinstance(bulk, Quadratic) else -bulk.gradient(np.zeros(bulk.unknowns))
+
+
+def _moved(bulk: Bulk, u: Array) -> Array:
+    """Sizes of what is added up in the forces of the body, (n,)."""
+    sums = bulk.row_sums if isinstance(bulk, Quadratic) else abs(bulk.hessian(u)).sum(axis=1)
+    return np.asarray(sums * np.abs(u))

@@ -48,10 +48,10 @@ def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | No
     if not motions.count:
         return []
     lift = problem.field.lift
-    forces = lift.T @ problem.load if load is None else load
-    m, d = problem.contact_points, problem.dim
-    local = sp.csc_array(problem.trace @ (lift @ motions.motions))
-    slack = geometric_slack(problem.points, problem.weights)
+    forces = lift.T @ problem.linear.load if load is None else load
+    m, d = problem.contact_points, problem.contact.components
+    local = sp.csc_array(problem.contact.trace @ (lift @ motions.motions))
+    slack = geometric_slack(problem.contact.points, problem.contact.weights)
     found = []
     for group in motions.groups:
         moved = motions.motions[:, group.columns]
@@ -62,7 +62,7 @@ def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | No
         points = np.unique(seen.indices // d)
         rows = seen.toarray().reshape(m, d, work.size)[points]
         law = problem.law.take(points) if len(points) else problem.law
-        found.append(growth_along(law, rows, problem.weights[points], work, size, slack))
+        found.append(growth_along(law, rows, problem.contact.weights[points], work, size, slack))
     return found
 
 

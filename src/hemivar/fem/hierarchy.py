@@ -42,7 +42,7 @@ class Coarser:
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
         return self.problem.with_(
-            load=self.prolongation.T @ finer.load,
+            load=self.prolongation.T @ finer.linear.load,
             offset=finer.contact.offset[self.shared],
             law=finer.law.take(self.shared),
         )
@@ -68,7 +68,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     problem : DiscreteProblem
         From :func:`discretize`, with linear elements and nodal quadrature.
     """
-    field, statement = problem.field, problem.statement
+    field, statement = problem.field, problem.origin
     if field is None or statement is None or field.order != 1 or field.mesh.parent is None:
         return None
     parent = field.mesh.parent

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.mechanics import ContactProblem, Fixed, Prescribed
@@ -38,9 +38,8 @@ class LoadLine:
 
     def __post_init__(self) -> None:
         zero = self.unloaded
-        if zero is not None and (
-            zero.load.shape != self.loaded.load.shape or zero.trace.shape != self.loaded.trace.shape
-        ):
+        loaded = self.loaded
+        if zero is not None and (zero.unknowns, zero.contact.count) != (loaded.unknowns, loaded.contact.count):
             raise ProblemError(
                 "the unloaded problem differs in size from the loaded one; use the same mesh and supports"
             )
@@ -62,12 +61,13 @@ class LoadLine:
             raise ProblemError(f"the load factor is {factor}; give a finite number")
         loaded, zero = self.loaded, self.unloaded
         if zero is None:
-            return loaded.with_(load=factor * loaded.load)
-        load = (1.0 - factor) * zero.load + factor * loaded.load
+            return loaded.with_(load=factor * loaded.linear.load)
+        start, end = zero.linear, loaded.linear
+        load = (1.0 - factor) * start.load + factor * end.load
         # The energy of prescribed displacements is quadratic in them.
-        constant = zero.constant + factor**2 * (loaded.constant - zero.constant)
+        constant = start.constant + factor**2 * (end.constant - start.constant)
         return loaded.with_(
-            bulk=quadratic(loaded.bulk).under(load, constant),
+            bulk=end.under(load, constant),
             offset=(1.0 - factor) * zero.contact.offset + factor * loaded.contact.offset,
         )
 

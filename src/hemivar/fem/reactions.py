@@ -56,7 +56,7 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     load = load_vector(mesh, order, stated.body_force, stated.tractions).reshape(-1, mesh.dim)
     moved = internal_forces(stated, supports.value, cells)
     expected = field.basis.T @ (load - moved).ravel()
-    if norm(expected - problem.load) > _SAME_LOAD * max(norm(load.ravel()), norm(moved.ravel())):
+    if norm(expected - problem.linear.load) > _SAME_LOAD * max(norm(load.ravel()), norm(moved.ravel())):
         raise ProblemError(
             "reactions are known under the stated load only, and this problem has another one; state that load"
         )

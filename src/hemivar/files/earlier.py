@@ -73,8 +73,8 @@ def _numbers(value: object, what: str, path: Path) -> Array:
 def _unknowns(displacement: Array, problem: DiscreteProblem, path: Path) -> Array:
     field = problem.field
     if field is None:
-        if displacement.shape != problem.load.shape:
-            raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {problem.load.shape}")
+        if displacement.shape != problem.linear.load.shape:
+            raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {problem.linear.load.shape}")
         return displacement
     expected = (field.number_of_nodes, field.components)
     if displacement.shape != expected:
@@ -96,13 +96,13 @@ def _other_mesh(path: Path, why: str) -> ProblemError:
 
 
 def _read_multiplier(contact: Mapping[str, object], problem: DiscreteProblem, path: Path) -> Array | None:
-    m, d = problem.contact_points, problem.dim
+    m, d = problem.contact_points, problem.contact.components
     pressure = _numbers(contact["pressure"], "contact.pressure", path)
     if pressure.shape != (m,):
         raise _other_mesh(path, f"it has {pressure.size} contact points, not {m}")
-    if contact.get("x") is not None and problem.points is not None:
+    if contact.get("x") is not None and problem.contact.points is not None:
         points = _numbers(contact["x"], "contact.x", path)
-        if points.shape != problem.points.shape or not _same_points(points, problem.points):
+        if points.shape != problem.contact.points.shape or not _same_points(points, problem.contact.points):
             raise _other_mesh(path, "its contact points lie elsewhere")
     multiplier = np.zeros((m, d))
     multiplier[:, 0] = pressure

@@ -99,7 +99,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "method": solution.method,
         "unknowns": problem.unknowns,
         "contact_points": problem.contact_points,
-        "dim": problem.dim,
+        "dim": problem.contact.components,
         "energy": solution.energy,
         **iteration_record(residual, solution.steps, solution.evaluations, solution.timings, solution.history),
         "error_bound": solution.error_bound,
@@ -107,7 +107,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "resultants": {
             "normal_force": solution.normal_force,
             "friction_force": solution.friction_force,
-            "force": None if problem.frames is None else foundation_force(solution),
+            "force": None if problem.contact.frames is None else foundation_force(solution),
         },
         "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
         "reactions": _reactions(solution),
@@ -122,7 +122,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
 def foundation_force(solution: Solution) -> Array:
     """Resultant force of the foundation on the body, global vector (d,): ``-sum_j w_j (lam_nu nu + lam_tau)``."""
     problem = solution.problem
-    return np.asarray(-(problem.weights @ global_vectors(problem, solution.multiplier)))
+    return np.asarray(-(problem.contact.weights @ global_vectors(problem, solution.multiplier)))
 
 
 def _boundary_record(result: BoundaryResult) -> dict[str, Any]:
@@ -139,17 +139,17 @@ def _reactions(solution: Solution) -> dict[str, Array] | None:
 def _contact_record(solution: Solution) -> dict[str, Any]:
     problem = solution.problem
     return {
-        "x": problem.points,
-        "normal": None if problem.frames is None else problem.frames[:, 0],
+        "x": problem.contact.points,
+        "normal": None if problem.contact.frames is None else problem.contact.frames[:, 0],
         "boundary": boundary_names(problem),
-        "weight": problem.weights,
-        "gap": problem.gap,
+        "weight": problem.contact.weights,
+        "gap": problem.contact.gap,
         "penetration": solution.penetration,
         "slip": _tangential(solution.slip),
         "pressure": solution.pressure,
         "friction": _tangential(solution.friction),
         "state": state_names(solution),
-        "without_friction": problem.without_friction,
+        "without_friction": problem.contact.without_friction,
     }
 
 

@@ -108,7 +108,7 @@ def _contact_quantities(solution: Solution) -> dict[str, tuple[Array, float]]:
     friction = global_vectors(problem, solution.multiplier, normal=False)
     return {
         "pressure": (solution.pressure, 0.0),
-        "gap": (problem.gap, 0.0),
+        "gap": (problem.contact.gap, 0.0),
         "penetration": (solution.penetration, 0.0),
         "friction": (three_components(friction), 0.0),
         "slip": (three_components(global_vectors(problem, solution.local, normal=False)), 0.0),

@@ -58,9 +58,9 @@ class ElasticMultigrid:
         problems = [step.problem for step in chain] + [problem]
         below = algebraic_levels(coarsest) if coarsest.unknowns > COARSEST else []
         nothing = np.zeros(0, dtype=np.int64)
-        parts = [contact_unknowns(p) if selects(p.trace) else (nothing,) * 4 for p in problems]
+        parts = [contact_unknowns(p) if selects(p.contact.trace) else (nothing,) * 4 for p in problems]
         levels = Levels(
-            [matrix for matrix, _ in below] + [p.stiffness for p in problems],
+            [matrix for matrix, _ in below] + [p.linear.stiffness for p in problems],
             [transfer for _, transfer in below] + [Transfer.of(step.prolongation) for step in chain],
             [nothing] * len(below) + [part[0] for part in parts],
             [nothing] * len(below) + [part[3] for part in parts],
@@ -113,6 +113,6 @@ def selects(trace: sp.csr_array) -> bool:
 
 def contact_unknowns(problem: DiscreteProblem) -> tuple[IntArray, Array, BoolArray, IntArray]:
     """The unknown and the sign of each active component (k,), which are active (m, d), and the points of those (k,)."""
-    active = (np.diff(problem.trace.indptr) > 0).reshape(problem.contact_points, problem.dim)
+    active = (np.diff(problem.contact.trace.indptr) > 0).reshape(problem.contact_points, problem.contact.components)
     point = np.repeat(np.arange(problem.contact_points), active.sum(axis=1))
-    return problem.trace.indices.astype(np.int64), np.sign(problem.trace.data), active, point
+    return problem.contact.trace.indices.astype(np.int64), np.sign(problem.contact.trace.data), active, point

@@ -46,8 +46,8 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
     unknowns = np.asarray((field.lift @ motions.motions).toarray())
     if not motions.count:
         return unknowns
-    force = np.abs(problem.stiffness @ unknowns)
-    return unknowns if float((force / problem.diagonal[:, None]).max(initial=0.0)) <= _RESISTED else None
+    force = np.abs(problem.linear.stiffness @ unknowns)
+    return unknowns if float((force / problem.linear.diagonal[:, None]).max(initial=0.0)) <= _RESISTED else None
 
 
 def rounding(matrix: sp.csr_array, diagonal: Array | None = None) -> float:
@@ -141,7 +141,7 @@ def indefinite(matrix: sp.csr_array) -> float | None:
 
 def below_zero(problem: DiscreteProblem, eigenvalue: float) -> float | None:
     """An eigenvalue of the stiffness that is below zero by more than rounding, or None."""
-    return eigenvalue if eigenvalue < -rounding(problem.stiffness, problem.diagonal) else None
+    return eigenvalue if eigenvalue < -rounding(problem.linear.stiffness, problem.linear.diagonal) else None
 
 
 def refuse_unseen(problem: DiscreteProblem) -> None:
@@ -154,7 +154,9 @@ def refuse_unseen(problem: DiscreteProblem) -> None:
     free = free_unknowns(problem)
     if free is None or not free.shape[1]:
         return
-    seen = np.linalg.qr(problem.trace @ free, mode="r") if problem.contact_points else np.zeros((0, free.shape[1]))
+    seen = (
+        np.linalg.qr(problem.contact.trace @ free, mode="r") if problem.contact_points else np.zeros((0, free.shape[1]))
+    )
     if np.linalg.matrix_rank(seen, tol=_RESISTED) < free.shape[1]:
         raise ProblemError(
             "the stiffness matrix is singular apart from the contact boundary: a part of the body can move freely; "

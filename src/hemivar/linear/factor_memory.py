@@ -60,7 +60,7 @@ def check_memory(unknowns: int, dimension: int, contact: int) -> None:
 
 def shortage(problem: DiscreteProblem, condensed: bool = True) -> MethodError:
     """The error for a problem that ran out of memory all the same; ``condensed`` if it was to be factorised."""
-    contact = problem.trace.nnz
+    contact = problem.contact.trace.nnz
     remedy = _REMEDY if condensed else "take fewer cells, or a machine with more memory"
     return MethodError(
         f"the memory gave out for {problem.unknowns} unknowns, {contact} of them on the contact boundary; {remedy}"

@@ -82,7 +82,7 @@ class FixedPoint(Solver):
         if not problem.law.state_dependent:
             return self.inner.refuse(problem)
         start = problem.local(np.zeros(problem.unknowns))
-        return self.inner.refuse(problem.with_law(problem.law.frozen(start, np.zeros(start.shape))))
+        return self.inner.refuse(problem.with_(law=problem.law.frozen(start, np.zeros(start.shape))))
 
     def begin(self, system: System, start: State, budget: Budget) -> State:
         return replace(start, memory=Outer(start.r, start.lam))

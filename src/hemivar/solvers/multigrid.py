@@ -100,7 +100,7 @@ class NonsmoothMultigrid(Solver):
         return False
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
-        if not selects(problem.trace):
+        if not selects(problem.contact.trace):
             return (
                 "some contact points share displacements; it needs quadrature at the nodes, and contact boundaries "
                 "that meet smoothly or at a right angle. Use NonsmoothNewton"

@@ -340,14 +340,14 @@ class BodyProblem(Body):
         return BodyProblem(
             vectors=WHOLE,
             law=problem.law,
-            weights=problem.weights,
-            offset=problem.offset.reshape(active.shape),
+            weights=problem.contact.weights,
+            offset=problem.contact.offset.ravel().reshape(active.shape),
             unknown=unknown,
             sign=sign,
             active=active,
-            load=problem.load,
-            row_sums=problem.row_sums,
-            constant=problem.constant,
+            load=problem.linear.load,
+            row_sums=problem.linear.row_sums,
+            constant=problem.linear.constant,
             compliance=contact_compliance(problem),
             below=below,
             problem=problem,
@@ -356,12 +356,12 @@ class BodyProblem(Body):
         )
 
     def multiply(self, x: Array) -> Array:
-        return np.asarray(self.problem.stiffness @ x)
+        return np.asarray(self.problem.linear.stiffness @ x)
 
     @cached_property
     def _rows(self) -> sp.csr_array:
         """Rows of the stiffness that belong to active components, (k, n)."""
-        return sp.csr_array(self.problem.stiffness[self.unknown])
+        return sp.csr_array(self.problem.linear.stiffness[self.unknown])
 
     def pull(self, x: Array) -> Array:
         return np.asarray(self._rows @ x)
@@ -383,18 +383,20 @@ class BodyProblem(Body):
         return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
 
     def with_law(self, law: ContactLaw) -> BodyProblem:
-        return self.for_problem(self.problem.with_law(law))
+        return self.for_problem(self.problem.with_(law=law))
 
     def for_problem(self, problem: DiscreteProblem) -> BodyProblem:
         """The same body under another load, gap or law."""
-        if problem.stiffness.shape != self.problem.stiffness.shape or problem.trace.shape != self.problem.trace.shape:
+        if (problem.unknowns, problem.contact.count) != (self.problem.unknowns, self.problem.contact.count):
             raise ProblemError("the other problem is of another size; set it up by itself")
         return BodyProblem.of(problem, self.hierarchy, self.top, None)
 
     def refuse_direction(self, direction: Array) -> None:
         problem = self.problem
         if free_unknowns(problem) is None:
-            refuse_indefinite(below_zero(problem, quotient(problem.stiffness, direction, problem.diagonal)))
+            refuse_indefinite(
+                below_zero(problem, quotient(problem.linear.stiffness, direction, problem.linear.diagonal))
+            )
 
     def free_growth(self) -> list[Growth]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
@@ -407,15 +409,15 @@ class BodyProblem(Body):
             return free_growth(problem, problem.field.free_motions)
         if problem.unknowns > COARSEST:
             return []
-        root = np.sqrt(problem.diagonal)
-        values, vectors = la.eigh(problem.stiffness.toarray() / np.outer(root, root))
-        modes = vectors[:, values < rounding(problem.stiffness, problem.diagonal)] / root[:, None]
+        root = np.sqrt(problem.linear.diagonal)
+        values, vectors = la.eigh(problem.linear.stiffness.toarray() / np.outer(root, root))
+        modes = vectors[:, values < rounding(problem.linear.stiffness, problem.linear.diagonal)] / root[:, None]
         if not modes.shape[1]:
             return []
         modes /= np.abs(modes).max(axis=0)
         local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
-        size = float(np.abs(problem.load) @ np.abs(modes).max(axis=1))
-        return [growth_along(self.law, local, self.weights, modes.T @ problem.load, size, ROUNDED)]
+        size = float(np.abs(problem.linear.load) @ np.abs(modes).max(axis=1))
+        return [growth_along(self.law, local, self.weights, modes.T @ problem.linear.load, size, ROUNDED)]
 
 
 class _TruncatedBody:
@@ -465,7 +467,7 @@ def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
     began = time.perf_counter()
     refuse_unseen(problem)
     if free_unknowns(problem) is None:
-        refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
+        refuse_indefinite(below_zero(problem, lowest_quotient(problem.linear.stiffness)))
     hierarchy = levels_of(problem, workspace)
     posed = [problem]
     if not problem.law.state_dependent:  # else nothing starts from a coarser mesh

@@ -91,7 +91,7 @@ class CondensedProblem(Portable):
     @property
     def weights(self) -> Array:
         """Quadrature weights (m,)."""
-        return self.problem.weights
+        return self.problem.contact.weights
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -147,7 +147,7 @@ class CondensedProblem(Portable):
         """
         known = free_unknowns(self.problem)
         if known is not None:
-            return np.asarray((self.problem.trace[self.free] @ known).T)
+            return np.asarray((self.problem.contact.trace[self.free] @ known).T)
         A = self.matrix[np.ix_(self.free, self.free)]
         if self.free.size == 0:
             return np.zeros((0, 0))
@@ -173,14 +173,14 @@ class CondensedProblem(Portable):
         local = np.zeros((*self.shape, len(modes)))
         local.reshape(-1, len(modes))[self.free] = modes.T
         moved = np.stack([self._recovery.linear(r) for r in local.transpose(2, 0, 1)], axis=1)
-        load = self.problem.load
+        load = self.problem.linear.load
         size = float(np.abs(load) @ np.abs(moved).max(axis=1))
         return [growth_along(self.law, local, self.weights, moved.T @ load, size, ROUNDED)]
 
     @cached_property
     def length_scale(self) -> float:
         """A typical displacement, for methods that work on scaled unknowns."""
-        size = max(float(np.abs(self.fixed).max(initial=0.0)), float(np.abs(self.problem.gap).max(initial=0.0)))
+        size = max(float(np.abs(self.fixed).max(initial=0.0)), float(np.abs(self.problem.contact.gap).max(initial=0.0)))
         if self.free.size:
             A = self.matrix[np.ix_(self.free, self.free)]
             held = A + 1e-3 * np.diag(self.diagonal.ravel()[self.free])
@@ -218,7 +218,7 @@ class CondensedProblem(Portable):
         """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
         m, d = self.shape
         if guess is None:
-            guess = -self.problem.offset.reshape(m, d)
+            guess = -self.problem.contact.offset.ravel().reshape(m, d)
         r = real_array(guess, "the starting point", finite=False)
         return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
 
@@ -277,7 +277,7 @@ class CondensedProblem(Portable):
             With the same stiffness, trace and weights.
         """
         old = self.problem
-        if problem.stiffness.shape != old.stiffness.shape or problem.trace.shape != old.trace.shape:
+        if (problem.unknowns, problem.contact.count) != (old.unknowns, old.contact.count):
             raise ProblemError("the other problem is of another size; condense it by itself")
         began = time.perf_counter()
         if problem is old:
@@ -288,7 +288,7 @@ class CondensedProblem(Portable):
 
     def with_law(self, law: ContactLaw) -> CondensedProblem:
         """The same body on another foundation."""
-        return self.for_problem(self.problem.with_law(law))
+        return self.for_problem(self.problem.with_(law=law))
 
     # ---- the way back --------------------------------------------------------------------------------------
 
@@ -310,7 +310,7 @@ class CondensedProblem(Portable):
         ``reaction`` gives the contact forces (m, d) of a force (n,).
         """
         inner = self._recovery.factor.solve_interior(force)
-        return inner, reaction(self.problem, force - self.problem.stiffness @ inner)
+        return inner, reaction(self.problem, force - self.problem.linear.stiffness @ inner)
 
     def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
         """All unknowns u (n,) from the local displacements, with the residual of the full problem."""
@@ -332,7 +332,7 @@ class CondensedProblem(Portable):
         With its residual for the multiplier of the law, which must not depend on r there.  None where no gap is that
         large, or where the points are not held.
         """
-        offset = self.problem.offset.reshape(self.shape)
+        offset = self.problem.contact.offset.ravel().reshape(self.shape)
         moved = float(np.abs(r + offset)[self.active].max(initial=0.0))
         far = self.active & (np.abs(offset) > _FAR * moved)
         if moved == 0.0 or not far.any():
@@ -345,9 +345,9 @@ class CondensedProblem(Portable):
         free = np.flatnonzero((self.active & flat).ravel())
         if not far.ravel()[free].any():
             return None
-        rest = self.problem.load - self.problem.stiffness @ u - self.problem.contact_force(lam)
+        rest = self.problem.linear.load - self.problem.linear.stiffness @ u - self.problem.contact_force(lam)
         inner = self._recovery.factor.solve_interior(rest)
-        reduced = (rest - self.problem.stiffness @ inner)[self._recovery.kept]
+        reduced = (rest - self.problem.linear.stiffness @ inner)[self._recovery.kept]
         try:
             factor = la.cho_factor(self.matrix[np.ix_(free, free)])
         except la.LinAlgError:
@@ -403,8 +403,8 @@ def condense(problem: DiscreteProblem | ContactProblem) -> CondensedProblem:
     """
     problem = posed(problem, "condense")
     began = time.perf_counter()
-    contact = problem.contact_points * problem.dim
-    check_memory(problem.unknowns, problem.dim, contact)
+    contact = problem.contact_points * problem.contact.components
+    check_memory(problem.unknowns, problem.contact.components, contact)
     try:
         return _load(_condense_body(problem), problem, began)
     except MemoryError:
@@ -425,8 +425,8 @@ class _Body:
 
 def _condense_body(problem: DiscreteProblem) -> _Body:
     refuse_unseen(problem)
-    K, B = problem.stiffness, problem.trace
-    m, d = problem.contact_points, problem.dim
+    K, B = problem.linear.stiffness, problem.contact.trace
+    m, d = problem.contact_points, problem.contact.components
     B = sp.csr_array(B)
     B.eliminate_zeros()
     kept = np.unique(B.indices).astype(np.int64)
@@ -462,7 +462,7 @@ def _condense_body(problem: DiscreteProblem) -> _Body:
 
 def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: IntArray) -> None:
     """Refuse a stiffness without a mesh along which the energy falls: shown by a displacement, free of doubt."""
-    K, scale = problem.stiffness, problem.diagonal[kept]
+    K, scale = problem.linear.stiffness, problem.linear.diagonal[kept]
     if factor.interior_positive:
         root = np.sqrt(scale)
         scaled = factor.schur / np.outer(root, root)
@@ -473,24 +473,24 @@ def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: I
             u = np.zeros(problem.unknowns)
             u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
             u += factor.solve_interior(-(K @ u))
-        refuse_indefinite(below_zero(problem, quotient(K, u, problem.diagonal)))
+        refuse_indefinite(below_zero(problem, quotient(K, u, problem.linear.diagonal)))
     else:
         refuse_indefinite(indefinite(K))
 
 
 def _load(body: _Body, problem: DiscreteProblem, began: float) -> CondensedProblem:
-    K, f = problem.stiffness, problem.load
+    K, f = problem.linear.stiffness, problem.linear.load
     interior = body.factor.solve_interior(f)
     reduced_force = (f - K @ interior)[body.kept]
     rest_energy = 0.5 * float(f @ interior)
-    constant = problem.constant - rest_energy
+    constant = problem.linear.constant - rest_energy
     shift = np.zeros(body.kept.size)
     if body.drift is not None:
         shift = body.drift @ reduced_force
         constant -= 0.5 * float(shift @ reduced_force)
     force = np.asarray(body.spread.T @ reduced_force)
     # From contact unknowns y = r + offset to r.
-    offset = problem.offset
+    offset = problem.contact.offset.ravel()
     free_offset = np.where(body.active.ravel(), offset, 0.0)
     constant += 0.5 * float(free_offset @ (body.matrix @ free_offset)) - float(force @ free_offset)
     force = force - body.matrix @ free_offset
