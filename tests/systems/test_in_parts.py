@@ -128,7 +128,7 @@ def test_contact_moves(normal: hv.Superpotential) -> None:
         return majorant(mine), moved, point, least, snapped(mine, scale * r[own])
 
     for own, (found, moved, point, least, close) in zip(HALVES, in_parts(work), strict=True):
-        assert found == pytest.approx(stiff, rel=0.05)  # powers of another first vector
+        assert found == pytest.approx(stiff, rel=1e-9)
         assert (moved.tries, moved.factor) == (move.tries, move.factor)
         assert moved.gain == pytest.approx(move.gain, rel=1e-12)
         np.testing.assert_allclose(moved.r, move.r[own], rtol=1e-12)
