@@ -109,6 +109,14 @@ def test_cycles_are_bounded_as_the_mesh_is_refined() -> None:
     assert max(cycles) <= 24, cycles
 
 
+def test_a_last_step_below_the_rounding_of_the_energy_is_taken() -> None:
+    """It leads where Newton's equation says, as far as the digits of the displacements tell: no cycles to polish it."""
+    problem = hv.discretize(gallery.survey_logarithmic(0.3, 128, "right"))
+    found = hv.solve(problem, NonsmoothMultigrid(tolerance=5e-11), TIGHT)
+    assert found.status is Status.CONVERGED
+    assert found.evaluations <= 24
+
+
 def test_rotation_of_the_body_changes_nothing() -> None:
     plain = gallery.survey("5.1", 16, "right")
     angle = 0.7

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import FunctionType, MappingProxyType, MethodType
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,8 +21,8 @@ __all__ = ["Portable"]
 class Portable:
     """Base of frozen classes whose objects can be pickled and copied.
 
-    Cached properties and the names in ``_rebuilt`` are left behind and computed again when they are asked for;
-    read-only arrays and mappings arrive read-only. :func:`copy.copy` shares everything, caches included: the object
+    Cached properties are left behind and computed again when they are asked for; read-only arrays and mappings
+    arrive read-only. :func:`copy.copy` shares everything, caches included: the object
     is frozen.
 
     Raises
@@ -32,12 +32,9 @@ class Portable:
         cloudpickle or dill, which send such functions, they are left to these.
     """
 
-    #: Attributes beside cached properties that are made again when they are asked for.
-    _rebuilt: ClassVar[tuple[str, ...]] = ()
-
     def _stated(self) -> dict[str, Any]:
         """The attributes that travel."""
-        dropped = set(self._rebuilt)
+        dropped: set[str] = set()
         for base in type(self).__mro__:
             dropped.update(name for name, value in vars(base).items() if isinstance(value, cached_property))
         return {name: _packed(value) for name, value in vars(self).items() if name not in dropped}
