@@ -24,7 +24,7 @@ def test_everything_is_written(small):
     assert expected <= names
     assert all(path.stat().st_size > 0 for path in result.files)
     assert not result.interrupted
-    assert any("Figure 5" in line for line in said)
+    assert any("Figure 5" in stage.name for stage in said)
 
 
 def test_nine_curves_fall(small):
@@ -68,8 +68,8 @@ def test_report_is_one_page(small):
 
 
 def test_interruption_leaves_a_report(tmp_path):
-    def progress(message):
-        if message.startswith("Figure 2"):
+    def progress(stage):
+        if stage.name.startswith("Figure 2"):
             raise KeyboardInterrupt
 
     result = run_survey(tmp_path, max_n=8, progress=progress)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
+from hemivar.discrete.rigid import FreeMotions, free_motions
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
@@ -101,6 +103,11 @@ class Field(Portable):
     def nodes(self) -> Array:
         """Coordinates of the nodes, shape (nodes, dimension of the mesh)."""
         return self.mesh.nodes(self.order)
+
+    @cached_property
+    def free_motions(self) -> FreeMotions:
+        """The motions without deformation that supports leave to a displacement."""
+        return free_motions(self)
 
     def full(self, unknowns: Array) -> Array:
         """Nodal values ``P u + u0`` of a vector of unknowns.

@@ -10,9 +10,9 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.rigid import rigid_basis
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
-from hemivar.fem.rigid import rigid_basis
 
 __all__ = ["Coarser", "coarser", "rigid_motions"]
 

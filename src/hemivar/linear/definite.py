@@ -13,7 +13,6 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.rigid import free_motions
 
 __all__ = [
     "below_zero",
@@ -43,7 +42,7 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
     field = problem.field
     if field is None or not field.moves:
         return None
-    motions = free_motions(field)
+    motions = field.free_motions
     unknowns = np.asarray((field.lift @ motions.motions).toarray())
     if not motions.count:
         return unknowns

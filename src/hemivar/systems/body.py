@@ -19,7 +19,6 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, resting_multiplier
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.rigid import free_motions
 from hemivar.laws import ContactLaw
 from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
@@ -405,7 +404,7 @@ class BodyProblem(Body):
         problem = self.problem
         if free_unknowns(problem) is not None:
             assert problem.field is not None
-            return free_growth(problem, free_motions(problem.field))
+            return free_growth(problem, problem.field.free_motions)
         if problem.unknowns > COARSEST:
             return []
         root = np.sqrt(problem.diagonal)

@@ -22,7 +22,6 @@ from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, l
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
 from hemivar.fem.posed import posed
-from hemivar.fem.rigid import free_motions
 from hemivar.laws import ContactLaw
 from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
 from hemivar.linear.factor_memory import check_memory, shortage
@@ -167,7 +166,7 @@ class CondensedProblem(Portable):
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
         if free_unknowns(self.problem) is not None:
             assert self.problem.field is not None
-            return free_growth(self.problem, free_motions(self.problem.field))
+            return free_growth(self.problem, self.problem.field.free_motions)
         modes = self.rigid_modes
         if not len(modes):
             return []

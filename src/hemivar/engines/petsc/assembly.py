@@ -19,16 +19,16 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.hold import Growth, decide, growth_along
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.rigid import admitted, rigid_basis
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import Stiffness
-from hemivar.errors import MethodError, ProblemError
+from hemivar.errors import MethodError, ProblemError, SupportError
 from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
 from hemivar.fem.discretize import discretize, friction_warning
 from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
-from hemivar.fem.rigid import admitted, free_motions, rigid_basis
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -243,7 +243,7 @@ def assemble(
         np.count_nonzero(free[owned]), len(contact.weights), constant
     )  # fmt: skip
     if unknowns == 0:
-        raise shared(ProblemError("the supports leave the body no freedom; refine the mesh or remove supports"))
+        raise shared(SupportError("the supports leave the body no freedom; refine the mesh or remove supports"))
     with np.errstate(all="ignore"):  # what is not finite is refused below
         K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
     finite = float(np.isfinite(f.array_r).all() and np.isfinite(row_sums.array_r).all() and 0.0 < typical < np.inf)
@@ -317,7 +317,7 @@ def _supported(
         if piece.whole is None:
             return None
         field = _unrefined(piece.whole, state).field
-        return field is not None and free_motions(field).count == 0
+        return field is not None and field.free_motions.count == 0
 
     return bool(ranks.mpi.bcast(ranks.agree(look)))
 

@@ -9,7 +9,6 @@ import hemivar as hv
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.fem.rigid import free_motions
 from hemivar.laws import Adhesive, Bilateral, Compliance, Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Roller
 from hemivar.mesh import Mesh, box, rectangle
@@ -79,7 +78,7 @@ def test_motions_are_the_kernel_of_the_stiffness(shape: str, support: str, order
     problem = discretize(statement, check_coercivity=False)
     assert problem.field is not None
     assert statement.mesh.parts.count == count
-    found = free_motions(problem.field)
+    found = problem.field.free_motions
     assert found.count == kernel_size(problem)
     unknowns = problem.field.basis.T @ found.motions
     if found.count:
@@ -170,7 +169,7 @@ def test_a_lever_on_a_hinge_that_contact_holds() -> None:
     statement = ContactProblem(mesh, MATERIAL, {"right1": wall}, {"left0": Clamped()}, body_force=DOWN)
     problem = discretize(statement)
     assert problem.field is not None
-    assert free_motions(problem.field).count == 1
+    assert problem.field.free_motions.count == 1
     solution = solve(problem)
     assert solution.status is Status.CONVERGED
     assert problem.points is not None

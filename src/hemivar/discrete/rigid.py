@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -17,9 +18,11 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.mesh.parts import Parts
+
+if TYPE_CHECKING:
+    from hemivar.discrete.space import Field
 
 __all__ = ["FreeMotions", "MovingGroup", "admitted", "free_motions", "rigid_basis"]
 
@@ -106,19 +109,14 @@ def admitted(moved: Array) -> Array:
 
 
 def free_motions(field: Field) -> FreeMotions:
-    """The motions without deformation that a body has left, by its mesh and its supports; the field remembers them.
+    """The motions without deformation that a body has left, by its mesh and its supports.
 
     Raises
     ------
     ProblemError
         Several hundred parts hang together at nodes only.
     """
-    known = field.__dict__.get("_free_motions")
-    if isinstance(known, FreeMotions):
-        return known
-    found = _of_one(field) if field.mesh.parts.count == 1 else _of_many(field)
-    object.__setattr__(field, "_free_motions", found)
-    return found
+    return _of_one(field) if field.mesh.parts.count == 1 else _of_many(field)
 
 
 def _stopped(field: Field) -> tuple[IntArray, Array]:

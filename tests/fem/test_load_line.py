@@ -1,0 +1,53 @@
+"""Problems between the unloaded body and the loaded one are those of the scaled data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.fem import LoadLine, discretize
+from hemivar.laws import Compliance, Tresca
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
+from hemivar.mesh import rectangle
+from hemivar.solvers import solve
+
+
+def pulled(factor: float) -> ContactProblem:
+    """A square on a compliant foundation, its top moved and its sides loaded in proportion to a factor."""
+    return ContactProblem(
+        rectangle(cells=4),
+        Material.lame(3.0, 2.0),
+        {"bottom": Contact(Compliance(5.0), Tresca(0.05), gap=0.01)},
+        {"top": Prescribed((0.03 * factor, -0.1 * factor))},
+        tractions={"left": (0.2 * factor, 0.0)},
+    )
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.25, 0.5, 1.0, 1.5])
+def test_the_energy_of_prescribed_displacements_is_quadratic_in_them(factor: float) -> None:
+    line, own = LoadLine.of(pulled(1.0)), discretize(pulled(factor), check_coercivity=False)
+    there = line.at(factor)
+    u = np.random.default_rng(3).normal(size=own.unknowns)
+    np.testing.assert_allclose(there.bulk.gradient(u), own.bulk.gradient(u), atol=1e-13)
+    np.testing.assert_allclose(there.contact.offset, own.contact.offset, atol=1e-15)
+    assert there.energy(u) == pytest.approx(own.energy(u), rel=1e-13)
+    assert there.energy(np.zeros(own.unknowns)) == pytest.approx(own.energy(np.zeros(own.unknowns)), rel=1e-13)
+
+
+def test_work_done_on_the_way_is_the_energy_at_its_end() -> None:
+    """Without contact the energy E(t) grows as t^2: at half the load it is a quarter."""
+    whole = ContactProblem(
+        rectangle(cells=4), Material.lame(3.0, 2.0), {}, {"top": Prescribed((0.1, 0.0)), "bottom": Clamped()}
+    )
+    line = LoadLine.of(whole)
+    full = solve(line.at(1.0)).energy
+    assert full > 1e-3
+    assert solve(line.at(0.5)).energy == pytest.approx(0.25 * full, rel=1e-12)
+
+
+@pytest.mark.parametrize("factor", [np.nan, np.inf, -np.inf])
+def test_load_factors_are_finite(factor: float) -> None:
+    for line in (LoadLine.of(pulled(1.0)), LoadLine(discretize(pulled(1.0)))):
+        with pytest.raises(ProblemError, match="the load factor is"):
+            line.at(factor)
