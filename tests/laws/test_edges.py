@@ -151,6 +151,7 @@ def test_a_jump_of_a_tiny_bound_is_a_jump() -> None:
 
 def test_a_bound_is_known_as_far_as_it_is_asked() -> None:
     assert PenetrationBound("min(s, 5000)", reach=1e4).lipschitz[0] == pytest.approx(1.0, rel=1e-9)
+    assert PenetrationBound("max(-3*(s + 5000), s + 5000)", reach=1e4).lipschitz[0] == pytest.approx(3.0, rel=1e-9)
     assert not PenetrationBound(([0.0, 1.0], [0.0, 3.0])).lipschitz_sampled
 
 
