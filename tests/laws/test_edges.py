@@ -155,6 +155,16 @@ def test_a_bound_is_known_as_far_as_it_is_asked() -> None:
     assert not PenetrationBound(([0.0, 1.0], [0.0, 3.0])).lipschitz_sampled
 
 
+def test_a_branch_of_a_bound_that_holds_elsewhere_is_not_asked_in_contact() -> None:
+    """Each would be negative at a penetration where another branch holds: at 0, or at the reach."""
+    bound = PenetrationBound("max(-3*(s + 1), s + 1)")
+    np.testing.assert_allclose(bound.value(np.array([-2.0, 0.0, 1.0]), np.zeros(3)), [3.0, 1.0, 2.0])
+    assert PenetrationBound("max(30 - s, 100*(s - 40))").lipschitz[0] == pytest.approx(100.0, rel=1e-6)
+    for text in ("max(-3*(s + 1), s - 1)", "max(9 - s, 100*(s - 20))"):
+        with pytest.raises(ProblemError, match="at least 0 where the body penetrates"):
+            PenetrationBound(text)
+
+
 def test_a_bound_without_a_constant_says_so() -> None:
     bound = PenetrationBound("sqrt(max(s, 0))")
     assert bound.lipschitz_sampled or bound.lipschitz[0] == np.inf
