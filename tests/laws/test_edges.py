@@ -65,11 +65,11 @@ def test_the_asymptotic_curvature_has_one_entry_for_each_point() -> None:
 
 def test_small_turns_of_a_curvature_are_where_they_are() -> None:
     """The curvature of a function is sampled; it turns at multiples of pi, however small it is."""
-    law = FunctionLaw(derivative=lambda r: 0.05 * np.sin(r), curvature=lambda r: 0.05 * np.cos(r), reach=8.0)
-    turns = np.pi * np.array([-2.0, -1.0, 1.0, 2.0])
-    for turn in turns:
-        assert np.abs(law.knots[0] - turn).min() < 0.1
-    assert law.knots[0].size <= 9
+    for sign in (0.05, -0.05):
+        law = FunctionLaw(
+            derivative=lambda r, sign=sign: sign * np.sin(r), curvature=lambda r, sign=sign: sign * np.cos(r), reach=8.0
+        )
+        np.testing.assert_allclose(law.knots[0], np.pi * np.arange(-3.0, 4.0), atol=0.1)
 
 
 def test_what_grows_a_little_faster_than_a_square_is_seen() -> None:
@@ -270,7 +270,7 @@ def test_the_kit_sees_answers_that_depend_on_the_company() -> None:
 def test_the_kit_sees_minimisers_of_a_scaled_law_that_are_a_little_off() -> None:
     class Off(PiecewiseQuadratic):
         def local_argmin(self, a: Array, b: Array) -> Array:
-            return np.asarray(super().local_argmin(a, b) + 3e-3)
+            return np.asarray(super().local_argmin(a, b) + 2e-4)
 
     def scaled(self: PiecewiseQuadratic, factor: Array | float) -> PiecewiseQuadratic:
         kind = Off if np.size(factor) == 1 and np.max(factor) == 3.0 else PiecewiseQuadratic
