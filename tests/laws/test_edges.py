@@ -65,10 +65,11 @@ def test_the_asymptotic_curvature_has_one_entry_for_each_point() -> None:
 
 def test_small_turns_of_a_curvature_are_where_they_are() -> None:
     """The curvature of a function is sampled; it turns at multiples of pi, however small it is."""
-    law = FunctionLaw(derivative=lambda r: 0.05 * np.sin(r), curvature=lambda r: 0.05 * np.cos(r), reach=8.0)
-    turns = np.pi * np.array([-2.0, -1.0, 1.0, 2.0])
-    for turn in turns:
-        assert np.abs(law.knots[0] - turn).min() < 0.1
+    for sign in (0.05, -0.05):
+        law = FunctionLaw(
+            derivative=lambda r, sign=sign: sign * np.sin(r), curvature=lambda r, sign=sign: sign * np.cos(r), reach=8.0
+        )
+        np.testing.assert_allclose(law.knots[0], np.pi * np.arange(-3.0, 4.0), atol=0.1)
 
 
 def test_what_grows_a_little_faster_than_a_square_is_seen() -> None:
@@ -150,7 +151,18 @@ def test_a_jump_of_a_tiny_bound_is_a_jump() -> None:
 
 def test_a_bound_is_known_as_far_as_it_is_asked() -> None:
     assert PenetrationBound("min(s, 5000)", reach=1e4).lipschitz[0] == pytest.approx(1.0, rel=1e-9)
+    assert PenetrationBound("max(-3*(s + 5000), s + 5000)", reach=1e4).lipschitz[0] == pytest.approx(3.0, rel=1e-9)
     assert not PenetrationBound(([0.0, 1.0], [0.0, 3.0])).lipschitz_sampled
+
+
+def test_a_branch_of_a_bound_that_holds_elsewhere_is_not_asked_in_contact() -> None:
+    """Each would be negative at a penetration where another branch holds: at 0, or at the reach."""
+    bound = PenetrationBound("max(-3*(s + 1), s + 1)")
+    np.testing.assert_allclose(bound.value(np.array([-2.0, 0.0, 1.0]), np.zeros(3)), [3.0, 1.0, 2.0])
+    assert PenetrationBound("max(30 - s, 100*(s - 40))").lipschitz[0] == pytest.approx(100.0, rel=1e-6)
+    for text in ("max(-3*(s + 1), s - 1)", "max(9 - s, 100*(s - 20))"):
+        with pytest.raises(ProblemError, match="at least 0 where the body penetrates"):
+            PenetrationBound(text)
 
 
 def test_a_bound_without_a_constant_says_so() -> None:
@@ -258,7 +270,7 @@ def test_the_kit_sees_answers_that_depend_on_the_company() -> None:
 def test_the_kit_sees_minimisers_of_a_scaled_law_that_are_a_little_off() -> None:
     class Off(PiecewiseQuadratic):
         def local_argmin(self, a: Array, b: Array) -> Array:
-            return np.asarray(super().local_argmin(a, b) + 3e-3)
+            return np.asarray(super().local_argmin(a, b) + 2e-4)
 
     def scaled(self: PiecewiseQuadratic, factor: Array | float) -> PiecewiseQuadratic:
         kind = Off if np.size(factor) == 1 and np.max(factor) == 3.0 else PiecewiseQuadratic
@@ -273,7 +285,7 @@ def test_the_kit_looks_at_a_knot_at_the_end_of_its_reach() -> None:
 
 
 def test_the_kit_sees_a_law_that_is_hardly_uneven() -> None:
-    law = table_law([-0.02, 0.0, 0.02], [-1.0, 0.0, 1.0 + 1e-4])
+    law = table_law([-0.02, 0.0, 0.02], [-1.0, 0.0, 1.0 + 1e-5])
     with pytest.raises(LawError, match=r"the law is even: it is not: j\(0\.\d"):
         check_law(law, reach=0.02, friction=True)
 
@@ -281,8 +293,8 @@ def test_the_kit_sees_a_law_that_is_hardly_uneven() -> None:
 @pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
 def test_friction_that_is_hardly_uneven_is_refused(size: float) -> None:
     Friction(1.0, table_law([-0.02, 0.0, 0.02], [-size, 0.0, size]))
-    with pytest.raises(ProblemError, match="must be the same backwards"):
-        Friction(1.0, table_law([-0.02, 0.0, 0.02], [-size, 0.0, size * (1.0 + 1e-4)]))
+    with pytest.raises(ProblemError, match=r"at r = 0.02 and .* must be the same backwards"):
+        Friction(1.0, table_law([-0.02, -0.01, 0.01, 0.02], size * np.array([-1.0, -0.5, 0.5, 1.0 + 1e-4])))
 
 
 def test_the_kit_measures_company_by_the_size_of_the_law() -> None:
@@ -300,6 +312,8 @@ def test_the_second_slip_of_a_table_may_be_one() -> None:
     law = table_law([0.0, 1.0, 2.0], [1.0, 3.0, 3.0], friction=True)
     np.testing.assert_allclose(law.derivative(np.array([0.5, 1.5, -0.5])), [2.0, 3.0, -2.0])
     np.testing.assert_allclose(law.subdifferential(np.zeros(1)).upper, 1.0)
+    later = table_law([0.5, 1.0], [1.0, 3.0], friction=True)
+    np.testing.assert_allclose(later.derivative(np.array([0.25, 0.75, -0.25, 7.0])), [1.0, 2.0, -1.0, 3.0])
 
 
 def test_of_many_knots_one_on_which_the_force_vanishes_is_the_minimiser() -> None:

@@ -243,8 +243,10 @@ def _proved(formula: ScalarFormula, reach: float) -> tuple[float, bool]:
         if not abs(right - left) <= 1e-9 * (abs(left) + abs(right)) + 1e-300:
             return np.inf, True
     near = np.clip(ends, -reach, reach)
-    lowest = supremum_of_pieces(branches, np.maximum(near, 0.0), reach, order=0, sign=-1.0)
-    rounding = 1e-12 * supremum_of_pieces(branches, np.maximum(near, 0.0), reach, order=0, sign=1.0).seen
+    first, last = np.searchsorted(switches, 0.0, side="right"), np.searchsorted(switches, reach, side="left")
+    contact, pushed = branches[first : last + 1], np.clip(ends[first : last + 2], 0.0, reach)
+    lowest = supremum_of_pieces(contact, pushed, reach, order=0, sign=-1.0)
+    rounding = 1e-12 * supremum_of_pieces(contact, pushed, reach, order=0, sign=1.0).seen
     if lowest.seen > rounding:
         raise ProblemError(
             f"{formula.shown}: the friction bound is {-lowest.seen:g} at penetration {lowest.place:g}; it must be at "
