@@ -129,8 +129,9 @@ def test_replacing_one_field_keeps_the_others(made: dict[str, list[object]]) -> 
     np.testing.assert_array_equal(
         steel.stiffness_tensor(points), hv.Material.young(1.0, 0.3, "stress").stiffness_tensor(points)
     )
-    plane = hv.Plane((0.0, 0.0), (1.0, 3.0))
-    np.testing.assert_array_equal(dataclasses.replace(plane, point=(1.0, 1.0)).normal, plane.normal)
+    for normal in np.random.default_rng(0).normal(size=(50, 3)):  # a direction is not made a unit vector twice
+        plane = hv.Plane((0.0, 0.0, 0.0), normal)
+        np.testing.assert_array_equal(dataclasses.replace(plane, point=(1.0, 1.0, 0.0)).normal, plane.normal)
     discrete = made["DiscreteProblem"][0]
     assert isinstance(discrete, hv.DiscreteProblem)
     for kind in (ContactPoints, Field, Quadratic, Space):
