@@ -87,7 +87,6 @@ def warm_up() -> None:
     import hemivar.certify
     import hemivar.cli
     import hemivar.files.problem_file
-    import hemivar.files.results
     import hemivar.report
     import hemivar.solvers
     import hemivar.workflows

@@ -20,7 +20,7 @@ import numpy as np
 from hemivar.basics.disk import make_folder, read_bytes, write_text
 from hemivar.basics.generators import result_of
 from hemivar.errors import FileError, HemivarError
-from hemivar.files.results import write_csv, write_json
+from hemivar.files import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
