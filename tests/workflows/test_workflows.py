@@ -38,6 +38,7 @@ from hemivar.workflows import (
     Stage,
     SurveyOptions,
     Work,
+    equilibria,
     result_of,
     solving,
 )
@@ -84,13 +85,17 @@ def test_a_run_tells_of_all_it_does_and_returns_what_solve_and_certify_return() 
     assert result.certificate is not None
     assert result.certificate.margin == hv.certify(expected).margin
     assert (result.complaint, result.interrupted) == ("", False)
+    assert result.certificate.tolerance == 1e-8
+    loose = result_of(workflows.run(PROBLEM, RunOptions(controls=Controls(rtol=1e-3)))).certificate
+    assert loose is not None
+    assert loose.tolerance == 1e-3
     for event in workflows.run(PROBLEM):
         assert isinstance(event, Progress | workflows.Notice)
 
 
 def test_warnings_come_first() -> None:
     nearly_incompressible = replace(square(n=2), material=hv.Material.young(1.0, 0.4999))
-    events = watched(workflows.run(nearly_incompressible))[1]
+    events = watched(workflows.run(nearly_incompressible, RunOptions(coarser=[PROBLEM])))[1]
     assert kinds(events)[0] == "Warned"
     assert [event.text for event in events if isinstance(event, workflows.Warned)] == list(
         hv.discretize(nearly_incompressible).warnings
@@ -104,7 +109,9 @@ def test_a_warm_start_goes_over_the_coarser_meshes() -> None:
     assert begun[1].problem is result.solution.problem
     (chosen,) = (event for event in events if isinstance(event, Chosen))
     assert (chosen.solver, chosen.reason) == (NonsmoothNewton(), "")
-    assert result.solution.energy == pytest.approx(hv.solve(PROBLEM).energy, rel=1e-12)
+    cold = hv.solve(PROBLEM)
+    assert result.solution.energy == pytest.approx(cold.energy, rel=1e-12)
+    assert result.solution.history[0].residual < 0.5 * cold.history[0].residual
 
 
 @pytest.mark.parametrize("kind", [Progress, Found, Certified])
@@ -152,6 +159,8 @@ def test_a_pair_is_certified_or_what_a_solve_finds() -> None:
     assert given.stationary
     wrong = result_of(workflows.certify(PROBLEM, 1.01 * solution.unknowns))
     assert not wrong.stationary
+    hasty = CertifyOptions(controls=Controls(max_time=1e-9))
+    assert "margin" in result_of(workflows.certify(PROBLEM, solution.unknowns, options=hasty)).left_out
     assert result_of(
         workflows.certify(PROBLEM, 1.01 * solution.unknowns, options=CertifyOptions(tolerance=0.1))
     ).stationary
@@ -194,7 +203,11 @@ def test_a_comparison_has_an_attempt_for_every_method() -> None:
         (tried.name, number, 4) for number, tried in enumerate(found.attempts)
     ]
     assert isinstance(events[0], Condensed)
-    assert events[0].seconds is not None
+    for tried in found.attempts[:2]:  # the condensation is shared, and in no time of a method
+        assert tried.solution is not None
+        timings = dict(tried.solution.timings)
+        assert timings.pop("condense") == events[0].seconds
+        assert tried.seconds == pytest.approx(sum(timings.values()))
 
 
 def test_a_comparison_that_is_interrupted_keeps_its_attempts() -> None:
@@ -219,13 +232,26 @@ def test_solutions_and_path_are_those_of_the_library() -> None:
     assert not result_of(workflows.path(PROBLEM, PathOptions((0.0, 1.5), max_points=3))).reached_end
 
 
+def test_the_options_of_a_search_reach_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[dict[str, object]] = []
+
+    def search(problem: hv.DiscreteProblem, **options: object) -> tuple[hv.Solution, ...]:
+        seen.append(options)
+        return ()
+
+    monkeypatch.setattr(equilibria, "find_solutions", search)
+    options = SolutionsOptions(3, 4, 5, Controls(rtol=1e-7))
+    result_of(workflows.solutions(PROBLEM, options))
+    assert seen == [{"starts": 3, "max_solutions": 4, "seed": 5, "controls": Controls(rtol=1e-7)}]
+
+
 def test_prescribed_displacements_grow_with_the_load_of_a_statement() -> None:
     pushed = replace(square(n=2), supports={"left": hv.Prescribed((0.0, -0.1))})
     path = result_of(workflows.path(pushed))
     line = LoadLine.of(pushed)
     expected = follow_path(line.loaded, unloaded=line.unloaded)
-    np.testing.assert_array_equal(path.load_factor, expected.load_factor)
-    assert not np.allclose(path.energy[-1], path.energy[0])
+    np.testing.assert_array_equal(path.local, expected.local)
+    assert not np.allclose(path.local[0], path.local[-1])
 
 
 def test_a_law_is_studied_with_values_given_as_numbers_or_text() -> None:
