@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from hemivar.report.style import GREEN, MARKERS, RED, drawing, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 __all__ = ["plot_contact"]
 
@@ -104,7 +106,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
 
 
 def _curve(
-    panel: Any, where: Array, values: Array, state: IntArray, size: float, colour: str, dash: Any, label: str
+    panel: Axes, where: Array, values: Array, state: IntArray, size: float, colour: str, dash: LineStyleType, label: str
 ) -> None:
     panel.plot(where, values, color=colour, ls=dash, lw=1.1, label=label, zorder=2)
     for kind, marker in MARKERS.items():
