@@ -112,7 +112,7 @@ def test_maps_show_the_part_that_touches(tmp_path: Path) -> None:
     solution = solve(discretize(block)).raise_for_status()
     figure = plot_contact(solution)
     assert "bottom, part that touches" in texts(figure)
-    touching = solution.problem.points[solution.state != ContactState.OPEN][:, :2]
+    touching = solution.problem.contact.points[solution.state != ContactState.OPEN][:, :2]
     width = np.ptp(touching, axis=0).max()
     assert 0.0 < width < 0.5
     for panel in figure.findobj(Axes):

@@ -47,7 +47,8 @@ def plot_contact(solution: Solution, *, title: str | None = None, unit: str = ""
     if problem.contact_points == 0:
         raise ProblemError("the problem has no contact point; draw it with plot_solution")
     with drawing():
-        if problem.dim == 3 and problem.points is not None and problem.frames is not None:
+        contact = problem.contact
+        if contact.components == 3 and contact.points is not None and contact.frames is not None:
             return contact_maps(solution, title, unit, stress_unit)
         return _contact_lines(solution, title, unit, stress_unit)
 
@@ -59,8 +60,8 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     problem = solution.problem
     try:
         boundaries = contact_boundaries(problem)
-        assert problem.points is not None
-        parts = [(b.name, b.index, *b.position(problem.points)) for b in boundaries]
+        assert problem.contact.points is not None
+        parts = [(b.name, b.index, *b.position(problem.contact.points)) for b in boundaries]
     except ProblemError:
         everything = np.arange(problem.contact_points)
         parts = [("", everything, everything.astype(float), "contact point")]
@@ -77,8 +78,8 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
         for panel, values, normal_name, tangential_name in curves:
             panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
             _curve(panel, where, values[index, 0], state[index], size, RED, "-", normal_name)
-            for k in range(1, problem.dim):
-                which = tangential_name if problem.dim == 2 else f"{tangential_name} {k}"
+            for k in range(1, problem.contact.components):
+                which = tangential_name if problem.contact.components == 2 else f"{tangential_name} {k}"
                 _curve(panel, where, values[index, k], state[index], size, GREEN, (0, (5, 1.5)), which)
         if bound is not None and np.isfinite(bound[index]).all():
             for sign in (1.0, -1.0):
@@ -116,7 +117,7 @@ def _curve(
 
 def _rest_bound(problem: DiscreteProblem) -> Array | None:
     """Largest friction without slip at each contact point, (m,); None without friction."""
-    if problem.dim == 1 or problem.law.state_dependent:
+    if problem.contact.components == 1 or problem.law.state_dependent:
         return None
     rest = problem.law.tangential.subdifferential(np.zeros(problem.contact_points)).upper
     bound = np.broadcast_to(rest, (problem.contact_points,))

@@ -45,12 +45,12 @@ def _maps(
     solution: Solution, boundary: ContactBoundary, panels: NDArray[np.object_], unit: str, stress_unit: str
 ) -> str:
     """Draw the four panels; returns a remark if they show a part of the boundary only."""
-    assert solution.problem.points is not None
+    assert solution.problem.contact.points is not None
     axes, labels = _projection(solution.problem, boundary)
     corners = boundary.corners
     flat = boundary.mesh.points @ axes.T
     outline = _outline(corners)
-    window = _window(solution, boundary, solution.problem.points[boundary.index] @ axes.T)
+    window = _window(solution, boundary, solution.problem.contact.points[boundary.index] @ axes.T)
     if window is not None:
         corners = corners[((flat[corners] >= window[0]) & (flat[corners] <= window[1])).all(axis=2).any(axis=1)]
     quantities = [
@@ -103,8 +103,8 @@ def _state_map(
     from matplotlib.lines import Line2D
 
     problem = solution.problem
-    assert problem.points is not None
-    places = problem.points[boundary.index] @ axes.T
+    assert problem.contact.points is not None
+    places = problem.contact.points[boundary.index] @ axes.T
     state = solution.state[boundary.index]
     seen = np.ones(len(places), dtype=bool) if window is None else ((places > window[0]) & (places < window[1])).all(1)
     size = float(np.clip(0.5 * 150.0 / math.sqrt(np.count_nonzero(seen)), 0.7, 7.0))
@@ -143,9 +143,10 @@ def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:
 
 def _projection(problem: DiscreteProblem, boundary: ContactBoundary) -> tuple[Array, tuple[str, str]]:
     """Two unit vectors (2, 3) that span the plane across the mean normal, and their names."""
-    assert problem.frames is not None
-    mean = problem.weights[boundary.index] @ problem.frames[boundary.index, 0]
-    if np.linalg.norm(mean) < 1e-6 * problem.weights[boundary.index].sum():
+    assert problem.contact.frames is not None
+    weights = problem.contact.weights[boundary.index]
+    mean = weights @ problem.contact.frames[boundary.index, 0]
+    if np.linalg.norm(mean) < 1e-6 * weights.sum():
         mean = np.array([0.0, 0.0, 1.0])  # a closed surface has no mean normal
     normal = np.abs(mean / np.linalg.norm(mean))
     main = int(np.argmax(normal))

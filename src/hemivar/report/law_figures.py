@@ -116,7 +116,7 @@ def law_captions(problem: DiscreteProblem) -> list[str]:
         lines.append(f"{_proper(law.friction.name)} friction, $h_\\tau$ depends on the state")
         return lines
     bound = np.asarray(law.friction.at(None).bound)
-    if problem.dim > 1 and (bound > 0.0).any():
+    if problem.contact.components > 1 and (bound > 0.0).any():
         lines.append(f"{_proper(law.friction.name)} friction: $h_\\tau$ = {_range(bound)}")
     return lines
 

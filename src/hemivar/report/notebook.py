@@ -12,6 +12,7 @@ import numpy as np
 
 from hemivar.branches import Path, SolutionSet
 from hemivar.certify import Certificate
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -97,9 +98,9 @@ def _solution(solution: Solution) -> _Shown:
         ("kind", solution.kind),
         ("unknowns", problem.unknowns),
         ("contact points", ", ".join(f"{count} {name}" for name, count in counts.items() if count) or 0),
-        ("contact length" if problem.dim < 3 else "contact area", solution.contact_length),
+        ("contact length" if problem.contact.components < 3 else "contact area", solution.contact_length),
         ("normal force", solution.normal_force),
-        ("friction force", _numbers(solution.friction_force) if problem.dim > 1 else None),
+        ("friction force", _numbers(solution.friction_force) if problem.contact.components > 1 else None),
         *(("warning", sentence) for sentence in solution.warnings),
     ]
     return _title("Solution", problem), lambda: _pictures(solution), _rows(rows)
@@ -177,10 +178,10 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
     rows: list[_Row] = [
         ("unknowns", problem.unknowns),
         ("contact points", problem.contact_points),
-        ("local components", problem.dim),
+        ("local components", problem.contact.components),
         ("normal law", law.normal.name if problem.contact_points else None),
-        ("friction", law.friction.name if problem.contact_points and problem.dim > 1 else None),
-        ("entries of the stiffness", problem.stiffness.nnz),
+        ("friction", law.friction.name if problem.contact_points and problem.contact.components > 1 else None),
+        ("entries of the stiffness", problem.bulk.stiffness.nnz if isinstance(problem.bulk, Quadratic) else None),
         *(("warning", sentence) for sentence in problem.warnings),
     ]
     stated = problem.origin

@@ -70,7 +70,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> dict[str, Any]
     ``value``, the chosen ``quantity``. ``folds`` and ``jumps`` name points by number.
     """
     chosen = _quantity(quantity)
-    value = chosen.evaluate(path.problem.weights, path.local, path.multiplier)
+    value = chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
     stable = np.append(path.stable, path.stable[-1:])
     points = [
         {
@@ -127,7 +127,7 @@ def plot_path(
         Where to draw; a new figure by default.
     """
     chosen = _quantity(quantity)
-    x = chosen.evaluate(path.problem.weights, path.local, path.multiplier)
+    x = chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
     t = path.load_factor
     with drawing():
         fig, ax = axes_on(ax, (5.6, 3.6))
@@ -159,7 +159,7 @@ def _draw_jumps(ax: Axes, path: Path, chosen: PathQuantity, x: Array) -> None:
     for jump in path.jumps:
         if jump.local is None:
             continue
-        end = chosen.evaluate(path.problem.weights, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
+        end = chosen.evaluate(path.problem.contact.weights, jump.local[None], np.zeros((1, *jump.local.shape)))[0]
         colour = ORANGE if jump.loading else RED
         start = x[jump.index]
         ax.plot([], [], "-", linewidth=0.8, color=colour, label=labels.pop(jump.loading, "_nolegend_"))
