@@ -15,7 +15,7 @@ import hemivar
 TARGET = Path(__file__).with_name("api.md")
 ROOMS = (
     "errors", "laws", "mesh", "discrete", "mechanics", "fem", "systems", "solvers", "certify", "branches", "gallery",
-    "files", "report",
+    "files", "workflows", "report",
 )  # fmt: skip
 HEAD = """# Reference
 

@@ -73,7 +73,7 @@ def moved(solution: Solution, scale: float) -> np.ndarray:
     """Contact points displaced, by the interpolated displacement."""
     from hemivar.fem import interpolate
 
-    points = solution.problem.points
+    points = solution.problem.contact.points
     assert points is not None
     problem = solution.problem.origin
     assert problem is not None
@@ -96,7 +96,7 @@ def test_auto_scale_makes_small_displacements_visible(plane: Solution, curved: S
 def test_contact_is_drawn_in_order_along_the_boundary(curved: Solution) -> None:
     """Values follow the arc length, and belong to their points."""
     upper, lower = plot_contact(curved).axes[:2]
-    points = curved.problem.points
+    points = curved.problem.contact.points
     assert points is not None
     along = np.argsort(points[:, 0])
     for panel, values in ((upper, curved.pressure), (lower, curved.penetration)):
@@ -120,8 +120,8 @@ def test_each_boundary_has_its_panels(plane: Solution, names: tuple[str, str]) -
     figure = plot_contact(solution)
     assert [panel.get_title() for panel in figure.axes[:2]] == [*names]
     assert [panel.get_xlabel() for panel in figure.axes[2:]] == [{"right": "y", "bottom": "x"}[name] for name in names]
-    points = solution.problem.points
-    frames = solution.problem.frames
+    points = solution.problem.contact.points
+    frames = solution.problem.contact.frames
     assert points is not None
     assert frames is not None
     for panel in figure.axes[:2]:

@@ -1,8 +1,11 @@
 """Pictures of three-dimensional bodies show the numbers of the solution."""
 
+from __future__ import annotations
+
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,18 +19,18 @@ from hemivar.mechanics import Contact, Prescribed, Sphere
 from hemivar.mesh import box
 from hemivar.report import plot_contact, plot_solution, render_solution, save
 from hemivar.report.solid_body import sharp_edges, viewing_direction
-from hemivar.solvers import ContactState, solve
+from hemivar.solvers import ContactState, Solution, solve
 
 from .test_figures import texts
 
 
 @pytest.fixture(scope="module")
-def cube():
+def cube() -> Solution:
     """Some points stick and some slip."""
     return solve(discretize(survey_cube("5.1", 4))).raise_for_status()
 
 
-def test_a_box_has_twelve_sharp_edges():
+def test_a_box_has_twelve_sharp_edges() -> None:
     mesh = box((1.0, 2.0, 3.0), (2, 3, 4))
     ends = mesh.points[sharp_edges(mesh)]
     assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(4 * (1 + 2 + 3))
@@ -35,11 +38,11 @@ def test_a_box_has_twelve_sharp_edges():
     assert (np.sum(on_faces, axis=0) == 2).all()
 
 
-def test_the_viewer_sees_the_contact_boundary(cube):
+def test_the_viewer_sees_the_contact_boundary(cube: Solution) -> None:
     assert viewing_direction(cube.problem)[2] < 0.0  # from below
 
 
-def test_surface_is_that_of_the_deformed_body(cube, tmp_path):
+def test_surface_is_that_of_the_deformed_body(cube: Solution, tmp_path: Path) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     figure = plot_solution(cube, scale=2.0, title="A title", unit="mm", stress_unit="MPa")
@@ -62,7 +65,9 @@ def test_surface_is_that_of_the_deformed_body(cube, tmp_path):
     save(figure, tmp_path / "cube.png", dpi=40)
 
 
-def test_many_facets_are_drawn_without_lines_between_them(cube, tmp_path, monkeypatch):
+def test_many_facets_are_drawn_without_lines_between_them(
+    cube: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from matplotlib.colors import to_hex
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -75,7 +80,7 @@ def test_many_facets_are_drawn_without_lines_between_them(cube, tmp_path, monkey
     assert [to_hex(colour) for colour in surface.get_edgecolor()] == colours
 
 
-def test_maps_show_pressure_states_and_slip(cube, tmp_path):
+def test_maps_show_pressure_states_and_slip(cube: Solution, tmp_path: Path) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.quiver import Quiver
 
@@ -97,7 +102,7 @@ def test_maps_show_pressure_states_and_slip(cube, tmp_path):
     save(figure, tmp_path / "maps.png", dpi=40)
 
 
-def test_maps_show_the_part_that_touches(tmp_path):
+def test_maps_show_the_part_that_touches(tmp_path: Path) -> None:
     block = replace(
         survey_cube("5.1", 12),
         contact={"bottom": Contact(Signorini(), Tresca(0.01), obstacle=Sphere((0.3, 0.6, -4.0), 4.0))},
@@ -107,7 +112,7 @@ def test_maps_show_the_part_that_touches(tmp_path):
     solution = solve(discretize(block)).raise_for_status()
     figure = plot_contact(solution)
     assert "bottom, part that touches" in texts(figure)
-    touching = solution.problem.points[solution.state != ContactState.OPEN][:, :2]
+    touching = solution.problem.contact.points[solution.state != ContactState.OPEN][:, :2]
     width = np.ptp(touching, axis=0).max()
     assert 0.0 < width < 0.5
     for panel in figure.findobj(Axes):
@@ -118,21 +123,43 @@ def test_maps_show_the_part_that_touches(tmp_path):
     save(figure, tmp_path / "maps.png", dpi=40)
 
 
-def test_two_boundaries_and_a_slanted_one(cube, tmp_path):
+def test_maps_of_two_boundaries() -> None:
+    """Each is seen along its own normal, and shows its own values."""
     contact = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))
+    problem = replace(survey_cube("5.1", 3), contact={"bottom": contact, "right": contact})
+    solution = solve(discretize(problem))
+    figure = plot_contact(solution)
+    labels = [(panel.get_xlabel(), panel.get_ylabel()) for panel in figure.findobj(Axes) if panel.get_xlabel()]
+    assert labels == [("x", "y")] * 4 + [("y", "z")] * 4
+    words = texts(figure)
+    for name in ("bottom", "right"):
+        assert name in words
+        state = solution.on(name).state
+        for kind in ContactState:
+            assert f"{kind.label} ({np.count_nonzero(state == kind)})" in words
+
+
+def test_maps_of_a_slanted_boundary() -> None:
+    """Turning the body turns nothing in the maps but their names: areas and pressures stay."""
+    from matplotlib.collections import PolyCollection
+
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
-    problem = survey_cube("5.1", 3)
-    for change in (
-        {"contact": {"bottom": contact, "right": contact}},
-        {"mesh": problem.mesh.moved(turn)},
-    ):
-        solution = solve(discretize(replace(problem, **change)))
-        save(plot_contact(solution), tmp_path / "maps.png", dpi=40)
-        save(plot_solution(solution, scale="auto"), tmp_path / "body.png", dpi=40)
+    straight = survey_cube("5.1", 3)
+    turned = replace(straight, mesh=straight.mesh.moved(turn), body_force=tuple(turn @ np.array(straight.body_force)))
+    shown = []
+    for problem in (straight, turned):
+        figure = plot_contact(solve(discretize(problem)))
+        (first, *_) = (part for part in figure.findobj(PolyCollection) if part.get_array() is not None)
+        corners = np.array([path.vertices[:3] for path in first.get_paths()])
+        sides = corners[:, 1:] - corners[:, :1]
+        shown.append((np.sort(first.get_array()), 0.5 * abs(np.linalg.det(sides)).sum()))
+    np.testing.assert_allclose(shown[0][0], shown[1][0], atol=1e-9)
+    assert shown[0][1] == pytest.approx(shown[1][1]) == pytest.approx(1.0)
+    assert "second direction" in texts(figure)
 
 
-def test_rendering_with_pyvista(cube, tmp_path):
+def test_rendering_with_pyvista(cube: Solution, tmp_path: Path) -> None:
     """In its own process: a graphics library that cannot draw without a display may end it."""
     pytest.importorskip("pyvista")
     path = tmp_path / "new" / "cube.png"
@@ -153,7 +180,9 @@ def test_rendering_with_pyvista(cube, tmp_path):
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 50  # not blank
 
 
-def test_rendering_says_what_it_cannot_do(cube, plane, tmp_path, monkeypatch):
+def test_rendering_says_what_it_cannot_do(
+    cube: Solution, plane: Solution, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(ProblemError, match=r"bodies in 3D.*plot_solution"):
         render_solution(plane, tmp_path / "plane.png")
     with pytest.raises(ProblemError, match=r"\.png"):

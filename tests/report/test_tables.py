@@ -1,7 +1,11 @@
 """Tables say the same in every form."""
 
+from __future__ import annotations
+
 import csv
+import io
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
@@ -9,11 +13,11 @@ from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import survey
 from hemivar.report import PAPER_TABLE_1, Table, comparison_table
-from hemivar.solvers import METHODS, solve
+from hemivar.solvers import METHODS, Solution, solve
 from hemivar.workflows import energy_norm_difference
 
 
-def test_comparison_of_methods():
+def test_comparison_of_methods() -> None:
     problem = discretize(survey("5.1", 4))
     solutions = {name: solve(problem, METHODS[name]) for name in ("newton", "active-set")}
     table = comparison_table(solutions, title="both")
@@ -24,7 +28,7 @@ def test_comparison_of_methods():
     assert comparison_table(list(solutions.values())).rows[1][0] == "active-set"
 
 
-def test_solutions_of_different_problems_are_not_compared(plane, bar):
+def test_solutions_of_different_problems_are_not_compared(plane: Solution, bar: Solution) -> None:
     with pytest.raises(ProblemError, match="different"):
         energy_norm_difference(plane, bar)
     with pytest.raises(ProblemError, match="no solution"):
@@ -34,40 +38,40 @@ def test_solutions_of_different_problems_are_not_compared(plane, bar):
 TABLE = Table(("name", "value"), (("a|b <c>", 0.123456789), ("d", None), ("e", 1234567.0)), "title & more")
 
 
-def test_csv_keeps_all_digits(tmp_path):
+def test_csv_keeps_all_digits(tmp_path: Path) -> None:
     with TABLE.write_csv(tmp_path / "sub" / "table.csv").open() as stream:
         rows = list(csv.reader(stream))
     assert rows == [["name", "value"], ["a|b <c>", "0.123456789"], ["d", ""], ["e", "1234567.0"]]
 
 
-def test_markdown():
+def test_markdown() -> None:
     lines = TABLE.markdown().splitlines()
     assert lines[2:] == ["| name | value |", "|---|---:|", "| a\\|b <c> | 0.1235 |", "| d |  |", "| e | 1.23e+06 |"]
 
 
-def test_html_is_escaped():
-    found = []
+def test_html_is_escaped() -> None:
+    found: list[str] = []
     parser = HTMLParser()
-    parser.handle_data = found.append
+    parser.handle_data = found.append  # type: ignore[method-assign]
     parser.feed(TABLE.html())
     assert [text for text in found if text.strip()] == [
         "title & more", "name", "value", "a|b <c>", "0.1235", "d", "e", "1.23e+06"
     ]  # fmt: skip
 
 
-def test_terminal():
+def test_terminal() -> None:
     from rich.console import Console
 
-    console = Console(width=60, record=True, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
+    console = Console(width=60, record=True, file=io.StringIO())
     console.print(TABLE.rich())
     assert "a|b <c>" in console.export_text()
 
 
-def test_rows_must_fit():
+def test_rows_must_fit() -> None:
     with pytest.raises(ProblemError, match="row 0"):
         Table(("a", "b"), ((1,),))
 
 
-def test_paper_table():
+def test_paper_table() -> None:
     assert {len(row.seconds) for row in PAPER_TABLE_1.values()} == {5}
     assert PAPER_TABLE_1["primal-dual active set"].counts == (4, 4, 4, 5, 6)

@@ -8,6 +8,7 @@ from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
 from hemivar.report.scene import render_solution
+from hemivar.report.statement_figure import plot_problem
 from hemivar.report.survey import SurveyReport, run_survey
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 
@@ -22,6 +23,7 @@ __all__ = [
     "plot_history",
     "plot_law",
     "plot_path",
+    "plot_problem",
     "plot_solution",
     "render_solution",
     "run_survey",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from hemivar.report.style import GREEN, MARKERS, RED, drawing, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 __all__ = ["plot_contact"]
 
@@ -45,11 +47,8 @@ def plot_contact(solution: Solution, *, title: str | None = None, unit: str = ""
     if problem.contact_points == 0:
         raise ProblemError("the problem has no contact point; draw it with plot_solution")
     with drawing():
-        if (
-            problem.contact.components == 3
-            and problem.contact.points is not None
-            and problem.contact.frames is not None
-        ):
+        contact = problem.contact
+        if contact.components == 3 and contact.points is not None and contact.frames is not None:
             return contact_maps(solution, title, unit, stress_unit)
         return _contact_lines(solution, title, unit, stress_unit)
 
@@ -108,7 +107,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
 
 
 def _curve(
-    panel: Any, where: Array, values: Array, state: IntArray, size: float, colour: str, dash: Any, label: str
+    panel: Axes, where: Array, values: Array, state: IntArray, size: float, colour: str, dash: LineStyleType, label: str
 ) -> None:
     panel.plot(where, values, color=colour, ls=dash, lw=1.1, label=label, zorder=2)
     for kind, marker in MARKERS.items():

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -40,7 +41,9 @@ def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: 
     return fig
 
 
-def _maps(solution: Solution, boundary: ContactBoundary, panels: Any, unit: str, stress_unit: str) -> str:
+def _maps(
+    solution: Solution, boundary: ContactBoundary, panels: NDArray[np.object_], unit: str, stress_unit: str
+) -> str:
     """Draw the four panels; returns a remark if they show a part of the boundary only."""
     assert solution.problem.contact.points is not None
     axes, labels = _projection(solution.problem, boundary)
@@ -109,11 +112,10 @@ def _state_map(
     handles = []
     for kind, colour in STATE_COLOURS.items():
         here = state == kind
-        style: dict[str, Any] = {"marker": "s", "ls": "", "color": colour, "mec": GREY, "mew": 0.3}
         if here.any():
-            panel.plot(*places[here].T, ms=size, zorder=1, **style)
+            panel.plot(*places[here].T, "s", color=colour, mec=GREY, mew=0.3, ms=size, zorder=1)
         label = f"{kind.label} ({np.count_nonzero(here)})"
-        handles.append(Line2D([], [], ms=5.0, label=label, **style))
+        handles.append(Line2D([], [], marker="s", ls="", color=colour, mec=GREY, mew=0.3, ms=5.0, label=label))
     slip = global_vectors(problem, solution.local, normal=False)[boundary.index] @ axes.T
     length = np.linalg.norm(slip, axis=1)
     sliding = _thinned(places, np.flatnonzero(state == ContactState.SLIP), extent)
@@ -142,8 +144,9 @@ def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:
 def _projection(problem: DiscreteProblem, boundary: ContactBoundary) -> tuple[Array, tuple[str, str]]:
     """Two unit vectors (2, 3) that span the plane across the mean normal, and their names."""
     assert problem.contact.frames is not None
-    mean = problem.contact.weights[boundary.index] @ problem.contact.frames[boundary.index, 0]
-    if np.linalg.norm(mean) < 1e-6 * problem.contact.weights[boundary.index].sum():
+    weights = problem.contact.weights[boundary.index]
+    mean = weights @ problem.contact.frames[boundary.index, 0]
+    if np.linalg.norm(mean) < 1e-6 * weights.sum():
         mean = np.array([0.0, 0.0, 1.0])  # a closed surface has no mean normal
     normal = np.abs(mean / np.linalg.norm(mean))
     main = int(np.argmax(normal))

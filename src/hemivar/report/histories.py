@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -70,19 +70,16 @@ def plot_errors(
             r, m = references.index(reference), methods.index(method)
             values = np.where(np.asarray(values, dtype=float) > 0.0, values, np.nan)
             order = observed_order(sizes[trusted], values[trusted])
-            style: dict[str, Any] = {
-                "color": colours[m % len(colours)],
-                "ls": dashes[r % len(dashes)],
-                "lw": 1.1,
-                "marker": marks[m % len(marks)],
-                "markerfacecolor": colours[m % len(colours)] if r % 3 == 2 else "none",
-                "ms": 8.0 - 2.2 * (r % 3),
-                "mew": 0.9,
-                "zorder": 3 - 0.1 * r,
-            }
-            ax.plot(sizes, values, label=f"{method} against {reference}: {order:.2f}", **style)
+            curves = [(ax, values, f"{method} against {reference}: {order:.2f}")]
             if below is not None:
-                below.plot(sizes, 100.0 * (values / least - 1.0), **style)
+                curves.append((below, 100.0 * (values / least - 1.0), "_nolegend_"))
+            colour = colours[m % len(colours)]
+            for panel, heights, label in curves:
+                panel.plot(
+                    sizes, heights, color=colour, ls=dashes[r % len(dashes)], lw=1.1, marker=marks[m % len(marks)],
+                    markerfacecolor=colour if r % 3 == 2 else "none", ms=8.0 - 2.2 * (r % 3), mew=0.9,
+                    zorder=3 - 0.1 * r, label=label,
+                )  # fmt: skip
         ax.set_xscale("log", base=2)
         ax.set_yscale("log")
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -94,9 +91,7 @@ def plot_errors(
         if below is not None:
             below.set_ylabel("above the\nleast (%)")
             ax.tick_params(labelbottom=False)
-        for panel in (ax, below):
-            if panel is None:
-                continue
+        for panel in (ax,) if below is None else (ax, below):
             panel.minorticks_off()
             panel.grid(True, which="major", color="#e2e2e2", lw=0.6)
             panel.set_axisbelow(True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from hemivar.branches import Path, SolutionSet
 from hemivar.certify import Certificate
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -180,7 +181,7 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
         ("local components", problem.contact.components),
         ("normal law", law.normal.name if problem.contact_points else None),
         ("friction", law.friction.name if problem.contact_points and problem.contact.components > 1 else None),
-        ("entries of the stiffness", problem.linear.stiffness.nnz),
+        ("entries of the stiffness", problem.bulk.stiffness.nnz if isinstance(problem.bulk, Quadratic) else None),
         *(("warning", sentence) for sentence in problem.warnings),
     ]
     stated = problem.origin

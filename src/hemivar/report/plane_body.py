@@ -103,12 +103,13 @@ class PlaneBody:
         np.add.at(summed, place.ravel(), np.repeat(normals * lengths[:, None], 2, axis=0))
         normal = np.full(self.mesh.points.shape, np.nan)
         normal[used] = summed / np.linalg.norm(summed, axis=1)[:, None]
-        assert self.problem.contact.points is not None
-        nearest = boundary.index[KDTree(self.problem.contact.points[boundary.index]).query(self.mesh.points[used])[1]]
-        if boundary.nodes is not None and self.problem.contact.frames is not None:
-            normal[used] = self.problem.contact.frames[nearest, 0]  # that of an obstacle may differ from the body's
+        contact = self.problem.contact
+        assert contact.points is not None
+        nearest = boundary.index[KDTree(contact.points[boundary.index]).query(self.mesh.points[used])[1]]
+        if boundary.nodes is not None and contact.frames is not None:
+            normal[used] = contact.frames[nearest, 0]  # that of an obstacle may differ from the body's
         gap = np.full(self.mesh.number_of_nodes, np.nan)
-        gap[used] = self.problem.contact.gap[nearest]
+        gap[used] = contact.gap[nearest]
         deepest = self.body.factor * float(self.body.solution.penetration[boundary.index].max(initial=0.0))
         for line in boundary.lines:
             surface = self.mesh.points[line] + self.body.factor * gap[line, None] * normal[line]

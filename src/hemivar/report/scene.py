@@ -70,7 +70,6 @@ def render_solution(
     length = float(np.linalg.norm(np.ptp(moved, axis=0)))
     font = max(12, size[1] // 48)
     small = int(0.7 * font)
-    black: dict[str, Any] = {"color": "black"}
     with pyvista.vtk_verbosity("off"):
         plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
         plotter.add_light(pyvista.Light(light_type="headlight"))
@@ -80,13 +79,13 @@ def render_solution(
         surface.point_data[label] = values
         bar = {
             "title_font_size": font, "label_font_size": font, "n_labels": 5, "fmt": "%.3g", "vertical": True,
-            "position_x": 0.86, "position_y": 0.2, "height": 0.5, "width": 0.05, **black,
+            "position_x": 0.86, "position_y": 0.2, "height": 0.5, "width": 0.05, "color": "black",
         }  # fmt: skip
         shading = {"ambient": 0.6, "diffuse": 0.4}
         plotter.add_mesh(surface, scalars=label, cmap="cividis", scalar_bar_args=bar, **shading)
         for points, width in ((mesh.points, 1.0), (moved, 2.5)):
             lines = pyvista.PolyData(points, lines=_with_counts(sharp_edges(mesh)))
-            plotter.add_mesh(lines, line_width=width, **black)
+            plotter.add_mesh(lines, line_width=width, color="black")
         if solution.problem.contact_points:
             places = body.contact_places + 2e-3 * length * viewing_direction(solution.problem)
             for row, (state, here, label) in enumerate(body.states()):
@@ -101,11 +100,11 @@ def render_solution(
                     points.prop.render_points_as_spheres = True
         text = "\n".join(line for line in (title or "", body.magnified) if line)
         if text:
-            plotter.add_text(text, position="upper_left", font_size=small, **black)
+            plotter.add_text(text, position="upper_left", font_size=small, color="black")
         plotter.show_bounds(
             mesh=surface, location="outer", ticks="both", font_size=small, n_xlabels=3, n_ylabels=3, n_zlabels=3,
             use_3d_text=False,
-            xtitle=with_unit("x", unit), ytitle=with_unit("y", unit), ztitle=with_unit("z", unit), **black,
+            xtitle=with_unit("x", unit), ytitle=with_unit("y", unit), ztitle=with_unit("z", unit), color="black",
         )  # fmt: skip
         middle = 0.5 * (moved.min(axis=0) + moved.max(axis=0))
         plotter.camera_position = [middle + 2.4 * length * viewing_direction(solution.problem), middle, (0.0, 0.0, 1.0)]

@@ -102,7 +102,8 @@ def viewing_direction(problem: DiscreteProblem) -> Array:
 
 def _view(problem: DiscreteProblem) -> tuple[float, float]:
     """Elevation and azimuth, in degrees, from which the contact boundary can be seen."""
-    assert problem.contact.frames is not None
-    x, y, z = problem.contact.weights @ problem.contact.frames[:, 0] / problem.contact.weights.sum()
+    contact = problem.contact
+    assert contact.frames is not None
+    x, y, z = contact.weights @ contact.frames[:, 0] / contact.weights.sum()
     azimuth = math.degrees(math.atan2(y, x)) + 30.0 if math.hypot(x, y) > 0.5 else -60.0
     return (-28.0 if z < -0.5 else 28.0), azimuth

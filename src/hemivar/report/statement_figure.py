@@ -72,7 +72,7 @@ def _plane(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: s
     return fig, ax
 
 
-def _solid(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Any]:
+def _solid(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
     """The surface seen from obliquely below, facets coloured by their last condition, the others transparent."""
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class Table:
     """
 
     columns: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
+    rows: tuple[tuple[object, ...], ...]
     title: str = ""
 
     def __post_init__(self) -> None:
@@ -137,11 +137,11 @@ class Table:
         return [all(_like_number(cell) for cell in column) and len(self.rows) > 0 for column in columns]
 
 
-def _like_number(cell: Any) -> bool:
+def _like_number(cell: object) -> bool:
     return cell is None or not isinstance(cell, str) or cell[:1] in "0123456789>-" or cell == ""
 
 
-def _text(cell: Any) -> str:
+def _text(cell: object) -> str:
     if cell is None:
         return ""
     if isinstance(cell, float | np.floating):
