@@ -173,16 +173,14 @@ def test_a_borrowed_private_name_is_found(tmp_path: Path, monkeypatch: pytest.Mo
 
 #: Names that two modules may share: what every engine has, and what the command shows of a room below.
 SHARED = {
-    "base": ("laws", "solvers"),
-    "tables": ("laws", "report"),
     "assembly": ("fem", "engines"),
     "certificate": ("certify", "engines"),
     "newton": ("solvers", "engines"),
     "solve": ("solvers", "workflows", "engines", "cli"),
     "problem": ("discrete", "files"),
-    "path": ("branches", "workflows", "report", "cli"),
+    "path": ("branches", "workflows", "cli"),
     "solutions": ("branches", "workflows", "cli"),
-    "laws": ("report", "workflows", "cli"),
+    "laws": ("workflows", "cli"),
     "survey": ("gallery", "workflows", "report", "cli"),
     "on_ranks": ("report", "workflows", "cli"),
     "certify": ("workflows", "cli"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["FileError", "HemivarError", "MethodError", "ProblemError"]
+__all__ = ["FileError", "HemivarError", "MethodError", "ProblemError", "SupportError"]
 
 
 class HemivarError(Exception):
@@ -11,6 +11,10 @@ class HemivarError(Exception):
 
 class ProblemError(HemivarError, ValueError):
     """The problem, a law or a file is not usable as stated."""
+
+
+class SupportError(ProblemError):
+    """The supports of a body leave it free to move, or contradict one another or a law."""
 
 
 class MethodError(HemivarError, ValueError):

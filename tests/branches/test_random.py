@@ -26,7 +26,7 @@ def _newton_never_fails(seeds: range) -> tuple[int, int, int]:
         assert (np.diff(energies) <= 1e-12 * (1.0 + np.abs(energies[0]))).all(), f"seed {seed}: the energy rises"
         if chain_of(system).combinations > 20_000:
             continue
-        known = find_solutions(problem, max_solutions=10_000, condensed=system)
+        known = find_solutions(problem, max_solutions=10_000, workspace=Workspace.holding(system))
         if not known.exhaustive:
             continue
         counted += 1
@@ -65,8 +65,10 @@ def _rates(seeds: range, starts: int) -> tuple[float, float, int]:
         system = condense(problem)
         if chain_of(system).combinations > 20_000:
             continue
-        known = find_solutions(problem, max_solutions=10_000, condensed=system)
-        search = find_solutions(problem, max_solutions=10_000, enumerate_up_to=0, starts=starts, condensed=system)
+        known = find_solutions(problem, max_solutions=10_000, workspace=Workspace.holding(system))
+        search = find_solutions(
+            problem, max_solutions=10_000, enumerate_up_to=0, starts=starts, workspace=Workspace.holding(system)
+        )
         assert len(search) <= len(known)
         counted += 1
         lowest += search[0].energy <= known[0].energy + 1e-9 * (1.0 + abs(known[0].energy))

@@ -16,6 +16,7 @@ import pytest
 
 import hemivar
 from hemivar import cli
+from hemivar.cli.session import Session
 from hemivar.files.sample import SAMPLE
 
 BASE = """\
@@ -383,6 +384,18 @@ def test_bad_problem_file_gives_one_line_that_names_file_key_and_remedy(
     for word in words:
         assert word in err
     assert "converged" not in out
+
+
+def test_a_word_in_a_message_makes_no_trouble_of_supports(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A contact boundary may be called 'support'; the table is named by the kind of the error alone."""
+    lines = ["1 2 1 1 4 1", "1 2 1 1 2 3", "1 2 2 2 1 2"]
+    groups = [name.replace("bottom", "support") for name in GROUPS]
+    (folder / "part.msh").write_text(gmsh(SQUARE, lines + TRIANGLES, groups))
+    text = changed(MESH_FILE, ("contact.bottom", "contact.support"))
+    (folder / "part.toml").write_text(text.replace('"part.msh"', '"part.msh"\nrefine = 2\nquadrature = "midpoint"'))
+    code, _, err = run(capsys, "solve", "part.toml")
+    assert code == 2
+    assert err.startswith("hemivar: error: part.toml: contact 'support': its midpoints")
 
 
 # ---- bad command lines -----------------------------------------------------------------------------------
@@ -765,7 +778,7 @@ def test_interrupts_and_the_like_before_the_iteration(
         raise raised
 
     monkeypatch.delenv("HEMIVAR_TRACEBACK", raising=False)
-    monkeypatch.setattr(cli, "_discretize", stop)
+    monkeypatch.setattr(Session, "discrete", stop)
     (folder / "part.toml").write_text(BASE)
     code = cli.main(["solve", "part.toml"])
     err = capfd.readouterr().err.strip()

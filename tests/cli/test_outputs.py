@@ -16,7 +16,9 @@ import pytest
 from hemivar import cli
 from hemivar.cli import main, terminal
 from hemivar.cli.outputs import Writer
+from hemivar.cli.session import Session
 from hemivar.errors import ProblemError
+from hemivar.workflows import comparison
 
 PROBLEM = """\
 title = "block"
@@ -278,15 +280,15 @@ def test_an_output_on_a_full_disk_is_one_line_and_the_others_are_written(
 
 
 def test_the_survey_goes_on_without_a_file(tmp_path: Path) -> None:
-    from hemivar.report.survey import _Run
+    from hemivar.report.survey import SurveyReport
     from hemivar.report.tables import Table
-    from hemivar.solvers import Controls
+    from hemivar.workflows import SurveyOptions
 
     (tmp_path / "runs.csv").mkdir()
-    run = _Run(tmp_path, 8, Controls(), print)
+    run = SurveyReport(tmp_path, SurveyOptions())
     run.write(Table(("a",), ((1,),)), "runs.csv")
     run.write(Table(("a",), ((1,),)), "errors.csv")
-    run.report()
+    run.page()
     assert [file.name for file in run.files] == ["errors.csv", "report.html"]
     assert [text.split("; ")[0] for text in run.failed.values()] == [
         f"cannot write {tmp_path / 'runs.csv'}: it is a directory"
@@ -296,14 +298,14 @@ def test_the_survey_goes_on_without_a_file(tmp_path: Path) -> None:
 def test_a_comparison_that_is_interrupted_between_two_methods_keeps_its_table(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = cli._run
+    original = comparison.attempt
 
     def second_fails(name: str, *rest: Any) -> Any:
         if name != "newton":
             raise KeyboardInterrupt
         return original(name, *rest)
 
-    monkeypatch.setattr(cli, "_run", second_fails)
+    monkeypatch.setattr(comparison, "attempt", second_fails)
     code, _, err = run(capsys, "compare", "p.toml", "--methods", "newton,active-set", "--json", "a.json")
     assert (code, err) == (130, "hemivar: interrupted\n")
     assert [row["method"] for row in json.loads((folder / "a.json").read_text())["methods"]] == ["newton"]
@@ -452,13 +454,13 @@ def test_a_home_that_is_missing_and_a_stream_that_is_closed(folder: Path) -> Non
 def test_warnings_of_libraries_stay_inside(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = cli._discretize
+    original = Session.discrete
 
     def noisy(*arguments: Any) -> Any:
         warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
         return original(*arguments)
 
-    monkeypatch.setattr(cli, "_discretize", noisy)
+    monkeypatch.setattr(Session, "discrete", noisy)
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         code, _, err = run(capsys, "solve", "p.toml")
@@ -471,7 +473,7 @@ def test_an_internal_error_can_be_traced(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("by zero")
 
-    monkeypatch.setattr(cli, "_discretize", fail)
+    monkeypatch.setattr(Session, "discrete", fail)
     monkeypatch.setenv("HEMIVAR_TRACEBACK", "1")
     code, _, err = run(capsys, "solve", "p.toml")
     assert code == 70

@@ -34,7 +34,7 @@ def test_everything_is_written(small):
         pair: pytest.approx(values, rel=1e-12) for pair, values in result.errors.items()
     }
     assert not result.interrupted
-    assert any("Figure 5" in line for line in said)
+    assert any("Figure 5" in stage.name for stage in said)
 
 
 def test_nine_curves_fall(small):
@@ -80,8 +80,8 @@ def test_report_is_one_page(small):
 
 
 def test_interruption_leaves_a_report(tmp_path):
-    def progress(message):
-        if message.startswith("Figure 2"):
+    def progress(stage):
+        if stage.name.startswith("Figure 2"):
             raise KeyboardInterrupt
 
     result = run_survey(tmp_path, max_n=8, progress=progress)

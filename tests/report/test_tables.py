@@ -8,8 +8,9 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import survey
-from hemivar.report import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
+from hemivar.report import PAPER_TABLE_1, Table, comparison_table
 from hemivar.solvers import METHODS, solve
+from hemivar.workflows import energy_norm_difference
 
 
 def test_comparison_of_methods():

@@ -86,14 +86,11 @@ def warm_up() -> None:
     import hemivar.branches
     import hemivar.certify
     import hemivar.cli
-    import hemivar.cli.certify
-    import hemivar.cli.laws
-    import hemivar.cli.path
-    import hemivar.cli.solutions
+    import hemivar.files
     import hemivar.files.problem_file
-    import hemivar.files.results
     import hemivar.report
     import hemivar.solvers
+    import hemivar.workflows
 
     _ = (matplotlib.pyplot, meshio, skfem, hemivar.solvers)
 

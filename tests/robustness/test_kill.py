@@ -63,7 +63,7 @@ SURVEY = ["survey", "--max-n", "8", "--out", "out", "--max-time", "5"]
 
 _DRIVER = """
 import json, os, resource, signal, sys, time
-import hemivar.branches, hemivar.certify, hemivar.report, meshio, scipy.sparse.linalg
+import hemivar.branches, hemivar.certify, hemivar.report, hemivar.workflows, meshio, scipy.sparse.linalg
 import matplotlib.backends.backend_agg, matplotlib.backends.backend_pdf, matplotlib.backends.backend_svg
 from hemivar import cli
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -418,7 +418,7 @@ def test_a_solution_that_cannot_be_certified_is_written(
     """Neither a lack of memory for the certificate nor Ctrl-C there costs the solution."""
     folder = prepared(tmp_path, [])
     monkeypatch.chdir(folder)
-    from hemivar.cli import certify
+    from hemivar.workflows import solving
 
     for raised, code, line in (
         (MemoryError, 2, "hemivar: error: the solution could not be certified: not enough memory\n"),
@@ -429,7 +429,7 @@ def test_a_solution_that_cannot_be_certified_is_written(
         def stop(*_: object, raised: type[BaseException] = raised) -> None:
             raise raised
 
-        monkeypatch.setattr(certify, "certificate_of", stop)
+        monkeypatch.setattr(solving, "certificate_of", stop)
         assert cli.main(["solve", "p.toml", "--json", "s.json"]) == code
         assert capsys.readouterr().err == line
         assert json.loads((folder / "s.json").read_text())["status"] == "converged"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics.generators import result_of
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, SurveyLaw, Tresca
@@ -24,6 +25,7 @@ from hemivar.solvers import (
     Solver,
     Status,
     solve,
+    solving,
 )
 from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
@@ -99,6 +101,17 @@ def test_callback_sees_every_step_and_can_stop() -> None:
     assert [line.step for line in seen] == [0, 1, 2]
     assert found.status is Status.INTERRUPTED
     assert found.history == tuple(seen)
+
+
+def test_a_solve_tells_of_every_step_and_ends_where_it_is_told() -> None:
+    problem = discrete_square(n=16)
+    seen: list[Progress] = []
+    found = result_of(solving(problem), seen.append)
+    whole = solve(problem)
+    np.testing.assert_array_equal(found.unknowns, whole.unknowns)
+    assert [line.step for line in found.history] == [line.step for line in whole.history]
+    assert found.history == tuple(seen)
+    assert result_of(solving(problem), lambda line: line.step == 2).status is Status.INTERRUPTED
 
 
 def test_interrupt_from_the_keyboard_returns_the_best_iterate() -> None:

@@ -16,7 +16,7 @@ from hemivar.fem import LoadLine
 from hemivar.fem.posed import posed
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
-from hemivar.systems import CondensedProblem, condense
+from hemivar.systems import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["follow_path"]
@@ -31,7 +31,7 @@ def follow_path(
     max_points: int = 2000,
     largest_step: float = 0.02,
     max_time: float = np.inf,
-    condensed: CondensedProblem | None = None,
+    workspace: Workspace | None = None,
 ) -> Path:
     """Follow the equilibria from the lower load factor, through folds, until the range is left.
 
@@ -55,8 +55,8 @@ def follow_path(
         Largest step on curved pieces, relative to the range and to a typical displacement.
     max_time : float
         Limit in seconds; the path then ends where it is, and says so.
-    condensed : CondensedProblem, optional
-        The condensation of ``problem``.
+    workspace : Workspace, optional
+        Keeps what is expensive for other calls on the same body.
 
     Raises
     ------
@@ -68,8 +68,11 @@ def follow_path(
     problem = posed(problem, "follow_path")
     if unloaded is not None:
         expect(unloaded, DiscreteProblem, "the unloaded problem", "discretise it first, hemivar.discretize(problem)")
-    if condensed is not None:
-        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    kept = (
+        Workspace()
+        if workspace is None
+        else expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
+    )
     try:
         low, high = (number(end, "a load factor") for end in load_factor)
     except (TypeError, ValueError) as error:
@@ -88,7 +91,7 @@ def follow_path(
         raise MethodError("path following needs a friction bound that does not depend on the solution")
     budget = Budget(max_time)
     line = LoadLine(problem, unloaded)
-    system = condense(problem) if condensed is None else condensed
+    system = kept.condensed(problem)
     chain: Chain = chain_of(system)
     if chain.size == 0:
         raise ProblemError("the supports hold every contact point, so that no path starts; free some of them")
@@ -101,7 +104,7 @@ def follow_path(
         LoadStepping(steps=10 if low > 0.0 else 1) if guess is None else LoadStepping(steps=1).inner,
         Controls(rtol=1e-11, max_time=budget.left),
         initial=guess,
-        workspace=Workspace.holding(system),
+        workspace=kept,
     )
     if begun.status is Status.INTERRUPTED:
         raise KeyboardInterrupt

@@ -90,14 +90,12 @@ def _best(system: CondensedProblem, u: Array, r: Array, lam: Array) -> Polished:
 
 
 def polish_by_solver(
-    system: CondensedProblem, solution: Solution, controls: Controls, budget: Budget
+    system: CondensedProblem, workspace: Workspace, solution: Solution, controls: Controls, budget: Budget
 ) -> tuple[Solution, Array]:
     """A solution, solved on from where it is as far as the arithmetic goes, and an estimate of its error (m, d)."""
     problem = system.problem
     tight = replace(controls, rtol=min(_TIGHT, controls.rtol), atol=0.0, max_time=budget.left, callback=None)
-    again = solve(
-        problem, suited(NonsmoothNewton(), problem), tight, initial=solution, workspace=Workspace.holding(system)
-    )
+    again = solve(problem, suited(NonsmoothNewton(), problem), tight, initial=solution, workspace=workspace)
     if again.residual.total < solution.residual.total:
         better = replace(again, status=solution.status, method=solution.method)
         if better.residual.below(controls.atol, controls.rtol):

@@ -31,6 +31,7 @@ class SolutionSearch:
     def __init__(
         self,
         system: CondensedProblem,
+        workspace: Workspace,
         chain: Chain | None,
         controls: Controls,
         limit: int,
@@ -38,6 +39,7 @@ class SolutionSearch:
         budget: Budget,
     ) -> None:
         self.system = system
+        self.workspace = workspace
         self.chain = chain
         self.controls = controls
         self.limit = limit
@@ -139,7 +141,7 @@ class SolutionSearch:
             corrected = self.chain.correct(theta, segment, self.chain.force)
             if corrected is not None and self.chain.inside(corrected, segment, 1e-7 * self.chain.length).all():
                 return self.add_point(corrected, segment)
-        solution, error = polish_by_solver(self.system, solution, self.controls, self.budget)
+        solution, error = polish_by_solver(self.system, self.workspace, solution, self.controls, self.budget)
         if self.known(solution.local, error):
             return False
         kind = _kind(self.system, solution.local, solution.multiplier)
@@ -173,9 +175,7 @@ class SolutionSearch:
         self.starts += 1
         initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
         controls = replace(self.controls, max_time=max(self.budget.limit - self.budget.spent, 0.0))
-        found = solve(
-            problem, suited(solver, problem), controls, initial=initial, workspace=Workspace.holding(self.system)
-        )
+        found = solve(problem, suited(solver, problem), controls, initial=initial, workspace=self.workspace)
         self.add_solution(found)
         if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt

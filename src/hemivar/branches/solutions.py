@@ -21,7 +21,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.posed import posed
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
-from hemivar.systems import CondensedProblem, condense
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["SolutionSet", "find_solutions"]
 
@@ -98,7 +98,7 @@ def find_solutions(
     enumerate_up_to: int = 20_000,
     seed: int = 0,
     controls: Controls | None = None,
-    condensed: CondensedProblem | None = None,
+    workspace: Workspace | None = None,
 ) -> SolutionSet:
     """Find the stationary points of the energy: all of them where this is possible, otherwise as many as turn up.
 
@@ -122,8 +122,8 @@ def find_solutions(
         Seed of the random starts; any will do.
     controls : Controls, optional
         Tolerances of the solves; ``max_time`` limits the whole search.
-    condensed : CondensedProblem, optional
-        The condensation of this very problem.
+    workspace : Workspace, optional
+        Keeps what is expensive for other calls on the same body.
 
     Returns
     -------
@@ -138,30 +138,33 @@ def find_solutions(
     enumerate_up_to, seed = whole_number(enumerate_up_to, "enumerate_up_to", 0), whole_number(seed, "seed", 0)
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
-    if condensed is not None:
-        expect(condensed, CondensedProblem, "the condensation", "pass what hemivar.condense(problem) returns")
+    kept = (
+        Workspace()
+        if workspace is None
+        else expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
+    )
     problem = posed(problem, "find_solutions")
     controls = Controls() if controls is None else controls
     budget = Budget(controls.max_time)
-    system = condense(problem) if condensed is None else condensed
+    system = kept.condensed(problem)
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
     plane = problem.contact.components <= 2 and problem.contact_points > 0
     if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
         chain = state_chain_of(system) if dependent else chain_of(system)
-    search = SolutionSearch(system, chain, controls, max_solutions, np.random.default_rng(seed), budget)
+    search = SolutionSearch(system, kept, chain, controls, max_solutions, np.random.default_rng(seed), budget)
     if chain is not None and not dependent and chain.combinations <= enumerate_up_to and _affine(chain):
         return _enumerated(search, chain)
     constants: Smallness | None = None
     with search.stopped_cleanly(), limited(budget):
         if not dependent:
-            constants = smallness(problem, trace_constant=False)
+            constants = smallness(problem, trace_constant=False, workspace=kept)
         if constants is None or one_solution(problem, constants):
             search.run(NonsmoothNewton(), None)
         if constants is None and len(search.found) == 1:
             first = search.found[0]
             constants = smallness(
-                problem, displacement=first.unknowns, multiplier=first.multiplier, trace_constant=False
+                problem, displacement=first.unknowns, multiplier=first.multiplier, trace_constant=False, workspace=kept
             )
         proved = constants is not None and one_solution(problem, constants)
         if not (proved and search.found):

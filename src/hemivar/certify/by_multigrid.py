@@ -17,10 +17,12 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certify.subspace import Mode, Subspace, counting_rows, start_vector
 from hemivar.discrete.problem import DiscreteProblem, quadratic
-from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns, selects
+from hemivar.linear.cycle import contact_unknowns, selects
 from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Levels, Truncated
+from hemivar.systems.body import levels_of
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["MultigridNorm"]
 
@@ -54,16 +56,18 @@ class MultigridNorm:
     Parameters
     ----------
     problem : DiscreteProblem
-        K is its stiffness; the levels are those that a solve by multigrid made, or will take.
+        K is its stiffness.
+    workspace : Workspace, optional
+        Keeps the levels: those that a solve by multigrid made there, or will take.
     """
 
     factorised: ClassVar[bool] = False
 
-    def __init__(self, problem: DiscreteProblem) -> None:
+    def __init__(self, problem: DiscreteProblem, workspace: Workspace | None = None) -> None:
         self.problem = problem
         self.bulk = quadratic(problem.bulk, "multigrid")
         self.stiffness = self.bulk.stiffness
-        self._levels = ElasticMultigrid.of(problem).levels
+        self._levels = levels_of(problem, Workspace() if workspace is None else workspace).levels
         self._top = len(self._levels.sizes) - 1
         self._negative: float | None = None
 

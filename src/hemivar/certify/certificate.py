@@ -26,6 +26,7 @@ from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["Certificate", "certify"]
 
@@ -177,6 +178,7 @@ def certify(
     tolerance: float = 1e-8,
     trace_constant: bool = True,
     max_time: float = math.inf,
+    workspace: Workspace | None = None,
 ) -> Certificate:
     """Certify a displacement and a multiplier: recompute everything from the problem.
 
@@ -190,7 +192,7 @@ def certify(
     multiplier : array (m, d), optional
         Pressure and friction; recomputed from equilibrium (least squares) if not given.
     factor : EnergyNorm or MultigridNorm, optional
-        From :func:`energy_norm`; saves its work when several points are certified.
+        The norm to take in place of the one that suits the size of the problem.
     tolerance : float
         Residual, relative to the load, up to which the pair counts as a solution.
     trace_constant : bool
@@ -198,6 +200,8 @@ def certify(
     max_time : float
         Seconds; what is not known by then is left out and named, all but the residual. A factorisation that is under
         way is not interrupted.
+    workspace : Workspace, optional
+        Keeps factors, levels and trace constants for other points, loads, gaps and laws of the same body.
 
     Returns
     -------
@@ -223,7 +227,12 @@ def certify(
     if not 0.0 <= tolerance <= 0.1:
         raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
     budget = Budget(max_time)
-    energy = energy_norm(problem) if factor is None else factor
+    kept = (
+        Workspace()
+        if workspace is None
+        else expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
+    )
+    energy = energy_norm(problem, kept) if factor is None else factor
     if energy.stiffness.shape[0] != problem.unknowns:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
     if not energy.definite:
@@ -237,7 +246,7 @@ def certify(
         if not np.isfinite(lam).all():
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
-        return _known(_certified(Point(problem, energy, u, lam), tolerance, trace_constant, budget))
+        return _known(_certified(Point(problem, energy, u, lam), tolerance, kept if trace_constant else None, budget))
 
 
 _Classified = tuple[PointKind, bool | None, LocalStudy | None]
@@ -302,8 +311,8 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
     return unknowns
 
 
-def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Budget) -> Certificate:
-    """The certificate of a point."""
+def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: Budget) -> Certificate:
+    """The certificate of a point, with the trace constant where a workspace is given."""
     problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
     m, r = problem.contact_points, problem.local(point.u)
     law = problem.law.frozen(r, lam) if m else None
@@ -333,9 +342,9 @@ def _certified(point: Point, tolerance: float, trace_constant: bool, budget: Bud
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
     nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
-    if trace_constant:
+    if kept is not None:
         asked = constants
-        constants = in_time("trace constant", lambda: with_survey(problem, asked, True), constants)
+        constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept), constants)
     size = energy.norm(u)
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)

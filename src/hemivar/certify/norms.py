@@ -6,6 +6,7 @@ from hemivar.certify.by_factorisation import EnergyNorm
 from hemivar.certify.by_multigrid import MultigridNorm
 from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.linear.definite import free_unknowns
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["FACTORISED", "EnergyNorm", "MultigridNorm", "Norm", "energy_norm", "factorises"]
 
@@ -15,14 +16,21 @@ FACTORISED = (30_000, 6_000)
 Norm = EnergyNorm | MultigridNorm
 
 
-def energy_norm(problem: DiscreteProblem) -> Norm:
-    """The energy norm of a problem: factorised where that takes no more than a moment, by multigrid beyond."""
-    if not factorises(problem):
-        return MultigridNorm(problem)
-    free = free_unknowns(problem)
-    return EnergyNorm(
-        quadratic(problem.bulk, "the energy norm").stiffness, singular=free is not None and free.shape[1] > 0
-    )
+def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) -> Norm:
+    """The energy norm of a problem: factorised where that takes no more than a moment, by multigrid beyond.
+
+    A workspace keeps it for other loads, gaps and laws of the body.
+    """
+    kept = Workspace() if workspace is None else workspace
+
+    def make() -> Norm:
+        if not factorises(problem):
+            return MultigridNorm(problem, kept)
+        free = free_unknowns(problem)
+        stiffness = quadratic(problem.bulk, "the energy norm").stiffness
+        return EnergyNorm(stiffness, singular=free is not None and free.shape[1] > 0)
+
+    return kept.once("energy norm", problem, make)
 
 
 def factorises(problem: DiscreteProblem) -> bool:

@@ -23,6 +23,7 @@ from hemivar.fem.posed import posed
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
+from hemivar.systems.workspace import Workspace
 
 #: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
 _NEAR = 1e-6
@@ -122,6 +123,7 @@ def smallness(
     multiplier: Array | None = None,
     factor: Norm | None = None,
     trace_constant: bool = True,
+    workspace: Workspace | None = None,
 ) -> Smallness:
     """The constants of a discrete problem; they hold for all its solutions at once.
 
@@ -138,13 +140,15 @@ def smallness(
         The energy norm, where it is there already.
     trace_constant : bool
         Whether to compute c_gamma, which costs a factorisation, or a hierarchy, of its own.
+    workspace : Workspace, optional
+        Keeps what is expensive for other laws of the same body.
 
     Returns
     -------
     Smallness
     """
     problem = posed(problem, "smallness")
-    energy = energy_norm(problem) if factor is None else factor
+    energy = energy_norm(problem, workspace) if factor is None else factor
     bounds: Array | None = None
     if problem.contact_points and problem.law.state_dependent:
         point: Point | None = None
@@ -154,17 +158,19 @@ def smallness(
             point = Point(problem, energy, u, lam)
         bounds = largest_bounds(problem, energy, point)
     found = _constants(problem, energy, bounds)
-    return with_survey(problem, found, trace_constant)
+    return with_survey(problem, found, trace_constant, workspace)
 
 
-def with_survey(problem: DiscreteProblem, constants: Smallness, trace_constant: bool) -> Smallness:
+def with_survey(
+    problem: DiscreteProblem, constants: Smallness, trace_constant: bool, workspace: Workspace | None = None
+) -> Smallness:
     """The constants with those of the survey: m_A, and if asked for c_gamma and (H_s)."""
     if problem.origin is None or not problem.contact_points:
         return constants
     m_a = ellipticity(problem.origin)
     if not trace_constant:
         return replace(constants, m_A=m_a)
-    trace = _trace_eigenvalues(problem, parts=False)[0]
+    trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
     needed = constants.m_alpha + constants.m_L
     needed = 0.0 if needed == 0.0 else needed * trace**2
     return replace(
@@ -343,7 +349,17 @@ def trace_constants(problem: DiscreteProblem) -> TraceConstants:
     return TraceConstants(*_trace_eigenvalues(problem, parts=True))
 
 
-def _trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
+def _trace_eigenvalues(problem: DiscreteProblem, parts: bool, workspace: Workspace | None = None) -> list[float]:
+    """c_gamma, and if asked for that of both parts; kept with the weights that it belongs to."""
+    if workspace is None:
+        return _find_trace_eigenvalues(problem, parts)
+    weights = problem.contact.weights
+    name = "trace constants" if parts else "trace constant"
+    of, found = workspace.once(name, problem, lambda: (weights, _find_trace_eigenvalues(problem, parts)))
+    return found if np.array_equal(of, weights) else _find_trace_eigenvalues(problem, parts)
+
+
+def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
     field = problem.field
     if field is None:
         raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")

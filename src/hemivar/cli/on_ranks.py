@@ -14,7 +14,7 @@ from hemivar.cli.outputs import one_line
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
-from hemivar.errors import FileError, HemivarError, ProblemError
+from hemivar.errors import FileError, HemivarError, ProblemError, SupportError
 from hemivar.mesh import Grid
 from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
 from hemivar.solvers import ContactState, Status
@@ -94,7 +94,7 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
         try:
             bodies.append(assemble(ranks, piece, stated.problem.on, coarser=below, check_coercivity=last))
         except HemivarError as refused:
-            raise _named(refused, stated.name, "[supports] " if "support" in str(refused) else "") from None
+            raise _named(refused, stated.name, "[supports] " if isinstance(refused, SupportError) else "") from None
     return ProblemOnRanks(stated, bodies)
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from hemivar.basics.disk import same_file, shown, try_output
+from hemivar.basics.disk import same_file, shown, try_output, write_text
+from hemivar.cli.options import Exit
 from hemivar.cli.terminal import hold_signals, quiet_logging
 from hemivar.errors import FileError, HemivarError, ProblemError
 
@@ -178,10 +180,20 @@ class Writer:
             several = made if isinstance(made, list | tuple) else [path]
             self.written += [file for file in several if file is not None]
 
+    def write_record(self, path: Path | None, record: Mapping[str, object]) -> None:
+        """Write a record of plain numbers, texts and lists as JSON (``--json``)."""
+        self.write("--json", path, lambda path: write_text(path, json.dumps(record, indent=1, allow_nan=False) + "\n"))
+
     def tell(self) -> None:
         """Print the names of the files that were written."""
         if self.written:
             print(f"written           {', '.join(map(shown, self.written))}", flush=True)
+
+    def ended(self, code: int) -> int:
+        """The exit code after the files were written: complaints about them come last, and stand before success."""
+        if self.complain() and code != Exit.INTERRUPTED:
+            return Exit.BAD_INPUT
+        return Exit.INTERRUPTED if self.interrupted else code
 
     def complain(self) -> bool:
         """One line on standard error, once, for each file that could not be written; whether there was one."""

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
-from hemivar.errors import ProblemError
+from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
@@ -254,7 +254,7 @@ def join(
     if not np.all(np.isfinite(values)):
         bad = int(held[np.flatnonzero(~np.isfinite(values))[0]])
         assert contact.points is not None
-        raise ProblemError(
+        raise SupportError(
             f"the supports hold the contact point x = {in_words(contact.points[bad])} at penetration "
             f"{-offset[bad, 0]:.3g}, which its law forbids; change the support or the gap"
         )

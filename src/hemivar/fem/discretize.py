@@ -11,7 +11,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
-from hemivar.errors import ProblemError
+from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import linear_stiffness, load_vector, stiffness_matrix
 from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.free_motion import refuse_free_motion
@@ -74,7 +74,7 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     conditions = nodal_conditions(problem)
     supports, basis = conditions.supports, conditions.basis
     if basis.shape[1] == 0:
-        raise ProblemError("the supports leave the body no freedom; refine the mesh or remove supports")
+        raise SupportError("the supports leave the body no freedom; refine the mesh or remove supports")
 
     full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
     prescribed = conditions.prescribed

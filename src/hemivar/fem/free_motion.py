@@ -12,7 +12,7 @@ from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_a
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.rigid import FreeMotions, MovingGroup, rigid_basis
 from hemivar.discrete.space import Field
-from hemivar.errors import ProblemError
+from hemivar.errors import SupportError
 
 __all__ = ["describe", "free_growth", "geometric_slack", "refuse", "refuse_free_motion"]
 
@@ -29,7 +29,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> N
 
     Raises
     ------
-    ProblemError
+    SupportError
         Naming the part, the motion, and what would hold it.
     """
     if problem.field is None or not problem.field.moves:
@@ -91,21 +91,21 @@ def refuse(hold: Hold, motion: str, who: str = "the body", remedy: str = _REMEDY
 
     Raises
     ------
-    ProblemError
+    SupportError
     """
     if hold.verdict is Verdict.HELD:
         return
     if hold.verdict is Verdict.FALLS:
-        raise ProblemError(
+        raise SupportError(
             f"{who} is free to move: the loads push it along the rigid motion {motion} with more than supports and "
             f"laws can resist (energy falls by {-hold.growth:.3g} per unit of motion); {remedy}"
         )
     if hold.verdict is Verdict.BALANCED:
-        raise ProblemError(
+        raise SupportError(
             f"{who} is free to move: nothing holds it against the rigid motion {motion} (along it the loads are in "
             f"balance with what supports and laws can resist); {remedy}"
         )
-    raise ProblemError(
+    raise SupportError(
         f"it could not be decided whether {who} is free to move: far away its laws pull the more the farther it goes; "
         f"{remedy}, or pass check_coercivity = False to discretize to look for an equilibrium all the same"
     )
@@ -125,7 +125,7 @@ def describe(coefficients: Array) -> str:
     return "(" + " with ".join(words) + ")"
 
 
-def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup, hold: Hold) -> ProblemError:
+def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup, hold: Hold) -> SupportError:
     field = problem.field
     assert field is not None
     part, motion = int(group.parts[0]), ""
@@ -138,7 +138,7 @@ def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup,
         remedy += " (friction whose bound depends on the solution is not counted, for it may vanish)"
     try:
         refuse(hold, motion, who, remedy)
-    except ProblemError as error:
+    except SupportError as error:
         return error
     raise AssertionError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.errors import ProblemError
+from hemivar.errors import SupportError
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Roller, Support, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
@@ -46,7 +46,7 @@ class Supports:
             bad = int(np.flatnonzero(conflict)[0])
             node = int(nodes[bad])
             other = self.names[int(self.owner[node, int(np.argmax(np.abs(along[bad])))])]
-            raise ProblemError(
+            raise SupportError(
                 f"supports '{other}' and '{name}' prescribe different displacements at node {node}, "
                 f"x = {in_words(self.nodes[node])}: they differ by {missing[bad]:.3g} along "
                 f"{in_words(directions[bad])}; make them agree there or free one of them"

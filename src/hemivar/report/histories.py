@@ -12,31 +12,13 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.report.style import BLUE, GREEN, ORANGE, PURPLE, RED, SKY, axes_on, drawing
 from hemivar.solvers import Solution
+from hemivar.workflows.survey_runs import observed_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["observed_order", "plot_errors", "plot_history"]
-
-
-def observed_order(sizes: Array, errors: Array, points: int = 4) -> float:
-    """Slope of log(error) against log(h), fitted to the ``points`` smallest sizes; nan with fewer than two.
-
-    Parameters
-    ----------
-    sizes, errors : arrays (k,)
-        Entries that are not finite and positive are left out.
-    points : int
-        Number of sizes used.
-    """
-    sizes, errors = np.asarray(sizes, dtype=float), np.asarray(errors, dtype=float)
-    good = np.isfinite(errors) & (errors > 0.0)
-    sizes, errors = sizes[good], errors[good]
-    if len(sizes) < 2:
-        return math.nan
-    chosen = np.argsort(sizes)[:points]
-    return float(np.polyfit(np.log(sizes[chosen]), np.log(errors[chosen]), 1)[0])
+__all__ = ["plot_errors", "plot_history"]
 
 
 def plot_errors(

@@ -1,4 +1,4 @@
-"""The survey's section 5 from start to end: Figures 1 to 5, Table 1, and a report."""
+"""The survey's section 5 from start to end: Figures 1 to 5, Table 1, and a page, drawn while they are computed."""
 
 from __future__ import annotations
 
@@ -9,33 +9,47 @@ import itertools
 import os
 import platform
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.disk import make_folder, read_bytes, write_text
-from hemivar.basics.types import Array
-from hemivar.discrete import DiscreteProblem
-from hemivar.errors import FileError, HemivarError, ProblemError
-from hemivar.fem import discretize, interpolate, v_norm
-from hemivar.files.results import write_csv, write_json
-from hemivar.gallery import SURVEY_DATA, survey
-from hemivar.mesh import Mesh
+from hemivar.basics.generators import result_of
+from hemivar.errors import FileError, HemivarError
+from hemivar.files import write_csv, write_json
+from hemivar.gallery import SURVEY_DATA
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
-from hemivar.report.histories import observed_order, plot_errors
+from hemivar.report.histories import plot_errors
 from hemivar.report.saving import save
-from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table, energy_norm_difference
-from hemivar.solvers import METHODS, Controls, Solution, Status, solve, transfer_solution
-from hemivar.systems import CondensedProblem, Workspace, condense
+from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
+from hemivar.solvers import Solution, Status
+from hemivar.workflows.comparison import energy_norm_difference
+from hemivar.workflows.events import Event, Stage
+from hemivar.workflows.survey_runs import (
+    CAPTIONS,
+    DATA,
+    DEFAULT,
+    EXPECTED_FRICTION,
+    FIGURE_CELLS,
+    SURVEY_METHODS,
+    Advanced,
+    MeshRuns,
+    SurveyOptions,
+    SurveyRuns,
+    survey,
+)
 
-__all__ = ["FILES", "MOST_CELLS", "SURVEY_METHODS", "SurveyResult", "run_survey"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["FILES", "SurveyReport", "SurveyResult", "run_survey"]
 
 #: Names of the files that :func:`run_survey` writes.
 FILES = (
@@ -43,34 +57,6 @@ FILES = (
     *("figure3_friction.csv", "figure5.png", "figure5.pdf", "methods.csv", "table1.csv", "table1.md"),
     *("runs.csv", "errors.csv", "orders.csv", "report.html"),
 )
-#: Largest number of cells along a side of the finest mesh of Table 1; the references have twice as many.
-MOST_CELLS = 1024
-
-#: The survey's methods and the names of ours that are nearest to its implementations.
-SURVEY_METHODS: Mapping[str, str] = MappingProxyType(
-    {
-        "direct optimization": "direct-powell",
-        "augmented Lagrangian": "augmented-lagrangian",
-        "primal-dual active set": "active-set-krylov",
-    }
-)
-_SHORT = MappingProxyType(
-    {"direct optimization": "Direct", "augmented Lagrangian": "AL", "primal-dual active set": "PD"}
-)
-_DEFAULT = "newton"
-_FIGURE_N = 32
-#: Which method the captions of the survey's Figures 1 to 4 name.
-_CAPTIONS = MappingProxyType(
-    {
-        "figure1": "augmented Lagrangian",
-        "figure2": "direct optimization",
-        "figure3": "primal-dual active set",
-        "figure4": "direct optimization",
-    }
-)
-#: Largest friction in Figure 3 with this mesh, known from independent computations.
-_FIGURE_3 = MappingProxyType({32: 0.4986, 64: 0.4988, 128: 0.4990})
-_DATA = "5.1"
 
 
 @dataclass(frozen=True)
@@ -119,7 +105,7 @@ def run_survey(
     out: str | Path,
     max_n: int = 128,
     method_time_limit: float = 60.0,
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[Stage], None] | None = None,
 ) -> SurveyResult:
     """Reproduce the simulations of the survey (section 5.3) and write a report.
 
@@ -141,187 +127,104 @@ def run_survey(
     method_time_limit : float
         Limit in seconds for one solve; Table 1 says so where a method exceeds it.
     progress : function, optional
-        Called with a sentence before every stage.
+        Called with every :class:`~hemivar.workflows.Stage` when it begins.
 
     Raises
     ------
     ProblemError
         ``max_n`` is not such a power of two, the limit is not positive, or the folder cannot be made.
     """
-    if not 8 <= max_n <= MOST_CELLS or max_n & (max_n - 1):
-        raise ProblemError(
-            f"max_n = {max_n}; the meshes are halved from h = 1/2 on: take a power of two from 8 to {MOST_CELLS}"
-        )
-    if not method_time_limit > 0.0:
-        raise ProblemError(f"method_time_limit = {method_time_limit}; give a positive number of seconds")
-    run = _Run(make_folder(out), max_n, Controls(max_time=method_time_limit), progress or (lambda message: None))
-    try:
-        for number in range(1, 5):
-            run.figure(f"figure{number}")
-        run.levels()
-        run.reference()
-    except KeyboardInterrupt:
-        run.interrupted = True
-    run.report()
-    return run.result()
+    options = SurveyOptions(max_n, method_time_limit)
+    report = SurveyReport(make_folder(out), options)
+
+    def told(event: Event) -> None:
+        if isinstance(event, Stage) and progress is not None:
+            progress(event)
+        report(event)
+
+    report.runs = result_of(survey(options), told)
+    report.page()
+    return report.result()
 
 
-@dataclass(frozen=True, eq=False)
-class _Level:
-    """One mesh of the convergence study: its problem and one solution for each method."""
+class SurveyReport:
+    """Writes the files of a survey that is at work, each as soon as its data are there.
 
-    n: int
-    problem: DiscreteProblem
-    solutions: dict[str, Solution]
+    Attributes
+    ----------
+    runs : SurveyRuns
+        What was found so far.
+    files : list of Path
+        Those written.
+    failed : dict of Path to str
+        Those that could not be written, and why.
+    """
 
-    @property
-    def mesh(self) -> Mesh:
-        assert self.problem.field is not None
-        return self.problem.field.mesh
+    def __init__(self, folder: Path, options: SurveyOptions) -> None:
+        self.folder = folder
+        self.runs = SurveyRuns(options)
+        self.files: list[Path] = []
+        self.failed: dict[Path, str] = {}
+        self._started = time.perf_counter()
 
+    def __call__(self, event: Event) -> None:
+        """Write what an event brings."""
+        if not isinstance(event, Advanced):
+            return
+        self.runs = event.runs
+        if event.part in CAPTIONS:
+            self._figure(event.part)
+        elif event.part == "friction":
+            self.write(self._friction_table(), "figure3_friction.csv")
+        elif event.part == "mesh":
+            if event.runs.meshes[-1].n >= 8:
+                self.write(self._table1(), "table1.csv")
+                self.put("table1.md", lambda path: write_text(path, self._table1().markdown()))
+            self.write(self._runs_table(), "runs.csv")
+        else:
+            self._convergence()
+        self.page()
 
-@dataclass
-class _Run:
-    """A run of the survey and what it has found so far."""
-
-    folder: Path
-    max_n: int
-    controls: Controls
-    say: Callable[[str], None]
-    started: float = field(default_factory=time.perf_counter)
-    files: list[Path] = field(default_factory=list)
-    failed: dict[Path, str] = field(default_factory=dict)
-    figures: dict[str, str] = field(default_factory=dict)
-    method_rows: list[tuple[Any, ...]] = field(default_factory=list)
-    friction: dict[int, float] = field(default_factory=dict)
-    done: list[_Level] = field(default_factory=list)
-    errors: dict[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
-    interrupted: bool = False
-
-    # ---- solving ----------------------------------------------------------------------------------------
-
-    def solve(
-        self, problem: DiscreteProblem, condensed: CondensedProblem, method: str, coarser: Solution | None
-    ) -> Solution:
-        guess = None if coarser is None else transfer_solution(coarser, problem)
-        solution = solve(problem, METHODS[method], self.controls, initial=guess, workspace=Workspace.holding(condensed))
-        if solution.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        return solution
-
-    def figure(self, key: str) -> None:
-        """One of Figures 1 to 4, and every method on its data."""
-        caption = _CAPTIONS[key]
-        number = key[-1]
-        self.say(f"Figure {number}: h = 1/{_FIGURE_N}, {caption} and all other methods")
-        solutions: dict[str, Solution] = {}
-        n = 2
-        while n <= _FIGURE_N:
-            problem = discretize(survey(key, n))
-            condensed = condense(problem)
-            solutions = {
-                name: self.solve(problem, condensed, name, solutions.get(name))
-                for name, method in METHODS.items()
-                if method.refuse(problem) is None
-            }
-            n *= 2
-        shown = solutions[SURVEY_METHODS[caption]]
+    def _figure(self, key: str) -> None:
+        shown = self._shown(key)
         x, y = SURVEY_DATA[key].body_force
-        title = f"Figure {number}: {caption}"
-        drawn = plot_solution(shown, title=title, note=f"$f_0 = ({x:g}, {y:g})$, h = 1/{_FIGURE_N}")
+        title = f"Figure {key[-1]}: {CAPTIONS[key]}"
+        drawn = plot_solution(shown, title=title, note=f"$f_0 = ({x:g}, {y:g})$, h = 1/{FIGURE_CELLS}")
         self.save(drawn, key, ".png", ".pdf")
         self.save(plot_contact(shown, title=title), f"{key}_contact", ".png")
         self.put(f"{key}.csv", lambda path: write_csv(shown, path))
         self.put(f"{key}.json", lambda path: write_json(shown, path))
-        self.figures[key] = f"Figure {number}. {SURVEY_DATA[key].text}. Method: {caption} ({shown.method})."
-        table = comparison_table(solutions, reference=solutions[_DEFAULT])
-        self.method_rows += [(number, *row) for row in table.rows]
-        self.write(self.methods_table(), "methods.csv")
-        if key == "figure3":
-            self.largest_friction(solutions[_DEFAULT])
-        self.report()
+        self.write(self._methods_table(), "methods.csv")
 
-    def largest_friction(self, coarse: Solution) -> None:
-        """max |sigma_tau| in Figure 3 on three meshes."""
-        solution = coarse
-        for n in _FIGURE_3:
-            if n > self.max_n and n > _FIGURE_N:
-                break
-            if n > _FIGURE_N:
-                problem = discretize(survey("figure3", n))
-                solution = self.solve(problem, condense(problem), _DEFAULT, solution)
-            self.friction[n] = float(np.abs(solution.friction).max())
-        self.write(self.friction_table(), "figure3_friction.csv")
-
-    def level(self, n: int, names: tuple[str, ...]) -> _Level:
-        problem = discretize(survey(_DATA, n))
-        condensed = condense(problem)
-        coarser = self.done[-1].solutions if self.done else {}
-        solutions = {name: self.solve(problem, condensed, name, coarser.get(name)) for name in names}
-        return _Level(n, problem, solutions)
-
-    def levels(self) -> None:
-        """Table 1, mesh by mesh."""
-        n = 2
-        while n <= self.max_n:
-            self.say(f"Table 1 and Figure 5: h = 1/{n}")
-            self.done.append(self.level(n, (*SURVEY_METHODS.values(), _DEFAULT)))
-            if n >= 8:
-                self.write(self.table1(), "table1.csv")
-                self.put("table1.md", lambda path: write_text(path, self.table1().markdown()))
-            self.write(self.runs_table(), "runs.csv")
-            self.report()
-            n *= 2
-
-    def reference(self) -> None:
-        """Figure 5: errors against the solutions of each method at h = 1/(2 max_n)."""
-        n = 2 * self.max_n
-        self.say(f"Figure 5: references at h = 1/{n}")
-        finest = self.level(n, tuple(SURVEY_METHODS.values()))
-        self.say("Figure 5: errors")
-        errors = _errors(self.done, finest)
-        self.errors = {
-            (_SHORT[reference], _SHORT[method]): tuple(errors[SURVEY_METHODS[reference], SURVEY_METHODS[method]])
-            for reference in SURVEY_METHODS
-            for method in SURVEY_METHODS
-        }
-        self.done.append(finest)
-        self.write(self.errors_table(), "errors.csv")
-        self.write(self.orders_table(), "orders.csv")
-        self.write(self.runs_table(), "runs.csv")
+    def _convergence(self) -> None:
+        runs = self.runs
+        self.write(self._errors_table(), "errors.csv")
+        self.write(self._orders_table(), "orders.csv")
+        self.write(self._runs_table(), "runs.csv")
         drawn = plot_errors(
-            np.array(self.sizes()),
-            {key: np.array(values) for key, values in self.errors.items()},
+            np.array(runs.sizes),
+            {key: np.array(values) for key, values in runs.errors.items()},
             title="Figure 5: errors, data (5.1)",
-            reference_size=1.0 / n,
+            reference_size=0.5 / runs.options.max_n,
         )
         self.save(drawn, "figure5", ".png", ".pdf")
-        self.figures["figure5"] = (
-            f"Figure 5. Errors in the V-norm against the solutions at h = 1/{n} of each method; "
-            f"{SURVEY_DATA[_DATA].text}. The errors at h = 2/{n} (shaded) are too small, because the reference shares "
-            "much of its error with them; they are left out of the orders."
-        )
+
+    def _shown(self, key: str) -> Solution:
+        """The solution that a figure draws, by the method of its caption."""
+        return self.runs.figures[key][SURVEY_METHODS[CAPTIONS[key]]]
 
     # ---- tables ---------------------------------------------------------------------------------------------
 
-    def sizes(self) -> tuple[float, ...]:
-        return tuple(1.0 / level.n for level in self.done if level.n <= self.max_n)
-
-    def orders(self) -> dict[tuple[str, str], float]:
-        sizes = np.array(self.sizes())
-        trusted = sizes > 1.5 / self.max_n
-        return {key: observed_order(sizes[trusted], np.array(values)[trusted]) for key, values in self.errors.items()}
-
-    def table1(self) -> Table:
-        columns = [level for level in self.done if 8 <= level.n <= self.max_n]
-        rows: list[tuple[Any, ...]] = []
-        for label, name in (*SURVEY_METHODS.items(), (_DEFAULT, _DEFAULT)):
+    def _table1(self) -> Table:
+        columns = [level for level in self.runs.meshes if 8 <= level.n <= self.runs.options.max_n]
+        rows: list[tuple[object, ...]] = []
+        for label, name in (*SURVEY_METHODS.items(), (DEFAULT, DEFAULT)):
             solutions = [level.solutions[name] for level in columns]
             paper = PAPER_TABLE_1.get(label)
             if paper is not None:
                 rows.append((label, "time, s", "survey", *_paper(paper.seconds, columns)))
-            rows.append((label, "time, s", "hemivar", *(self.time(s, "iterate") for s in solutions)))
-            with_all = (self.time(s, "condense", "iterate", "recover") for s in solutions)
+            rows.append((label, "time, s", "hemivar", *(self._time(s, "iterate") for s in solutions)))
+            with_all = (self._time(s, "condense", "iterate", "recover") for s in solutions)
             rows.append((label, "time with condensation, s", "hemivar", *with_all))
             if paper is not None and paper.count_name:
                 rows.append((label, paper.count_name, "survey", *_paper(paper.counts, columns)))
@@ -329,21 +232,21 @@ class _Run:
                 rows.append((label, "functional evaluations", "hemivar", *(s.evaluations for s in solutions)))
             elif label == "primal-dual active set":
                 rows.append((label, "set iterations", "hemivar", *(s.steps for s in solutions)))
-            elif name == _DEFAULT:
+            elif name == DEFAULT:
                 rows.append((label, "steps", "hemivar", *(s.steps for s in solutions)))
         names = ("method", "quantity", "source", *(f"h = 1/{level.n}" for level in columns))
         return Table(names, tuple(rows), "Table 1: computation time and number of iterations, data (5.1)")
 
-    def time(self, solution: Solution, *stages: str) -> float | str:
+    def _time(self, solution: Solution, *stages: str) -> float | str:
         if solution.status is Status.MAX_TIME:
-            return f"> {self.controls.max_time:g} s"
+            return f"> {self.runs.options.method_time_limit:g} s"
         return float(f"{sum(solution.timings.get(stage, 0.0) for stage in stages):.3g}")
 
-    def runs_table(self) -> Table:
+    def _runs_table(self) -> Table:
         """How every run ended."""
         rows = []
-        for level in self.done:
-            default = level.solutions.get(_DEFAULT)
+        for level in self.runs.meshes:
+            default = level.solutions.get(DEFAULT)
             for name, solution in level.solutions.items():
                 apart = None if default is None else energy_norm_difference(solution, default)
                 rows.append(
@@ -358,33 +261,36 @@ class _Run:
         )  # fmt: skip
         return Table(columns, tuple(rows), "Every run of Table 1 and Figure 5")
 
-    def methods_table(self) -> Table:
+    def _methods_table(self) -> Table:
+        tables = {
+            key: comparison_table(solutions, reference=solutions[DEFAULT])
+            for key, solutions in self.runs.figures.items()
+        }
         columns = (
             "figure", "method", "status", "residual", "energy", "difference", "steps", "evaluations", "condense (s)",
             "iterate (s)", "recover (s)",
         )  # fmt: skip
-        return Table(columns, tuple(self.method_rows), f"Every method on Figures 1 to 4, h = 1/{_FIGURE_N}")
+        rows = tuple((key[-1], *row) for key, table in tables.items() for row in table.rows)
+        return Table(columns, rows, f"Every method on Figures 1 to 4, h = 1/{FIGURE_CELLS}")
 
-    def friction_table(self) -> Table:
-        rows = tuple((f"1/{n}", value, _FIGURE_3[n]) for n, value in self.friction.items())
+    def _friction_table(self) -> Table:
+        rows = tuple((f"1/{n}", value, EXPECTED_FRICTION[n]) for n, value in self.runs.friction.items())
         return Table(("h", "hemivar", "expected"), rows, "Largest friction in Figure 3 (bound 0.5)")
 
-    def errors_table(self) -> Table:
-        columns = ("reference", "method", *(f"h = {_h(h)}" for h in self.sizes()))
-        rows = tuple((*key, *values) for key, values in self.errors.items())
+    def _errors_table(self) -> Table:
+        columns = ("reference", "method", *(f"h = {_h(h)}" for h in self.runs.sizes))
+        rows = tuple((*key, *values) for key, values in self.runs.errors.items())
         return Table(columns, rows, "Figure 5: errors in the V-norm")
 
-    def orders_table(self) -> Table:
-        sizes = self.sizes()
+    def _orders_table(self) -> Table:
         columns = (
             "reference", "method", "fitted",
-            *(f"{_h(coarse)} to {_h(fine)}" for coarse, fine in itertools.pairwise(sizes)),
+            *(f"{_h(coarse)} to {_h(fine)}" for coarse, fine in itertools.pairwise(self.runs.sizes)),
         )  # fmt: skip
         rows = []
-        orders = self.orders()
-        for key, values in self.errors.items():
-            logs = np.log2(np.array(values))
-            rows.append((*key, round(orders[key], 3), *(round(float(step), 3) for step in -np.diff(logs))))
+        for key, values in self.runs.errors.items():
+            falls = -np.diff(np.log2(np.array(values)))
+            rows.append((*key, round(self.runs.orders[key], 3), *(round(float(step), 3) for step in falls)))
         return Table(columns, tuple(rows), "Figure 5: observed orders (fitted without the finest mesh)")
 
     # ---- files ------------------------------------------------------------------------------------------------
@@ -401,38 +307,41 @@ class _Run:
             self.failed.pop(path, None)
 
     def write(self, table: Table, name: str) -> None:
+        """Write a table."""
         self.put(name, table.write_csv)
 
-    def save(self, figure: Any, name: str, *suffixes: str) -> None:
+    def save(self, figure: Figure, name: str, *suffixes: str) -> None:
+        """Write a figure in several forms."""
         for suffix in suffixes:
             self.put(f"{name}{suffix}", lambda path: save(figure, path))
 
-    def report(self) -> None:
+    def page(self) -> None:
         """Write ``report.html``, one self-contained page of what there is."""
+        runs = self.runs
         parts = [_HEAD, "<h1>Simulations of the survey, recomputed</h1>", f"<p>{_INTRODUCTION}</p>"]
-        if self.interrupted:
+        if runs.interrupted:
             parts.append("<p class=warning>The run was interrupted; this is what existed.</p>")
-        for key in _CAPTIONS:
-            if key in self.figures:
-                parts.append(self._image(key, self.figures[key]))
-        if self.friction:
+        for key in runs.figures:
+            text = f"Figure {key[-1]}. {SURVEY_DATA[key].text}. Method: {CAPTIONS[key]} ({self._shown(key).method})."
+            parts.append(self._image(key, text))
+        if runs.friction:
             parts += [
-                self.friction_table().html(),
+                self._friction_table().html(),
                 "<p>Figure 3 is knife-edge: with linear elements every node sticks, just below the bound.</p>",
             ]
-        if self.method_rows:
-            parts += [self.methods_table().html(), f"<p>{_DIFFERENCE}</p>"]
-        if any(level.n >= 8 for level in self.done):
-            parts += [self.table1().html(), f"<p>{_TABLE_NOTE}</p>"]
-        if self.errors:
+        if runs.figures:
+            parts += [self._methods_table().html(), f"<p>{_DIFFERENCE}</p>"]
+        if any(level.n >= 8 for level in runs.meshes):
+            parts += [self._table1().html(), f"<p>{_TABLE_NOTE}</p>"]
+        if runs.errors:
             parts += [
-                self._image("figure5", self.figures.get("figure5", "")),
-                self.orders_table().html(),
+                self._image("figure5", _FIGURE_5.format(2 * runs.options.max_n, SURVEY_DATA[DATA].text)),
+                self._orders_table().html(),
                 "<p>The orders stay below 1: the corners of the body are singular.</p>",
-                self.errors_table().html(),
+                self._errors_table().html(),
             ]
-        if self.done:
-            parts.append(self.runs_table().html())
+        if runs.meshes:
+            parts.append(self._runs_table().html())
         parts += ["<h2>Machine</h2>", _machine(), "</body></html>\n"]
         self.put("report.html", lambda path: write_text(path, "\n".join(parts)))
 
@@ -448,44 +357,25 @@ class _Run:
         return f"<figure>{''.join(pictures)}<figcaption>{html.escape(caption)}</figcaption></figure>"
 
     def result(self) -> SurveyResult:
+        """What was found and written."""
+        runs = self.runs
         return SurveyResult(
             folder=self.folder,
             files=tuple(dict.fromkeys(self.files)),
             failed=tuple(self.failed.values()),
-            sizes=self.sizes(),
-            errors=MappingProxyType(dict(self.errors)),
-            orders=MappingProxyType(self.orders()),
-            table1=self.table1(),
-            runs=self.runs_table(),
-            methods=self.methods_table(),
-            largest_friction=MappingProxyType(dict(self.friction)),
-            seconds=time.perf_counter() - self.started,
-            interrupted=self.interrupted,
+            sizes=runs.sizes,
+            errors=MappingProxyType(dict(runs.errors)),
+            orders=MappingProxyType(dict(runs.orders)),
+            table1=self._table1(),
+            runs=self._runs_table(),
+            methods=self._methods_table(),
+            largest_friction=MappingProxyType(dict(runs.friction)),
+            seconds=time.perf_counter() - self._started,
+            interrupted=runs.interrupted,
         )
 
 
-def _errors(levels: list[_Level], finest: _Level) -> dict[tuple[str, str], list[float]]:
-    """V-norm of the difference of every solution to every reference, by (reference, method).
-
-    The meshes are nested, so all solutions are carried from mesh to mesh, exactly, up to the finest.
-    """
-    names = list(SURVEY_METHODS.values())
-    carried = np.zeros((levels[0].mesh.number_of_nodes, 0, 2))
-    for level, finer in zip(levels, [*levels[1:], finest], strict=True):
-        own: list[Array] = [level.solutions[name].displacement for name in names]
-        carried = np.concatenate([carried, np.stack(own, axis=1)], axis=1)
-        carried = interpolate(level.mesh, carried, finer.mesh)
-    return {
-        (reference, method): [
-            v_norm(finest.mesh, finest.solutions[reference].displacement - carried[:, number * len(names) + k])
-            for number in range(len(levels))
-        ]
-        for reference in names
-        for k, method in enumerate(names)
-    }
-
-
-def _paper(values: tuple[Any, ...], columns: list[_Level]) -> list[Any]:
+def _paper(values: Sequence[float], columns: list[MeshRuns]) -> list[float | None]:
     """The survey's numbers for the meshes shown; None where it has none."""
     known = dict(zip((8, 16, 32, 64, 128), values, strict=True))
     return [known.get(level.n) for level in columns]
@@ -526,6 +416,10 @@ _TABLE_NOTE = (
     "condensed problem; the second one adds the condensation onto the contact boundary, which all methods share, and "
     "the recovery of the other unknowns. The survey's times are of its authors' machine. Every method starts from its "
     "own solution on the coarser mesh."
+)
+_FIGURE_5 = (
+    "Figure 5. Errors in the V-norm against the solutions at h = 1/{0} of each method; {1}. The errors at h = 2/{0} "
+    "(shaded) are too small, because the reference shares much of its error with them; they are left out of the orders."
 )
 _HEAD = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Simulations of the survey, recomputed</title>

@@ -15,11 +15,12 @@ import numpy as np
 from hemivar.basics.disk import make_folder, open_new, shown, whole_file
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
+from hemivar.workflows.comparison import energy_norm_difference
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
-__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table", "energy_norm_difference"]
+__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table"]
 
 
 @dataclass(frozen=True)
@@ -153,16 +154,6 @@ def _text(cell: Any) -> str:
 
 def _escape(text: str) -> str:
     return text.replace("|", "\\|")
-
-
-def energy_norm_difference(one: Solution, other: Solution) -> float:
-    """``|u - v|_K / |v|_K`` for two solutions of the same discrete problem (v the second one)."""
-    if one.problem is not other.problem:
-        raise ProblemError("the two solutions belong to different discrete problems; compare them by interpolation")
-    K = other.problem.stiffness
-    apart = one.unknowns - other.unknowns
-    size = float(other.unknowns @ (K @ other.unknowns))
-    return float(np.sqrt(max(float(apart @ (K @ apart)), 0.0) / size)) if size > 0.0 else float(np.abs(apart).max())
 
 
 def comparison_table(

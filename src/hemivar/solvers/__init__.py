@@ -12,7 +12,7 @@ from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.solution import ContactState, Solution
-from hemivar.solvers.solve import solve, suited
+from hemivar.solvers.solve import solve, solving, suited
 from hemivar.solvers.status import Status
 from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
 from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton, RootFinder
@@ -61,6 +61,7 @@ __all__ = [
     "Status",
     "solve",
     "solve_nested",
+    "solving",
     "suited",
     "transfer_solution",
 ]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 import numpy as np
 
 from hemivar.basics.deadline import CALLED
+from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State, System
@@ -15,7 +16,7 @@ from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
 from hemivar.solvers.solution import contact_state
 from hemivar.solvers.status import Status
 
-__all__ = ["Watch", "contact_states", "finish", "iterate"]
+__all__ = ["Watch", "contact_states", "finish", "iterate", "steps"]
 
 #: Called with every state and the history up to it.
 Watch = Callable[[State, tuple[Progress, ...]], None]
@@ -30,11 +31,25 @@ def iterate(
     past: tuple[Progress, ...] = (),
     watch: Watch | None = None,
 ) -> tuple[State, Status, list[Progress]]:
+    """All :func:`steps`: the best iterate, how it ended, and the history."""
+    return result_of(steps(solver, system, state, controls, budget, past, watch))
+
+
+def steps(
+    solver: Solver,
+    system: System,
+    state: State,
+    controls: Controls,
+    budget: Budget,
+    past: tuple[Progress, ...] = (),
+    watch: Watch | None = None,
+) -> Generator[Progress, bool | None, tuple[State, Status, list[Progress]]]:
     """Step until the residual is small, the method ends, or a limit is reached; keeps the best iterate.
 
-    An interruption (Ctrl-C), the time limit and a lack of memory end it in the middle of a step, with the best
-    iterate so far.  Once the residual is small the method is asked whether it can do better (:meth:`Solver.settle`);
-    it goes on from there if so.
+    Yields every step, and stops after it if it is sent True, as if the callback had returned it.  An interruption
+    (Ctrl-C), the time limit and a lack of memory end it in the middle of a step, with the best iterate so far.  Once
+    the residual is small the method is asked whether it can do better (:meth:`Solver.settle`); it goes on from there
+    if so.
 
     Parameters
     ----------
@@ -49,7 +64,7 @@ def iterate(
     watch : function, optional
     """
     vectors = system.vectors
-    steps = solver.default_steps if controls.max_steps is None else controls.max_steps
+    limit = solver.default_steps if controls.max_steps is None else controls.max_steps
     history: list[Progress] = list(past[:-1])
     first, changed = len(history), past[-1].changed if past else 0
     best, best_rank, smallest = state, np.inf, np.inf
@@ -58,7 +73,7 @@ def iterate(
     try:
         if not past:
             state = solver.begin(system, state, budget)
-        for step in range(first, max(steps, first) + 1):
+        for step in range(first, max(limit, first) + 1):
             if step > first:
                 before = contact_states(system, state.r, state.lam)
                 state = solver.step(system, state, budget)
@@ -74,7 +89,8 @@ def iterate(
             if finite and (rank <= best_rank or certified):
                 best, best_rank = state, rank
             smallest = min(smallest, now.total if finite else np.inf)
-            stop = controls.callback is not None and bool(controls.callback(history[-1]))
+            told = controls.callback is not None and controls.callback(history[-1])
+            stop = (yield history[-1]) or told
             due = float(vectors.largest(CALLED if stop else budget.due())[0])
             if watch is not None:
                 watch(state, tuple(history))

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from hemivar.certify.certificate import Certificate
+    from hemivar.systems.workspace import Workspace
 
 __all__ = ["ContactState", "Solution", "contact_state"]
 
@@ -156,12 +157,17 @@ class Solution(Portable, Displayed):
         return float(self.problem.contact.weights @ (self.state != ContactState.OPEN))
 
     def certify(
-        self, *, tolerance: float = 1e-8, trace_constant: bool = True, max_time: float = math.inf
+        self,
+        *,
+        tolerance: float = 1e-8,
+        trace_constant: bool = True,
+        max_time: float = math.inf,
+        workspace: Workspace | None = None,
     ) -> Certificate:
         """What is known about this solution, see :func:`hemivar.certify`."""
         from hemivar.certify import certify
 
-        return certify(self, tolerance=tolerance, trace_constant=trace_constant, max_time=max_time)
+        return certify(self, tolerance=tolerance, trace_constant=trace_constant, max_time=max_time, workspace=workspace)
 
     def __repr__(self) -> str:
         problem, r = self.problem, self.local

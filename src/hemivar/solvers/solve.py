@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import logging
 import time
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ import scipy.linalg as la
 
 from hemivar.basics.arguments import described, expect
 from hemivar.basics.arrays import real_array
+from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.discrete.hold import Verdict, decide
 from hemivar.discrete.problem import DiscreteProblem
@@ -24,14 +26,14 @@ from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
-from hemivar.solvers.loop import finish, iterate
+from hemivar.solvers.loop import finish, steps
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["solve", "suited"]
+__all__ = ["solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
@@ -87,6 +89,18 @@ def solve(
     ProblemError
         The problem cannot be solved as stated.
     """
+    return result_of(solving(problem, solver, controls, initial=initial, workspace=workspace))
+
+
+def solving(
+    problem: DiscreteProblem | ContactProblem,
+    solver: Solver | None = None,
+    controls: Controls | None = None,
+    *,
+    initial: Solution | Array | None = None,
+    workspace: Workspace | None = None,
+) -> Generator[Progress, bool | None, Solution]:
+    """:func:`solve` step by step: yields every step, ends after it if it is sent True, returns the solution."""
     problem = posed(problem, "solve")
     if solver is not None and not isinstance(solver, Solver):
         raise _no_method(solver)
@@ -112,7 +126,7 @@ def solve(
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
     with one_thread(not solver.condenses):
-        return _run(problem, solver, controls, initial, workspace)
+        return (yield from _run(problem, solver, controls, initial, workspace))
 
 
 def _no_method(given: object) -> MethodError:
@@ -136,7 +150,7 @@ def _run(
     controls: Controls,
     initial: Solution | Array | None,
     workspace: Workspace,
-) -> Solution:
+) -> Generator[Progress, bool | None, Solution]:
     """Set up, start, iterate and recover."""
     try:
         system: PosedSystem = solver.prepare(problem, workspace)
@@ -148,7 +162,7 @@ def _run(
         start = _start(system, solver, initial, budget)
     except MemoryError:
         raise shortage(problem, solver.condenses) from None
-    state, status, history = iterate(solver, system, start, controls, budget)
+    state, status, history = yield from steps(solver, system, start, controls, budget)
     end = _End(solver, controls, state, status, history, time.perf_counter() - began)
     try:
         return _solution(system, end)

@@ -24,7 +24,7 @@ from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import Stiffness
-from hemivar.errors import MethodError, ProblemError
+from hemivar.errors import MethodError, ProblemError, SupportError
 from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
 from hemivar.fem.discretize import discretize, friction_warning
 from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
@@ -243,7 +243,7 @@ def assemble(
         np.count_nonzero(free[owned]), len(contact.weights), constant
     )  # fmt: skip
     if unknowns == 0:
-        raise shared(ProblemError("the supports leave the body no freedom; refine the mesh or remove supports"))
+        raise shared(SupportError("the supports leave the body no freedom; refine the mesh or remove supports"))
     with np.errstate(all="ignore"):  # what is not finite is refused below
         K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
     finite = float(np.isfinite(f.array_r).all() and np.isfinite(row_sums.array_r).all() and 0.0 < typical < np.inf)

@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.disk import shown
 from hemivar.basics.types import Array, IntArray
-from hemivar.errors import HemivarError, MethodError, ProblemError
+from hemivar.errors import HemivarError, ProblemError
 
 __all__ = ["NO_MEMORY", "Ranks", "shared", "world"]
 
@@ -147,23 +147,23 @@ class Ranks:
 
         Raises
         ------
-        ProblemError, MethodError
+        HemivarError
             The error of the lowest rank that has one.
         """
         result: T | None = None
-        complaint: tuple[bool, str] | None = None
+        complaint: tuple[type[HemivarError], str] | None = None
         try:
             result = work()
         except HemivarError as error:
-            complaint = isinstance(error, MethodError), str(error)
+            complaint = type(error), str(error)
         except OSError as error:
             named = f"{shown(error.filename)}: " if error.filename else ""
-            complaint = False, f"{named}{error.strerror or error}; check path and disk"
+            complaint = ProblemError, f"{named}{error.strerror or error}; check path and disk"
         except MemoryError:
-            complaint = False, NO_MEMORY
+            complaint = ProblemError, NO_MEMORY
         first = next((entry for entry in self.mpi.allgather(complaint) if entry is not None), None)
         if first is not None:
-            raise shared((MethodError if first[0] else ProblemError)(first[1]))
+            raise shared(first[0](first[1]))
         return result  # type: ignore[return-value]
 
 

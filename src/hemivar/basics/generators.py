@@ -1,0 +1,42 @@
+"""Work that tells of itself: a generator that yields events and returns a value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import closing
+from typing import TypeVar
+
+__all__ = ["result_of"]
+
+Event = TypeVar("Event")
+Result = TypeVar("Result")
+
+
+def result_of(
+    work: Generator[Event, bool | None, Result], on_event: Callable[[Event], bool | None] | None = None
+) -> Result:
+    """Run work to its end and return its value.
+
+    Parameters
+    ----------
+    work : generator
+        Yields events, returns the result.
+    on_event : function, optional
+        Called with every event; what it returns goes to the work, which ends early, with what it has, where that is
+        True after a step.  Ctrl-C while it runs reaches the work as if it had come there.
+    """
+    with closing(work):
+        try:
+            event = next(work)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+        while True:
+            answer, interrupted = None, None
+            try:
+                answer = None if on_event is None else on_event(event)
+            except KeyboardInterrupt as error:
+                interrupted = error
+            try:
+                event = work.send(answer) if interrupted is None else work.throw(interrupted)
+            except StopIteration as end:
+                return end.value  # type: ignore[no-any-return]

@@ -1,0 +1,148 @@
+"""``hemivar solutions`` and ``hemivar path``: the equilibria of a problem, at its load and while it grows."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hemivar.cli.options import MOST_STEPS, Exit, MaxTime, ProblemPath, Rtol, suggest
+from hemivar.cli.session import Session
+from hemivar.cli.show import console, print_head, print_table
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.branches import Path as EquilibriumPath
+    from hemivar.branches import SolutionSet
+    from hemivar.report.tables import Table
+
+__all__ = ["path", "solutions"]
+
+_LARGEST_FACTOR = 1e100
+_MOST_STARTS = 1_000_000
+_SHOWN = 12
+
+
+def solutions(
+    problem: ProblemPath,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the solutions.")] = None,
+    starts: Annotated[int, typer.Option(metavar="N", min=0, max=_MOST_STARTS, help="Random starts of each kind.")] = 40,
+    max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many.")] = 100,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
+    rtol: Rtol = None,
+    max_time: MaxTime = None,
+) -> int:
+    """Find all solutions of a problem, with their energies and kinds; says how far it searched.
+
+    Exit code 0 if at least one was found.
+    """
+    session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time)
+    discrete = session.discrete()
+    print_head(session.stated, discrete)
+    from hemivar.files import solution_record
+    from hemivar.workflows import SolutionsOptions, result_of
+    from hemivar.workflows import solutions as search
+
+    found = result_of(search(discrete, SolutionsOptions(starts, max_solutions, seed, session.controls)))
+    if json is not None:
+        record = {
+            "problem": session.stated.name,
+            "exhaustive": found.exhaustive,
+            "searched": found.searched,
+            "starts": found.starts,
+            "solutions": [{"kind": s.kind, **solution_record(s)} for s in found],
+        }
+        session.writer.write_record(json, record)
+    print(f"solutions         {len(found)}; {'no others exist' if found.exhaustive else 'there may be others'}")
+    print(f"searched          {found.searched}")
+    if len(found):
+        print_table(console(), _solutions_table(found))
+    session.writer.tell()
+    code = Exit.CONVERGED if len(found) else Exit.NOT_CONVERGED
+    return session.writer.ended(Exit.INTERRUPTED if found.interrupted else code)
+
+
+def _solutions_table(found: SolutionSet) -> Table:
+    """One line for each solution."""
+    from hemivar.report.tables import Table
+
+    columns = ("", "kind", "energy", "max penetration", "normal force", "contact", "residual")
+    rows = tuple(
+        (
+            i + 1,
+            s.kind,
+            f"{s.energy:.10g}",
+            f"{s.penetration.max(initial=0.0):.6g}",
+            f"{s.normal_force:.6g}",
+            f"{s.contact_length:.6g}",
+            s.residual.relative,
+        )
+        for i, s in enumerate(found)
+    )
+    return Table(columns, rows)
+
+
+def path(
+    problem: ProblemPath,
+    load_factor: Annotated[
+        tuple[float, float], typer.Option(metavar="LOW HIGH", help="Range of the factor of all loads.")
+    ] = (0.0, 1.0),
+    quantity: Annotated[
+        str, typer.Option(metavar="NAME", help="What is drawn over the load: max-penetration, normal-force, ...")
+    ] = "max-penetration",
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the path.")] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
+    max_points: Annotated[int, typer.Option(metavar="N", min=2, max=MOST_STEPS, help="Limit of points.")] = 2000,
+    max_time: MaxTime = None,
+) -> int:
+    """Follow the equilibria while the load grows, through folds: stable and unstable branches, folds, jumps.
+
+    Exit code 0 if the path reaches an end of the range.
+    """
+    from hemivar.report.path_diagrams import QUANTITIES, path_record, plot_path
+
+    for factor in load_factor:
+        if not abs(factor) <= _LARGEST_FACTOR:
+            raise ProblemError(f"--load-factor is {factor:g}; its size must be at most {_LARGEST_FACTOR:g}")
+    if quantity not in QUANTITIES:
+        raise ProblemError(f"quantity '{quantity}' is not known{suggest(quantity, list(QUANTITIES))}")
+    session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time)
+    writer = session.writer
+    print_head(session.stated, session.discrete())
+    from hemivar.report.saving import save
+    from hemivar.workflows import PathOptions, result_of
+    from hemivar.workflows import path as follow
+
+    options = PathOptions(load_factor, max_points, session.controls.max_time)
+    found = result_of(follow(session.stated.problem, options))
+    _print_path(found)
+    record = path_record(found, quantity)
+    for point in record["points"]:
+        point["energy"] = point["energy"] if math.isfinite(point["energy"]) else None
+    writer.write_record(json, record)
+
+    def draw(file: Path) -> None:
+        save(plot_path(found, quantity=quantity, title=session.title), file)
+
+    writer.write("--plot", plot, draw, picture=True)
+    writer.tell()
+    code = Exit.CONVERGED if found.reached_end else Exit.NOT_CONVERGED
+    return writer.ended(Exit.INTERRUPTED if found.interrupted else code)
+
+
+def _print_path(path: EquilibriumPath) -> None:
+    """Print what the path meets."""
+    print(f"\npath              {len(path)} points, {len(path.folds)} folds; {path.ended}")
+    if path.perturbed:
+        print("                  several points of the boundary met an event at once: this is one of several branches")
+    for fold in path.folds[:_SHOWN]:
+        print(f"fold              load factor {fold.load_factor:.10g}, point {fold.index}")
+    for jump in path.jumps[:_SHOWN]:
+        how = "loading" if jump.loading else "unloading"
+        where = "" if jump.local is not None else ", to no stable branch of this path"
+        print(f"jump              load factor {jump.load_factor:.10g} while {how}, point {jump.index}{where}")
+    if max(len(path.folds), len(path.jumps)) > _SHOWN:
+        print(f"                  (of {len(path.folds)} folds and {len(path.jumps)} jumps; all are in the --json file)")
+    print(f"max penetration   {path.max_penetration.min():.6g} to {path.max_penetration.max():.6g}")

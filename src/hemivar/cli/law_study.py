@@ -1,0 +1,136 @@
+"""``hemivar laws``: the laws by name, and one law with its constants and its graph."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hemivar.basics.disk import noting_files_read
+from hemivar.cli.options import Exit
+from hemivar.cli.outputs import Writer, check_outputs, keep_off
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.laws import Superpotential
+    from hemivar.laws.registry import LawEntry
+    from hemivar.workflows import LawStudy
+
+__all__ = ["laws"]
+
+
+def laws(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this law only.")] = None,
+    given: Annotated[
+        list[str] | None, typer.Option("--set", metavar="P=V", help="Parameter of the law; repeat it for others.")
+    ] = None,
+    file: Annotated[Path | None, typer.Option(metavar="LAW.csv", help="Show a tabulated law.")] = None,
+    formula: Annotated[str | None, typer.Option(metavar="TEXT", help="Show the law of this potential of r.")] = None,
+    friction: Annotated[
+        bool, typer.Option("--friction", help="A friction law: table or formula for r >= 0, or the one of two by NAME.")
+    ] = False,
+    reach: Annotated[float | None, typer.Option(metavar="X", help="Draw from -X to X (chosen).")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw graph and potential (.png, .svg or .pdf).")
+    ] = None,
+) -> int:
+    """List the laws of foundations, or show one with its constants and graph."""
+    check_outputs({"--plot": plot}, file)
+    if name is None and file is None and formula is None:
+        if given or friction or reach is not None or plot is not None:
+            raise ProblemError("name a law, or give --file or --formula; 'hemivar laws' alone lists the laws")
+        _list_laws()
+        return Exit.CONVERGED
+    if sum(choice is not None for choice in (name, file, formula)) > 1:
+        raise ProblemError("give one of NAME, --file and --formula")
+    if reach is not None and not 1e-100 <= reach <= 1e100:
+        raise ProblemError(f"--reach is {reach:g}; it must be a positive length (1e-100 to 1e100)")
+    from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+    from hemivar.workflows import result_of, study_law
+
+    values: dict[str, str] = {}
+    for pair in given or []:
+        key, equals, text = pair.partition("=")
+        if not equals:
+            raise ProblemError(f"--set {pair}: write NAME=VALUE, such as --set bound=0.5")
+        values[key.strip()] = text.strip()
+    if file is not None:
+        name, values["file"] = "table", str(file)
+    if formula is not None:
+        name, values["potential"] = "formula", formula
+    assert name is not None
+    if friction and name in NORMAL_LAWS and name not in FRICTION_LAWS:
+        raise ProblemError(f"'{name}' is a normal law; leave out --friction")
+    with noting_files_read() as files:
+        work = study_law(name, values, friction=friction, first=plot is not None, label="--set ")
+        studies = result_of(work)
+    keep_off({"--plot": plot}, files)
+    writer = Writer()
+    for study in studies:
+        _print_study(study, named=file is None and formula is None)
+        if plot is not None and study.curve is not None:
+            _draw(study.curve, reach, plot, writer)
+    return writer.ended(Exit.CONVERGED)
+
+
+def _list_laws() -> None:
+    """Print all laws with their parameters."""
+    from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+
+    for entries in (NORMAL_LAWS, FRICTION_LAWS):
+        print(f"{next(iter(entries.values())).kind} laws")
+        for entry in entries.values():
+            _print_entry(entry)
+        print()
+    print("Every single number is a number or, in quotes, a formula of x and y (and z).  A friction bound may also be")
+    print('{ table = "bound.csv" } or { formula = "8*s" } of the penetration s, or { coulomb = 0.3 } of the pressure.')
+    print("'hemivar laws NAME' shows a law with its constants, with --plot FILE its graph.")
+
+
+def _print_study(study: LawStudy, named: bool) -> None:
+    print(f"{study.entry.kind} law")
+    if named:
+        _print_entry(study.entry)
+    if study.curve is None:
+        print("\nits graph comes from a file: give it with --file LAW.csv")
+        return
+    if study.examples:
+        examples = "  ".join(
+            f"{key}={','.join(f'{x:g}' for x in value) if isinstance(value, tuple) else value}"
+            for key, value in study.examples.items()
+        )
+        print(f"\nshown with        {examples}  (change them with --set)")
+    if study.unit_bound:
+        print("\nthe bound depends on the state of the contact point; below, for a bound of 1")
+    print(f"\n{study.curve.describe()}\n")
+
+
+def _draw(curve: Superpotential, reach: float | None, plot: Path, writer: Writer) -> None:
+    from hemivar.report.law_figures import plot_law
+    from hemivar.report.saving import save
+
+    writer.write("--plot", plot, lambda path: save(plot_law(curve, reach=reach), path), picture=True)
+    writer.tell()
+
+
+def _print_entry(entry: LawEntry) -> None:
+    from hemivar.laws.registry import ParameterForm
+
+    samples = {ParameterForm.NUMBERS: "[...]", ParameterForm.FILE: '"law.csv"', ParameterForm.TEXT: '"..."'}
+    required = "".join(f", {p.name} = {samples.get(p.form, '...')}" for p in entry.parameters if p.required)
+    print(f"\n  {entry.name}: {entry.summary}")
+    print(f"      {entry.formula}")
+    print(f'      {entry.kind} = {{ law = "{entry.name}"{required} }}')
+    for p in entry.parameters:
+        default = ", may be left out" if p.optional else "" if p.default is None else f", default {_text(p.default)}"
+        lowest = "" if p.minimum == -math.inf else f", at least {p.minimum:g}"
+        form = "a list, " if p.form is ParameterForm.NUMBERS else ""
+        print(f"      {p.name:<12}{form}{p.meaning} [{p.unit}]{lowest}{default}")
+
+
+def _text(value: str | float | tuple[float, ...]) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(f'{number:g}' for number in value)}]"
+    return f'"{value}"' if isinstance(value, str) else f"{value:g}"

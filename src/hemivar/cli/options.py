@@ -1,0 +1,100 @@
+"""Options that several commands share, and the checks of what they say."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.files.problem_file import ProblemFile
+    from hemivar.solvers import Controls, Progress, Solver
+
+__all__ = [
+    "MOST_STEPS",
+    "Exit",
+    "MaxSteps",
+    "MaxTime",
+    "ProblemPath",
+    "Rtol",
+    "check_limits",
+    "controls_of",
+    "method_named",
+    "suggest",
+]
+
+_LARGEST_RTOL = 1e-2
+#: Most steps and points that can be asked for.
+MOST_STEPS = 10**9
+
+ProblemPath = Annotated[Path, typer.Argument(metavar="PROBLEM.toml", help="The problem file.")]
+Rtol = Annotated[
+    float | None, typer.Option(metavar="X", help="Tolerance of the residual, relative to the load (1e-9).")
+]
+MaxTime = Annotated[float | None, typer.Option(metavar="S", help="Limit of each stage in seconds (none).")]
+MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps (set by the method).")]
+
+
+class Exit(IntEnum):
+    """Exit codes of the command."""
+
+    CONVERGED = 0
+    NOT_CONVERGED = 1
+    BAD_INPUT = 2
+    INTERNAL = 70
+    INTERRUPTED = 130
+
+
+def check_limits(rtol: float | None = None, max_time: float | None = None, max_steps: int | None = None) -> None:
+    """Refuse limits that make no sense."""
+    if rtol is not None and not 0.0 < rtol <= _LARGEST_RTOL:
+        raise ProblemError(f"--rtol is {rtol:g}; it must be a positive number, at most {_LARGEST_RTOL:g}")
+    if max_time is not None and not max_time > 0.0:
+        raise ProblemError(f"--max-time is {max_time:g}; it must be a positive number of seconds")
+    if max_steps is not None and not 1 <= max_steps <= MOST_STEPS:
+        raise ProblemError(f"--max-steps is {max_steps}; it must be at least 1 and at most {MOST_STEPS}")
+
+
+def controls_of(
+    stated: ProblemFile,
+    rtol: float | None = None,
+    max_time: float | None = None,
+    max_steps: int | None = None,
+    callback: Callable[[Progress], bool | None] | None = None,
+) -> Controls:
+    """Limits from the command line, else from the file, else the defaults."""
+    from hemivar.solvers import Controls
+
+    given, standard = stated.solver, Controls()
+    if rtol is None and given.rtol is not None and given.rtol > _LARGEST_RTOL:
+        raise ProblemError(f"{stated.name}: [solver] rtol is {given.rtol:g}; it must be at most {_LARGEST_RTOL:g}")
+    rtol = given.rtol if rtol is None else rtol
+    max_time = given.max_time if max_time is None else max_time
+    return Controls(
+        rtol=standard.rtol if rtol is None else rtol,
+        max_time=standard.max_time if max_time is None else max_time,
+        max_steps=given.max_steps if max_steps is None else max_steps,
+        callback=callback,
+    )
+
+
+def method_named(name: str) -> Solver:
+    """The method of a name."""
+    from hemivar.solvers import METHODS
+
+    if name not in METHODS:
+        raise ProblemError(f"method '{name}' is not known{suggest(name, list(METHODS))}")
+    return METHODS[name]
+
+
+def suggest(name: str, known: Sequence[str]) -> str:
+    """What may have been meant, and what is known."""
+    close = difflib.get_close_matches(name, known, n=1)
+    guess = f"; did you mean '{close[0]}'?" if close else ""
+    return f"{guess} (known: {', '.join(known)})"

@@ -1,0 +1,190 @@
+"""What the commands print: events of a use case as they come, tables, the head and the summary of a problem."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from typing import TYPE_CHECKING
+
+from hemivar.basics.disk import shown
+from hemivar.cli.terminal import Stream
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    from hemivar.certify import Certificate
+    from hemivar.discrete.problem import DiscreteProblem
+    from hemivar.files.problem_file import ProblemFile
+    from hemivar.report.tables import Table
+    from hemivar.solvers import Progress, Solution
+    from hemivar.workflows import Event, Stage
+
+__all__ = ["SolveView", "StageView", "console", "print_head", "print_step", "print_summary", "print_table", "unread"]
+
+
+def console() -> Console:
+    """A console without colours unless it is a terminal."""
+    from rich.console import Console
+
+    return Console(file=sys.stdout, highlight=False, markup=False, emoji=False)
+
+
+def unread() -> bool:
+    """Whether standard output has failed: nobody follows the work any more, and it ends as by Ctrl-C."""
+    return isinstance(sys.stdout, Stream) and sys.stdout.failed is not None
+
+
+def print_step(now: Progress) -> bool:
+    """Print a line for a step; returns whether nobody reads it."""
+    print(f"{now.step:>6}  {now.residual:>9.2e}  {now.energy:>18.10g}  {now.changed:>14}", flush=True)
+    return unread()
+
+
+class SolveView:
+    """Shows a solve: its method and, unless ``quiet``, every step.
+
+    Attributes
+    ----------
+    solution : Solution or None
+        What was found.
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
+        self.solution: Solution | None = None
+
+    def __call__(self, event: Event) -> bool:
+        """Show an event; returns whether to stop."""
+        from hemivar.solvers import Progress, Status
+        from hemivar.workflows import Begun, Chosen, Found
+
+        match event:
+            case Chosen(solver, reason):
+                print(f"method            {solver.name}")
+                if reason:
+                    print(f"chosen            {reason}", flush=True)
+            case Begun(problem, _, count) if not self.quiet:
+                level = ""
+                if count > 1 and problem.field is not None:
+                    level = f"   mesh with h = {problem.field.mesh.size:.3g}, {problem.unknowns} unknowns"
+                head = f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}{level}"
+                print(head, flush=True)
+            case Progress() if not self.quiet:
+                return print_step(event)
+            case Found(solution):
+                self.solution = solution
+                if solution.status is Status.INTERRUPTED:
+                    print("\ninterrupted       the best iterate follows; Ctrl-C again leaves its certificate out")
+                    sys.stdout.flush()
+            case _:
+                pass
+        return False
+
+
+class StageView(contextlib.AbstractContextManager["StageView"]):
+    """Shows the stages of long work: a bar on a terminal, a line for each elsewhere."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._context = contextlib.ExitStack()
+        self._bar: Bar | None = None
+
+    def __call__(self, stage: Stage) -> None:
+        """Show a stage.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Nobody reads it.
+        """
+        if not self._console.is_terminal:
+            print(stage.name, flush=True)
+            if unread():
+                raise KeyboardInterrupt
+            return
+        from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+        if self._bar is None:
+            columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+            self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
+            self._bar.add_task("", total=stage.count)
+        self._bar.update(TaskID(0), description=stage.name, completed=stage.number)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._context.close()
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table whole, also where it is wider than the terminal."""
+    from rich import box
+
+    drawn = table.rich()
+    drawn.box = box.SIMPLE_HEAD
+    for column in drawn.columns:
+        column.no_wrap = True
+    whole = console.measure(drawn, options=console.options.update(width=10_000)).maximum
+    width = console.width
+    console.width = max(width, whole)
+    console.print(drawn, crop=False)
+    console.width = width
+
+
+def print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
+    """Print what the problem is."""
+    mesh = stated.problem.mesh
+    kind = "triangles" if mesh.dim == 2 else "tetrahedra"
+    order = "" if stated.problem.order == 1 else ", quadratic elements"
+    size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
+    title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
+    print(title or shown(stated.name))
+    print(f"mesh              {size}")
+    print(f"unknowns          {discrete.unknowns}")
+    for warning in discrete.warnings:
+        print(f"warning           {warning}")
+    where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
+    print(f"contact points    {discrete.contact_points}{where}", flush=True)
+
+
+def print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
+    """Print what was found."""
+    import numpy as np
+
+    from hemivar.cli.certification import certificate_lines
+    from hemivar.solvers import ContactState, Status
+
+    good = solution.status is Status.CONVERGED
+    console.print("\nstatus            ", end="")
+    console.print(solution.status.value, style="bold green" if good else "bold red", end="")
+    console.print(f" after {solution.steps} steps, relative residual {solution.residual.relative:.1e}")
+    stages = ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
+    print(f"time              {stages}")
+    print(f"energy            {solution.energy:.10g}")
+    if solution.error_bound is not None:
+        print(f"error bound       {solution.error_bound:.3g} (energy norm)")
+    if not good:
+        print(f"what to do        {solution.status.remedy}")
+    for line in [] if certificate is None else certificate_lines(certificate):
+        print(line)
+    if solution.problem.contact_points == 0:
+        return
+    print(f"normal force      {solution.normal_force:.6g}")
+    friction = solution.friction_force
+    if friction.size == 1:
+        print(f"friction force    {friction[0]:.6g}")
+    elif friction.size:
+        frames = solution.problem.frames
+        assert frames is not None
+        vector = np.einsum("m,mc,mcd->d", solution.problem.weights, solution.friction, frames[:, 1:])
+        print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
+    what = "length" if solution.problem.dim == 2 else "area"
+    total = float(solution.problem.weights.sum())
+    print(f"contact {what:<10}{solution.contact_length:.6g} of {total:.6g}")
+    counts = [f"{int(np.sum(solution.state == state))} {state.label}" for state in ContactState]
+    print(f"contact points    {', '.join(counts)}")
+    print(f"max penetration   {solution.penetration.max():.6g}")
+    print(f"max pressure      {solution.pressure.max():.6g}")

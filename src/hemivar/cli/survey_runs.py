@@ -1,0 +1,51 @@
+"""``hemivar survey``: the survey's numerical section, recomputed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hemivar.basics.disk import shown
+from hemivar.cli.options import Exit, check_limits
+from hemivar.cli.outputs import Writer, check_folder
+from hemivar.cli.show import StageView, console, print_table
+from hemivar.cli.terminal import quiet_logging
+from hemivar.errors import ProblemError
+
+__all__ = ["survey"]
+
+
+def survey(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for figures, tables and report.html.")] = Path(
+        "survey-output"
+    ),
+    max_n: Annotated[int, typer.Option(metavar="N", help="Finest mesh size is 1/N; a power of two.")] = 128,
+    max_time: Annotated[float, typer.Option(metavar="S", help="Limit of each method on each mesh, in seconds.")] = 60.0,
+) -> int:
+    """Reproduce the survey's numerical section: its Figures 1 to 5 and its Table 1."""
+    check_limits(max_time=max_time)
+    if not 8 <= max_n <= 1024 or max_n & (max_n - 1):
+        raise ProblemError(f"--max-n is {max_n}; it must be a power of two, at least 8 and at most 1024")
+    from hemivar.report.survey import FILES, run_survey
+
+    check_folder(out, FILES)
+    terminal = console()
+    with StageView(terminal) as stages, quiet_logging():
+        result = run_survey(out, max_n=max_n, method_time_limit=max_time, progress=stages)
+    if result.table1.rows:
+        print_table(terminal, result.table1)
+    if result.orders:
+        print("observed orders of convergence in the V-norm (reference, method)")
+        for (reference, method), order in result.orders.items():
+            print(f"    {order:5.2f}   {reference}, {method}")
+    report = out / "report.html"
+    others = len(result.files) - (report in result.files)
+    print(f"\nwritten           {f'{shown(report)} and ' if report in result.files else ''}{others} other files")
+    print(f"time              {result.seconds:.3g} s")
+    if result.interrupted:
+        print("interrupted: the report holds what was done until then")
+    writer = Writer()
+    writer.failed += result.failed
+    return writer.ended(Exit.INTERRUPTED if result.interrupted else Exit.CONVERGED)

@@ -1,0 +1,53 @@
+"""Use cases: each takes a problem and options, yields events while it works, and returns a value.
+
+    for event in hemivar.workflows.run(problem):
+        ...
+    result = hemivar.workflows.result_of(hemivar.workflows.run(problem))
+
+Nothing here prints, writes a file or ends the process: the command, a notebook and a window show the same work.
+"""
+
+from hemivar.basics.generators import result_of
+from hemivar.solvers import Progress
+from hemivar.workflows.certification import CertifyOptions, certify
+from hemivar.workflows.comparison import Attempt, CompareOptions, Comparison, Condensed, compare, energy_norm_difference
+from hemivar.workflows.equilibria import PathOptions, SolutionsOptions, path, solutions
+from hemivar.workflows.events import Begun, Certified, Chosen, Event, Found, Notice, Stage, Warned, Work
+from hemivar.workflows.law_study import LawStudy, study_law
+from hemivar.workflows.solving import RunOptions, RunResult, run
+from hemivar.workflows.survey_runs import Advanced, SurveyOptions, SurveyRuns, survey
+
+__all__ = [
+    "Advanced",
+    "Attempt",
+    "Begun",
+    "Certified",
+    "CertifyOptions",
+    "Chosen",
+    "CompareOptions",
+    "Comparison",
+    "Condensed",
+    "Event",
+    "Found",
+    "LawStudy",
+    "Notice",
+    "PathOptions",
+    "Progress",
+    "RunOptions",
+    "RunResult",
+    "SolutionsOptions",
+    "Stage",
+    "SurveyOptions",
+    "SurveyRuns",
+    "Warned",
+    "Work",
+    "certify",
+    "compare",
+    "energy_norm_difference",
+    "path",
+    "result_of",
+    "run",
+    "solutions",
+    "study_law",
+    "survey",
+]

@@ -1,0 +1,72 @@
+"""Certify a solution, whoever computed it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from hemivar.basics.types import Array
+from hemivar.certify import Certificate
+from hemivar.certify import certify as certificate_of_pair
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.posed import posed
+from hemivar.mechanics import ContactProblem
+from hemivar.solvers import Controls, Solver
+from hemivar.workflows.events import Certified, Found, Work
+from hemivar.workflows.solving import STATIONARY, solved
+
+__all__ = ["CertifyOptions", "certify"]
+
+
+@dataclass(frozen=True)
+class CertifyOptions:
+    """How to certify.
+
+    Parameters
+    ----------
+    tolerance : float
+        Residual, relative to the load, up to which a pair counts as a solution.
+    controls : Controls
+        Limits of the solve, if there is one; ``max_time`` limits the certificate too.
+    solver : Solver, optional
+        The method of the solve; chosen by predicted cost and memory if not given.
+    """
+
+    tolerance: float = STATIONARY
+    controls: Controls = field(default_factory=Controls)
+    solver: Solver | None = None
+
+
+def certify(
+    problem: DiscreteProblem | ContactProblem,
+    unknowns: Array | None = None,
+    multiplier: Array | None = None,
+    options: CertifyOptions | None = None,
+) -> Work[Certificate]:
+    """Certify a pair, or what a solve finds if none is given.
+
+    Yields the events of the solve, :class:`Found`, and :class:`Certified`.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem or ContactProblem
+    unknowns : array (n,), optional
+    multiplier : array (m, d), optional
+        Recomputed from equilibrium if not given.
+    options : CertifyOptions, optional
+
+    Raises
+    ------
+    ProblemError, MethodError
+        As :func:`hemivar.solve` and :func:`hemivar.certify`.
+    """
+    options = CertifyOptions() if options is None else options
+    problem = posed(problem, "certify")
+    if unknowns is None:
+        solution = yield from solved([problem], options.solver, options.controls)
+        yield Found(solution)
+        unknowns, multiplier = solution.unknowns, solution.multiplier
+    certificate = certificate_of_pair(
+        problem, unknowns, multiplier, tolerance=options.tolerance, max_time=options.controls.max_time
+    )
+    yield Certified(certificate)
+    return certificate

@@ -1,0 +1,72 @@
+"""What a use case tells of while it works."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
+
+from hemivar.certify import Certificate
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.solvers import Progress, Solution, Solver
+
+__all__ = ["Begun", "Certified", "Chosen", "Event", "Found", "Notice", "Stage", "Warned", "Work"]
+
+
+class Notice:
+    """Base of all events but the steps of a solve, which are :class:`~hemivar.solvers.Progress`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Warned(Notice):
+    """Something that the numbers do not show by themselves, in a sentence."""
+
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Stage(Notice):
+    """A part of long work begins: what it is, and which of how many (from 0)."""
+
+    name: str
+    number: int
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen(Notice):
+    """The method; the reason is empty if it was given."""
+
+    solver: Solver
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Begun(Notice):
+    """The solve of a problem begins, the ``number``-th (from 0) of ``count`` on meshes from coarse to fine."""
+
+    problem: DiscreteProblem
+    number: int
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class Found(Notice):
+    """A solution, or the best iterate of a solve that did not converge."""
+
+    solution: Solution
+
+
+@dataclass(frozen=True, eq=False)
+class Certified(Notice):
+    """What is known about the solution."""
+
+    certificate: Certificate
+
+
+Result = TypeVar("Result")
+
+#: What a use case yields.
+Event: TypeAlias = Progress | Notice
+#: A use case at work: it yields events, ends early after a step if it is sent True, and returns its result.
+Work: TypeAlias = Generator[Event, bool | None, Result]

@@ -1,0 +1,133 @@
+"""One law: its constants, for parameters that are given or that show what it does."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from hemivar.errors import ProblemError
+from hemivar.formula import Formula
+from hemivar.laws import Friction, Superpotential
+from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS, LawEntry, LawKind, LawParameter, ParameterForm
+from hemivar.workflows.events import Notice, Work
+
+__all__ = ["LawStudy", "Value", "study_law"]
+
+#: A parameter: a number, several, or the text of one or of a file's name.
+Value: TypeAlias = str | float | Sequence[float]
+
+
+@dataclass(frozen=True, eq=False)
+class LawStudy(Notice):
+    """A law and its superpotential.
+
+    Attributes
+    ----------
+    entry : LawEntry
+        Its line in the registry.
+    curve : Superpotential or None
+        The function j of one contact point, for friction of the size of the slip; None if the law is a file that was
+        not given.  ``curve.describe()`` has the constants, and says which of them are sampled.
+    examples : mapping of name to value
+        Parameters that were not given, with the values that show what the law does.
+    unit_bound : bool
+        Whether the friction bound depends on the state of the contact point, so that the curve is for a bound of 1.
+    """
+
+    entry: LawEntry
+    curve: Superpotential | None
+    examples: Mapping[str, Value] = field(default_factory=dict)
+    unit_bound: bool = False
+
+
+def study_law(
+    name: str,
+    parameters: Mapping[str, Value] | None = None,
+    *,
+    friction: bool = False,
+    first: bool = False,
+    label: str = "parameter ",
+) -> Work[tuple[LawStudy, ...]]:
+    """The laws of a name, the normal law before the friction law; each is yielded as an event too.
+
+    Parameters
+    ----------
+    name : str
+        A name of the registry; "table" and "formula" make laws of a file and of a text.
+    parameters : mapping of name to value
+        Examples stand for those that are left out.
+    friction : bool
+        The friction law of this name only.
+    first : bool
+        The first law of this name only, as parameters are of one law.
+    label : str
+        What stands before the name of a parameter in messages.
+
+    Raises
+    ------
+    ProblemError
+        No such law or parameter, or a value that the law does not take.
+    """
+    parameters = {} if parameters is None else parameters
+    found = [laws[name] for laws in (NORMAL_LAWS, FRICTION_LAWS) if name in laws]
+    if not found:
+        known = list(dict.fromkeys([*NORMAL_LAWS, *FRICTION_LAWS]))
+        close = difflib.get_close_matches(name, known, n=1)
+        guess = f"; did you mean '{close[0]}'?" if close else ""
+        raise ProblemError(f"law '{name}' is not known{guess} (known: {', '.join(known)})")
+    if friction:
+        found = [entry for entry in found if entry.kind is LawKind.FRICTION]
+        if not found:
+            raise ProblemError(f"'{name}' is a normal law; there is no friction law of this name")
+    elif first or parameters:
+        found = found[:1]
+    studies = []
+    for entry in found:
+        studies.append(_study(entry, parameters, label))
+        yield studies[-1]
+    return tuple(studies)
+
+
+def _study(entry: LawEntry, given: Mapping[str, Value], label: str) -> LawStudy:
+    """The law with the values given and example values for the others."""
+    known = {p.name: p for p in entry.parameters}
+    for key in given:
+        if key not in known:
+            raise ProblemError(
+                f"law '{entry.name}' has no parameter '{key}' (parameters: {', '.join(known) or 'none'})"
+            )
+    values: dict[str, Value] = {}
+    examples: dict[str, Value] = {}
+    for p in entry.parameters:
+        if p.name in given:
+            values[p.name] = _value(p, given[p.name], f"{label}{p.name}")
+        elif p.form is ParameterForm.FILE:
+            return LawStudy(entry, None)
+        elif p.shown is not None:
+            values[p.name] = p.shown
+            if p.default is None:
+                examples[p.name] = p.shown
+    law = entry.make(**values).at(None)
+    if not isinstance(law, Friction):
+        return LawStudy(entry, law, examples)
+    curve = law.profile if law.state_dependent else law.radial
+    return LawStudy(entry, curve, examples, law.state_dependent)
+
+
+def _value(p: LawParameter, given: Value, where: str) -> Value:
+    if not isinstance(given, str):
+        return given
+    if p.form in (ParameterForm.FILE, ParameterForm.TEXT):
+        if p.choices and given not in p.choices:
+            raise ProblemError(f"{where}={given}: write one of {', '.join(p.choices)}")
+        return given
+    parts = given.strip("[]").split(",") if p.form is ParameterForm.NUMBERS else [given]
+    numbers = []
+    for part in parts:
+        formula = Formula(part, where)
+        if formula.variables:
+            raise ProblemError(f"{where}={given}: give a number here; a formula of x belongs in a problem file")
+        numbers.append(float(formula([[0.0, 0.0]])[0]))  # type: ignore[arg-type]
+    return numbers if p.form is ParameterForm.NUMBERS else numbers[0]

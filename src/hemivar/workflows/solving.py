@@ -1,0 +1,137 @@
+"""Solve a problem and certify its solution."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hemivar.certify import Certificate, certify, factorises
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import HemivarError
+from hemivar.fem.posed import posed
+from hemivar.mechanics import ContactProblem
+from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
+from hemivar.solvers.choice import choose
+from hemivar.workflows.events import Begun, Certified, Chosen, Found, Warned, Work
+
+__all__ = ["STATIONARY", "RunOptions", "RunResult", "certificate_of", "run", "solved"]
+
+#: Residual, relative to the load, up to which a pair counts as a solution.
+STATIONARY = 1e-8
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How to solve.
+
+    Parameters
+    ----------
+    solver : Solver, optional
+        The method; chosen by predicted cost and memory if not given.
+    controls : Controls
+        Tolerances and limits of each solve; the certificate has as much time again.
+    coarser : sequence of DiscreteProblem or ContactProblem
+        The same body on coarser meshes, the coarsest first: each solution is the first guess on the next mesh.
+    """
+
+    solver: Solver | None = None
+    controls: Controls = field(default_factory=Controls)
+    coarser: Sequence[DiscreteProblem | ContactProblem] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """What :func:`run` found.
+
+    Attributes
+    ----------
+    solution : Solution
+        With its status; after an interruption the best iterate, on the finest mesh that was reached.
+    certificate : Certificate or None
+        None if the solution is not finite, or for the reason in ``complaint``.
+    complaint : str
+        Why there is no certificate, in words.
+    interrupted : bool
+        Whether the work was stopped from the keyboard.
+    """
+
+    solution: Solution
+    certificate: Certificate | None
+    complaint: str = ""
+    interrupted: bool = False
+
+
+def run(problem: DiscreteProblem | ContactProblem, options: RunOptions | None = None) -> Work[RunResult]:
+    """Solve a problem, with a certificate.
+
+    Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Begun` and its steps, then :class:`Found` and
+    :class:`Certified`.  An interruption ends the solve with the best iterate, which is certified; one more leaves the
+    certificate out.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem or ContactProblem
+    options : RunOptions, optional
+
+    Raises
+    ------
+    ProblemError, MethodError
+        As :func:`hemivar.solve`.
+    """
+    options = RunOptions() if options is None else options
+    problems = [posed(given, "run") for given in (*options.coarser, problem)]
+    for warning in problems[-1].warnings:
+        yield Warned(warning)
+    solution = yield from solved(problems, options.solver, options.controls)
+    complaint, interrupted, certificate = "", solution.status is Status.INTERRUPTED, None
+    try:
+        yield Found(solution)
+        certificate = certificate_of(solution, options.controls.rtol, options.controls.max_time)
+        if certificate is not None:
+            yield Certified(certificate)
+    except MemoryError:
+        complaint = "not enough memory"
+    except HemivarError as error:
+        complaint = str(error)
+    except KeyboardInterrupt:
+        complaint, interrupted = "interrupted", True
+    return RunResult(solution, certificate, complaint, interrupted)
+
+
+def solved(problems: Sequence[DiscreteProblem], solver: Solver | None, controls: Controls) -> Work[Solution]:
+    """The solution on the last of some meshes, each solution being the first guess on the next mesh."""
+    chosen, reason = choose(problems[-1]) if solver is None else (solver, "")
+    yield Chosen(chosen, reason)
+    solution: Solution | None = None
+    for number, problem in enumerate(problems):
+        try:
+            yield Begun(problem, number, len(problems))
+            guess = None if solution is None else transfer_solution(solution, problem)
+            solution = yield from solving(problem, suited(chosen, problem), controls, initial=guess)
+        except KeyboardInterrupt:
+            if solution is None:
+                raise
+            solution = replace(solution, status=Status.INTERRUPTED)
+        if solution.status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
+            break
+    assert solution is not None
+    return solution
+
+
+def certificate_of(solution: Solution, rtol: float = 0.0, max_time: float = math.inf) -> Certificate | None:
+    """The certificate of a solve to ``rtol``, in its own time; None if it ended with numbers that are not finite.
+
+    Where multigrid serves, it leaves out the survey's trace constant, which needs a hierarchy of its own.
+    """
+    if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.multiplier).all()):
+        return None
+    return certify(
+        solution,
+        # what has converged to the tolerance that was asked for is stationary to that tolerance
+        tolerance=max(rtol, STATIONARY),
+        trace_constant=factorises(solution.problem),
+        max_time=max_time,
+    )

@@ -1,0 +1,293 @@
+"""The simulations of the survey's section 5: its Figures 1 to 5 and its Table 1, as values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.discrete import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem import discretize, interpolate, v_norm
+from hemivar.gallery import survey as survey_problem
+from hemivar.mesh import Mesh
+from hemivar.solvers import METHODS, Controls, Solution, Status, solving, transfer_solution
+from hemivar.systems import Workspace
+from hemivar.workflows.events import Notice, Stage, Work
+
+__all__ = [
+    "CAPTIONS",
+    "DATA",
+    "DEFAULT",
+    "EXPECTED_FRICTION",
+    "FIGURE_CELLS",
+    "MOST_CELLS",
+    "SURVEY_METHODS",
+    "Advanced",
+    "MeshRuns",
+    "SurveyOptions",
+    "SurveyRuns",
+    "observed_order",
+    "survey",
+]
+
+#: Largest number of cells along a side of the finest mesh of Table 1; the references have twice as many.
+MOST_CELLS = 1024
+#: The survey's methods and the names of ours that are nearest to its implementations.
+SURVEY_METHODS: Mapping[str, str] = MappingProxyType(
+    {
+        "direct optimization": "direct-powell",
+        "augmented Lagrangian": "augmented-lagrangian",
+        "primal-dual active set": "active-set-krylov",
+    }
+)
+_SHORT = dict(zip(SURVEY_METHODS, ("Direct", "AL", "PD"), strict=True))
+#: The method that the others are compared with.
+DEFAULT = "newton"
+#: Figures 1 to 4, with the method that the survey's caption names, are on a mesh of so many cells along a side.
+CAPTIONS = MappingProxyType(
+    {
+        "figure1": "augmented Lagrangian",
+        "figure2": "direct optimization",
+        "figure3": "primal-dual active set",
+        "figure4": "direct optimization",
+    }
+)
+FIGURE_CELLS = 32
+#: Largest friction in Figure 3 on meshes of so many cells, known from independent computations.
+EXPECTED_FRICTION = MappingProxyType({32: 0.4986, 64: 0.4988, 128: 0.4990})
+#: The data of Table 1 and Figure 5.
+DATA = "5.1"
+
+
+@dataclass(frozen=True)
+class SurveyOptions:
+    """How far to go.
+
+    Parameters
+    ----------
+    max_n : int
+        The finest mesh of Table 1 and Figure 5 has h = 1/max_n; a power of two, at least 8.
+    method_time_limit : float
+        Limit in seconds for one solve.
+
+    Raises
+    ------
+    ProblemError
+        ``max_n`` is not such a power of two, or the limit is not positive.
+    """
+
+    max_n: int = 128
+    method_time_limit: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not 8 <= self.max_n <= MOST_CELLS or self.max_n & (self.max_n - 1):
+            raise ProblemError(
+                f"max_n = {self.max_n}; the meshes are halved from h = 1/2 on: take a power of two from 8 to "
+                f"{MOST_CELLS}"
+            )
+        if not self.method_time_limit > 0.0:
+            raise ProblemError(f"method_time_limit = {self.method_time_limit}; give a positive number of seconds")
+
+
+@dataclass(frozen=True, eq=False)
+class MeshRuns:
+    """One mesh of the convergence study, h = 1/n: its problem and one solution for each method."""
+
+    n: int
+    problem: DiscreteProblem
+    solutions: Mapping[str, Solution]
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh."""
+        assert self.problem.field is not None
+        return self.problem.field.mesh
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyRuns:
+    """What was found so far.
+
+    Attributes
+    ----------
+    options : SurveyOptions
+    figures : mapping of "figure1" ... "figure4" to a mapping of method to Solution
+    friction : mapping of n to float
+        max |sigma_tau| in Figure 3 for 1/h = n.
+    meshes : tuple of MeshRuns
+        Those of Table 1, from coarse to fine, and last the one of the references.
+    errors : mapping of (reference, method) to tuple of float
+        V-norm errors on the meshes of Table 1; empty if the run was interrupted before.
+    interrupted : bool
+        Whether the run was stopped before its end.
+    """
+
+    options: SurveyOptions
+    figures: Mapping[str, Mapping[str, Solution]] = field(default_factory=dict)
+    friction: Mapping[int, float] = field(default_factory=dict)
+    meshes: tuple[MeshRuns, ...] = ()
+    errors: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+    interrupted: bool = False
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Mesh sizes h of Table 1 and Figure 5."""
+        return tuple(1.0 / level.n for level in self.meshes if level.n <= self.options.max_n)
+
+    @cached_property
+    def orders(self) -> Mapping[tuple[str, str], float]:
+        """Orders of convergence, fitted to the errors on all meshes but the finest one."""
+        sizes = np.array(self.sizes)
+        trusted = sizes > 1.5 / self.options.max_n
+        return {key: observed_order(sizes[trusted], np.array(values)[trusted]) for key, values in self.errors.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Advanced(Notice):
+    """A part is done: "figure1" ... "figure4", "friction", "mesh" or "errors"; with all that was found so far."""
+
+    part: str
+    runs: SurveyRuns
+
+
+def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
+    """Recompute the simulations of the survey (section 5.3).
+
+    Figures 1 to 4 at h = 1/32, with all methods; the largest friction of Figure 3 on finer meshes; Table 1, three
+    methods and the default one on meshes that are halved; Figure 5, the errors in the V-norm against the three methods
+    at h = 1/(2 max_n). As in the survey, every method starts at h = 1/2 from zero and on every finer mesh from its own
+    coarser solution, on the problem condensed onto the contact boundary.
+
+    Yields :class:`Stage`, the steps of all solves, and :class:`Advanced`. An interruption ends the work with what
+    there is.
+
+    Parameters
+    ----------
+    options : SurveyOptions, optional
+    """
+    runs = SurveyRuns(SurveyOptions() if options is None else options)
+    max_n = runs.options.max_n
+    controls = Controls(max_time=runs.options.method_time_limit)
+    count, stage = len(CAPTIONS) + max_n.bit_length() + 1, 0
+    try:
+        for key, caption in CAPTIONS.items():
+            text = f"Figure {key[-1]}: h = 1/{FIGURE_CELLS}, {caption} and all other methods"
+            yield Stage(text, stage, count)
+            stage += 1
+            solutions = yield from _figure(key, controls)
+            runs = replace(runs, figures={**runs.figures, key: solutions})
+            yield Advanced(key, runs)
+            if key == "figure3":
+                runs = replace(runs, friction=(yield from _friction(solutions[DEFAULT], max_n, controls)))
+                yield Advanced("friction", runs)
+        for n in _halved(max_n):
+            yield Stage(f"Table 1 and Figure 5: h = 1/{n}", stage, count)
+            stage += 1
+            level = yield from _level(n, (*SURVEY_METHODS.values(), DEFAULT), runs, controls)
+            runs = replace(runs, meshes=(*runs.meshes, level))
+            yield Advanced("mesh", runs)
+        yield Stage(f"Figure 5: references at h = 1/{2 * max_n}", stage, count)
+        finest = yield from _level(2 * max_n, tuple(SURVEY_METHODS.values()), runs, controls)
+        yield Stage("Figure 5: errors", stage + 1, count)
+        runs = replace(runs, errors=_errors(runs.meshes, finest), meshes=(*runs.meshes, finest))
+        yield Advanced("errors", runs)
+    except KeyboardInterrupt:
+        return replace(runs, interrupted=True)
+    return runs
+
+
+def observed_order(sizes: Array, errors: Array, points: int = 4) -> float:
+    """Slope of log(error) against log(h), fitted to the ``points`` smallest sizes; nan with fewer than two.
+
+    Parameters
+    ----------
+    sizes, errors : arrays (k,)
+        Entries that are not finite and positive are left out.
+    points : int
+        Number of sizes used.
+    """
+    sizes, errors = np.asarray(sizes, dtype=float), np.asarray(errors, dtype=float)
+    good = np.isfinite(errors) & (errors > 0.0)
+    sizes, errors = sizes[good], errors[good]
+    if len(sizes) < 2:
+        return math.nan
+    chosen = np.argsort(sizes)[:points]
+    return float(np.polyfit(np.log(sizes[chosen]), np.log(errors[chosen]), 1)[0])
+
+
+def _halved(last: int) -> list[int]:
+    return [2**k for k in range(1, last.bit_length())]
+
+
+def _solved(
+    problem: DiscreteProblem, workspace: Workspace, method: str, coarser: Solution | None, controls: Controls
+) -> Work[Solution]:
+    guess = None if coarser is None else transfer_solution(coarser, problem)
+    solution = yield from solving(problem, METHODS[method], controls, initial=guess, workspace=workspace)
+    if solution.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return solution
+
+
+def _figure(key: str, controls: Controls) -> Work[dict[str, Solution]]:
+    """Every method on the data of one of Figures 1 to 4."""
+    solutions: dict[str, Solution] = {}
+    for n in _halved(FIGURE_CELLS):
+        problem = discretize(survey_problem(key, n))
+        workspace = Workspace()
+        finer: dict[str, Solution] = {}
+        for name, method in METHODS.items():
+            if method.refuse(problem) is None:
+                finer[name] = yield from _solved(problem, workspace, name, solutions.get(name), controls)
+        solutions = finer
+    return solutions
+
+
+def _friction(solution: Solution, max_n: int, controls: Controls) -> Work[dict[int, float]]:
+    """max |sigma_tau| in Figure 3 on its mesh and finer ones."""
+    found: dict[int, float] = {}
+    for n in EXPECTED_FRICTION:
+        if n > max_n and n > FIGURE_CELLS:
+            break
+        if n > FIGURE_CELLS:
+            problem = discretize(survey_problem("figure3", n))
+            solution = yield from _solved(problem, Workspace(), DEFAULT, solution, controls)
+        found[n] = float(np.abs(solution.friction).max())
+    return found
+
+
+def _level(n: int, names: tuple[str, ...], runs: SurveyRuns, controls: Controls) -> Work[MeshRuns]:
+    problem = discretize(survey_problem(DATA, n))
+    workspace = Workspace()
+    coarser: Mapping[str, Solution] = runs.meshes[-1].solutions if runs.meshes else {}
+    solutions: dict[str, Solution] = {}
+    for name in names:
+        solutions[name] = yield from _solved(problem, workspace, name, coarser.get(name), controls)
+    return MeshRuns(n, problem, solutions)
+
+
+def _errors(levels: tuple[MeshRuns, ...], finest: MeshRuns) -> dict[tuple[str, str], tuple[float, ...]]:
+    """V-norm of the difference of every solution to every reference, by (reference, method).
+
+    The meshes are nested, so all solutions are carried from mesh to mesh, exactly, up to the finest.
+    """
+    names = list(SURVEY_METHODS.values())
+    carried = np.zeros((levels[0].mesh.number_of_nodes, 0, 2))
+    for level, finer in zip(levels, [*levels[1:], finest], strict=True):
+        own: list[Array] = [level.solutions[name].displacement for name in names]
+        carried = np.concatenate([carried, np.stack(own, axis=1)], axis=1)
+        carried = interpolate(level.mesh, carried, finer.mesh)
+    return {
+        (_SHORT[reference], _SHORT[method]): tuple(
+            v_norm(finest.mesh, finest.solutions[SURVEY_METHODS[reference]].displacement - carried[:, column])
+            for column in range(k, len(levels) * len(names), len(names))
+        )
+        for reference in SURVEY_METHODS
+        for k, method in enumerate(SURVEY_METHODS)
+    }
