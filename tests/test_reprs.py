@@ -20,6 +20,7 @@ SOFT = bar(0.5, hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0
         (STATEMENT.mesh, ("41 nodes, 64 triangles", "bottom")),
         (hv.box((1.0, 1.0, 1.0), 2), ("tetrahedra",)),
         (STATEMENT, ("ContactProblem(Mesh(41 nodes", "contact on bottom: survey", "Clamped on left")),
+        (PROBLEM, ("DiscreteProblem(72 unknowns", "4 contact points of 2 components on bottom", "law survey")),
         (SOLUTION, ("72 unknowns by newton", "converged after", "energy", "4 points: 0 open", "normal force")),
         (SOLUTION.certify(), ("Certificate", "unique minimiser; the only solution", "distance          at most")),
         (hv.find_solutions(SOFT), ("SolutionSet(3 solutions, all; energies -0.0215", "combinations of pieces")),

@@ -31,25 +31,25 @@ def test_everything_is_written(small):
         header, *rows = csv.reader(file)
     assert header == ["reference", "method", "h = 1/2", "h = 1/4", "h = 1/8"]
     assert {(a, b): [float(value) for value in values] for a, b, *values in rows} == {
-        pair: pytest.approx(values, rel=1e-12) for pair, values in result.errors.items()
+        pair: pytest.approx(values, rel=1e-12) for pair, values in result.runs.errors.items()
     }
-    assert not result.interrupted
+    assert not result.runs.interrupted
     assert any("Figure 5" in stage.name for stage in said)
 
 
 def test_nine_curves_fall(small):
     result, _ = small
-    assert len(result.errors) == 9
-    assert result.sizes == (0.5, 0.25, 0.125)
-    for values in result.errors.values():
+    assert len(result.runs.errors) == 9
+    assert result.runs.sizes == (0.5, 0.25, 0.125)
+    for values in result.runs.errors.values():
         assert all(fine < coarse for coarse, fine in itertools.pairwise(values))
-    assert all(0.6 < order < 1.1 for order in result.orders.values())
+    assert all(0.6 < order < 1.1 for order in result.runs.orders.values())
 
 
 def test_methods_agree(small):
     result, _ = small
-    columns = result.methods.columns
-    for row in result.methods.rows:
+    columns = result.methods_table().columns
+    for row in result.methods_table().rows:
         cells = dict(zip(columns, row, strict=True))
         if cells["status"] == "converged":
             assert cells["difference"] < 1e-6
@@ -57,17 +57,17 @@ def test_methods_agree(small):
 
 def test_table_1_has_the_survey_beside(small):
     result, _ = small
-    rows = {(row[0], row[1], row[2]): row[3:] for row in result.table1.rows}
+    rows = {(row[0], row[1], row[2]): row[3:] for row in result.table1().rows}
     assert rows["direct optimization", "functional evaluations", "survey"] == (1027,)
     assert rows["primal-dual active set", "set iterations", "hemivar"][0] >= 1
-    times = [row[3] for row in result.table1.rows if row[1:3] == ("time, s", "hemivar")]
+    times = [row[3] for row in result.table1().rows if row[1:3] == ("time, s", "hemivar")]
     assert len(times) >= 3
     assert all(isinstance(value, float) and 0.0 < value < 60.0 for value in times)
 
 
 def test_figure_3_friction(small):
     result, _ = small
-    assert result.largest_friction[32] == pytest.approx(0.4986, abs=5e-5)
+    assert result.runs.friction[32] == pytest.approx(0.4986, abs=5e-5)
 
 
 def test_report_is_one_page(small):
@@ -85,19 +85,19 @@ def test_interruption_leaves_a_report(tmp_path):
             raise KeyboardInterrupt
 
     result = run_survey(tmp_path, max_n=8, progress=progress)
-    assert result.interrupted
+    assert result.runs.interrupted
     page = (tmp_path / "report.html").read_text()
     assert "interrupted" in page
     assert (tmp_path / "figure1.png").exists()
     assert not (tmp_path / "figure2.png").exists()
-    assert result.errors == {}
+    assert result.runs.errors == {}
 
 
 def test_time_limit_is_said_and_the_run_goes_on(tmp_path):
     result = run_survey(tmp_path, max_n=8, method_time_limit=1e-9)
-    times = [cell for row in result.table1.rows if row[2] == "hemivar" and "time" in row[1] for cell in row[3:]]
+    times = [cell for row in result.table1().rows if row[2] == "hemivar" and "time" in row[1] for cell in row[3:]]
     assert "> 1e-09 s" in times
-    assert all(math.isfinite(x) for values in result.errors.values() for x in values)
+    assert all(math.isfinite(x) for values in result.runs.errors.values() for x in values)
 
 
 @pytest.mark.parametrize("options", [{"max_n": 12}, {"max_n": 4}, {"method_time_limit": 0.0}])

@@ -187,6 +187,11 @@ class DiscreteProblem(Portable, Displayed):
             raise ProblemError(f"offset has shape {contact.offset.shape}; it must be {self.contact.offset.shape}")
         return changed
 
+    def __repr__(self) -> str:
+        contact, names = self.contact, ", ".join(self.contact.names)
+        where = f"{contact.count} contact points of {contact.components} components" + (f" on {names}" if names else "")
+        return f"DiscreteProblem({self.unknowns} unknowns, {where}, law {self.law.normal.name})"
+
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
