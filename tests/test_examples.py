@@ -131,8 +131,13 @@ def test_runs_as_a_script(name: str, tmp_path: Path) -> None:
     command = [sys.executable, str(EXAMPLES / f"{name}.py"), "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout
-    assert list(out.iterdir())
+    assert re.search(r"\d", done.stdout)
+    begins = {".png": b"\x89PNG\r", ".pdf": b"%PDF-", ".html": b"<!DOCTYPE html>", ".json": b"{", ".vtu": b"<"}
+    written = list(out.iterdir())
+    assert written
+    for path in written:
+        assert path.stat().st_size > 20, path
+        assert path.read_bytes().startswith(begins.get(path.suffix, b"")), path
 
 
 def test_first_solution() -> None:

@@ -58,8 +58,9 @@ def test_solid_has_vectors(solid):
     contact = solution_record(solid)["contact"]
     assert np.shape(contact["friction"]) == np.shape(contact["slip"]) == (6, 2)
     force = np.array(solution_record(solid)["resultants"]["force"])
-    assert force[2] > 0.0
-    assert force.shape == (3,)
+    lower = -1.0 * solid.problem.weights[:, None] * np.einsum("mc,mcd->md", solid.multiplier, solid.problem.frames)
+    np.testing.assert_allclose(force, lower.sum(axis=0), rtol=1e-12)
+    assert force[2] == pytest.approx(solid.normal_force, rel=1e-12)
 
 
 def test_problem_of_arrays(bar, tmp_path):

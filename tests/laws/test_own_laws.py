@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -31,6 +30,7 @@ from hemivar.laws import (
     table_law,
 )
 from hemivar.laws.testing import check_law
+from tests.counting import at_most_calls
 
 R = np.linspace(-1.5, 3.0, 41)
 
@@ -353,7 +353,7 @@ def test_complex_numbers_are_refused(make: Callable[[], object]) -> None:
         make()
 
 
-def test_formulas_end_in_bounded_time() -> None:
+def test_formulas_end_after_bounded_work() -> None:
     """Each is accepted or refused; their derivatives as trees, or their kinks one by one, took half a minute."""
     nested = {"abs({} - 0.37)": 30, "sin({})": 40, "({}*r + 1)": 80, "(2 + abs({}))^0.5": 20}
     texts = ["abs(sin(100*r))", "abs(sin(1e5*r))", "sin(1e4*r)", "(" * 80 + "r" + ")" * 80]
@@ -363,11 +363,9 @@ def test_formulas_end_in_bounded_time() -> None:
             text = pattern.format(text)
         texts.append(text)
     for text in texts:
-        began = time.process_time()
-        with contextlib.suppress(ProblemError), warnings.catch_warnings():
+        with at_most_calls(2_000_000), contextlib.suppress(ProblemError), warnings.catch_warnings():
             warnings.simplefilter("error")
             FormulaLaw(text).describe()
-        assert time.process_time() - began < 4.0, text
 
 
 @pytest.mark.parametrize("text", ["sqrt(abs(r))", "abs(r)^0.9", "(r^2)^0.45", "1/(r - 0.3)", "tan(r)", "max(r, 0)^0.5"])

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+import hemivar as hv
 from hemivar.basics.generators import result_of
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
@@ -30,12 +31,33 @@ from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
 from hemivar.systems import CondensedProblem, condense
 
+from ..counting import time_by_looks
 from ..problems import bar, discrete_square
+
+#: What remedies say and, capitalised, name.
+REMEDIES = {
+    Status.CONVERGED: ("residual is below the tolerance",),
+    Status.INACCURATE: ("its own stopping rule", "NonsmoothNewton"),
+    Status.MAX_STEPS: ("step limit", "Controls.max_steps"),
+    Status.MAX_TIME: ("time limit", "Controls.max_time"),
+    Status.STALLED: ("no step lowers", "tolerance"),
+    Status.CYCLING: ("active sets repeat", "NonsmoothNewton"),
+    Status.NONFINITE: ("no longer finite", "NonsmoothNewton"),
+    Status.NOT_CONTRACTING: ("does not contract", "FixedPoint", "finer load step"),
+    Status.UNBOUNDED: ("no lower bound",),
+    Status.INTERRUPTED: ("interrupted", "best iterate"),
+    Status.OUT_OF_MEMORY: ("memory gave out", "multigrid"),
+}
 
 
 def test_every_status_has_a_remedy_in_words() -> None:
-    for status in Status:
-        assert len(status.remedy) > 30
+    assert set(REMEDIES) == set(Status)
+    for status, words in REMEDIES.items():
+        for word in words:
+            assert word in status.remedy
+            found: object = hv
+            for part in word.split(".") if word[0].isupper() else ():
+                found = getattr(found, part)  # what a remedy names is there
 
 
 def test_step_limit() -> None:
@@ -51,19 +73,20 @@ def test_step_limit() -> None:
 def test_time_limit_is_kept_within_a_method(method: str) -> None:
     problem = discrete_square(n=16)
     found = solve(problem, METHODS[method], Controls(max_time=0.0))
-    assert found.status in (Status.MAX_TIME, Status.CONVERGED)  # a quick method may be done by then
+    assert found.status is Status.MAX_TIME
     assert np.isfinite(found.unknowns).all()
-    assert found.timings["iterate"] < 1.0
+    assert found.steps == 0
+    assert found.evaluations <= 1
 
 
-def test_long_minimisation_returns_its_best_iterate_at_the_time_limit() -> None:
+def test_long_minimisation_returns_its_best_iterate_at_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = discrete_square("figure 1", n=64)  # takes Powell ten seconds and more
     start = solve(problem, Powell(), Controls(max_time=0.0))
-    found = solve(problem, Powell(), Controls(max_time=2.0))
+    time_by_looks(monkeypatch)
+    found = solve(problem, Powell(), Controls(max_time=0.02))
     assert found.status is Status.MAX_TIME
-    assert found.timings["iterate"] < 4.0
     assert found.energy < start.energy
-    assert found.evaluations > 100
+    assert 1000 < found.evaluations <= 2000  # in twenty looks at the time
 
 
 def test_callback_sees_every_step_and_can_stop() -> None:

@@ -17,8 +17,8 @@ import skfem
 from numpy.typing import NDArray
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.elements import shape_values, voigt_index
-from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
+from hemivar.fem.elements import scaled_gradients, shape_values, voigt_index
+from hemivar.mechanics.conditions import Pressure, Traction, VectorData, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.material import Material
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
@@ -298,7 +298,7 @@ def _components(mesh: Mesh, part: slice, tensor: Array | None) -> Iterator[tuple
     """
     dim, pairs = mesh.dim, EDGES[mesh.dim]
     cells = mesh.cells[part].T
-    sides = _scaled_gradients(mesh, part)
+    sides = scaled_gradients(mesh, part, np.sqrt(mesh.volumes[part]))
     ahead = np.array([np.where(cells[a] < cells[b], 0.5, -0.5) for a, b in pairs])
     one, other = (np.array(ends) for ends in zip(*pairs, strict=True))
     voigt = voigt_index(dim)
@@ -321,26 +321,6 @@ def _components(mesh: Mesh, part: slice, tensor: Array | None) -> Iterator[tuple
             direct, mirrored = component(i, j), component(j, i)
             yield (i, j), 0.5 * (direct + mirrored)
             yield (j, i), ahead * (direct - mirrored)
-
-
-def _scaled_gradients(mesh: Mesh, part: slice) -> Array:
-    """Gradients of the barycentric coordinates times the root of the cell's volume, shape (d + 1, d, k)."""
-    dim = mesh.dim
-    first, *others = mesh.cells[part].T
-    side = [[x[other] - x[first] for x in mesh.points.T] for other in others]
-    gradients = np.empty((dim + 1, dim, len(first)))
-    scale = 1.0 / (math.factorial(dim) * np.sqrt(mesh.volumes[part]))
-    if dim == 2:
-        gradients[1] = side[1][1] * scale, -side[1][0] * scale
-        gradients[2] = -side[0][1] * scale, side[0][0] * scale
-    else:
-        for k in range(3):
-            left, right = side[(k + 1) % 3], side[(k + 2) % 3]
-            for i in range(3):
-                p, q = (i + 1) % 3, (i + 2) % 3
-                gradients[k + 1, i] = (left[p] * right[q] - left[q] * right[p]) * scale
-    np.negative(gradients[1:].sum(axis=0), out=gradients[0])
-    return gradients
 
 
 def _closing_blocks(upper: Array, edges: IntArray, count: int) -> Array:
@@ -413,8 +393,8 @@ def _library_numbering(mesh: Mesh, library_mesh: Any, basis: Any, order: int) ->
 def load_vector(
     mesh: Mesh,
     order: int = 1,
-    body_force: Any = 0.0,
-    tractions: Mapping[str, Any] | None = None,
+    body_force: VectorData | float = 0.0,
+    tractions: Mapping[str, Traction] | None = None,
 ) -> Array:
     """Load vector ``F'v = int b . v + int_boundary t . v``.
 
@@ -450,7 +430,7 @@ def load_vector(
         normals, measures = mesh.facet_normals(facets)
         what = f"tractions['{name}']"
 
-        def values(points: Array, facet: IntArray, traction: Any = traction, what: str = what,
+        def values(points: Array, facet: IntArray, traction: Traction = traction, what: str = what,
                    normals: Array = normals) -> Array:  # fmt: skip
             if isinstance(traction, Pressure):
                 return -evaluate_scalar(traction.value, points, what)[:, None] * normals[facet]

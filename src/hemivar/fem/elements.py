@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["barycentric_gradients", "shape_derivatives", "shape_values", "voigt_index"]
+__all__ = ["barycentric_gradients", "scaled_gradients", "shape_derivatives", "shape_values", "voigt_index"]
 
 
 def voigt_index(dim: int) -> Array:
@@ -19,20 +21,26 @@ def voigt_index(dim: int) -> Array:
 
 def barycentric_gradients(mesh: Mesh, cells: slice | IntArray = slice(None)) -> Array:
     """Gradients of the barycentric coordinates, shape (M, d + 1, d)."""
-    corner = mesh.points[mesh.cells[cells]]
-    gradients = np.empty(corner.shape)
-    if mesh.dim == 2:
-        double_area = 2.0 * mesh.volumes[cells]
+    return np.ascontiguousarray(scaled_gradients(mesh, cells, mesh.volumes[cells]).transpose(2, 0, 1))
+
+
+def scaled_gradients(mesh: Mesh, cells: slice | IntArray, size: Array) -> Array:
+    """Gradients of the barycentric coordinates times the volume of each cell over its ``size`` (k,), (d + 1, d, k)."""
+    dim = mesh.dim
+    first, *others = mesh.cells[cells].T
+    side = [[x[other] - x[first] for x in mesh.points.T] for other in others]
+    gradients = np.empty((dim + 1, dim, len(first)))
+    scale = 1.0 / (math.factorial(dim) * size)
+    if dim == 2:
+        gradients[1] = side[1][1] * scale, -side[1][0] * scale
+        gradients[2] = -side[0][1] * scale, side[0][0] * scale
+    else:
         for k in range(3):
-            edge = corner[:, (k + 2) % 3] - corner[:, (k + 1) % 3]
-            gradients[:, k, 0] = -edge[:, 1] / double_area
-            gradients[:, k, 1] = edge[:, 0] / double_area
-        return gradients
-    side = corner[:, 1:] - corner[:, :1]
-    six_volume = 6.0 * mesh.volumes[cells][:, None]
-    for k in range(3):
-        gradients[:, k + 1] = np.cross(side[:, (k + 1) % 3], side[:, (k + 2) % 3]) / six_volume
-    gradients[:, 0] = -gradients[:, 1:].sum(axis=1)
+            left, right = side[(k + 1) % 3], side[(k + 2) % 3]
+            for i in range(3):
+                p, q = (i + 1) % 3, (i + 2) % 3
+                gradients[k + 1, i] = (left[p] * right[q] - left[q] * right[p]) * scale
+    np.negative(gradients[1:].sum(axis=0), out=gradients[0])
     return gradients
 
 

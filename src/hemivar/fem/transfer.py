@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from hemivar.basics.arrays import real_array
@@ -89,7 +88,7 @@ def interpolation_matrix(mesh: Mesh, order: int, points: Array) -> sp.csr_array:
     return matrix
 
 
-def locate(mesh: Mesh, points: Any) -> tuple[IntArray, Array]:
+def locate(mesh: Mesh, points: ArrayLike) -> tuple[IntArray, Array]:
     """The cell that holds each point, or the nearest one, and the barycentric coordinates in it.
 
     A cell can hold a point only if its centroid is as near as its radius. Cells are therefore searched in

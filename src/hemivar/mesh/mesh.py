@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -334,7 +333,7 @@ class Mesh(Portable):
         parent = self.parent and replace(self.parent, mesh=self.parent.mesh.moved(linear, by))
         return Mesh.trusted(points, self.cells, self.boundaries, self.regions, parent)
 
-    def with_boundaries(self, boundaries: Mapping[str, Any]) -> Mesh:
+    def with_boundaries(self, boundaries: Mapping[str, object]) -> Mesh:
         """The mesh with these named boundaries in place of its own.
 
         Parameters

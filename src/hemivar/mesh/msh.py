@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 from hemivar.basics.disk import shown
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.mesh.msh_numbers import Bytes, Words, checked_count, entries_at, first_rows, parameters, runs, signed
+from hemivar.mesh.msh_numbers import (
+    Bytes,
+    Number,
+    Words,
+    checked_count,
+    entries_at,
+    first_rows,
+    parameters,
+    runs,
+    signed,
+)
 from hemivar.mesh.raw import Block, RawMesh, put_together
 
 __all__ = ["is_msh", "parse_msh"]
@@ -195,15 +205,14 @@ class _Reader:
             if next(words, None) is not None:
                 raise ProblemError(f"${name} holds more than its counts say; save it again")
             return
-        number = self._numbers(text, name, np.dtype(np.int64 if name == "Elements" else np.float64))
         if name == "Elements":
-            (self._old_elements if self.version in _OLD else self._elements)(number)
+            (self._old_elements if self.version in _OLD else self._elements)(self._numbers(text, name, np.int64))
         elif self.version in _OLD:
-            self._old_nodes(number, parametric=name == "ParametricNodes")
+            self._old_nodes(self._numbers(text, name, np.float64), parametric=name == "ParametricNodes")
         else:
-            self._nodes(number)
+            self._nodes(self._numbers(text, name, np.float64))
 
-    def _numbers(self, text: bytes, name: str, kind: np.dtype[Any]) -> NDArray[Any]:
+    def _numbers(self, text: bytes, name: str, kind: type[Number]) -> NDArray[Number]:
         """All numbers of a text."""
         if b"\0" not in text:
             try:
@@ -216,10 +225,10 @@ class _Reader:
         for number, line in enumerate(text.split(b"\n")):
             for word in line.split():
                 try:
-                    (int if kind.kind == "i" else float)(word)
+                    (int if kind is np.int64 else float)(word)
                 except ValueError:
                     found = shown(word[:30].decode("ascii", "backslashreplace"))
-                    what = "a whole number" if kind.kind == "i" else "a number"
+                    what = "a whole number" if kind is np.int64 else "a number"
                     at = self.data.count(b"\n", 0, start) + number + 1
                     raise ProblemError(
                         f"'{found}' is not {what} (${name}, line {at}); mend it or save it again"

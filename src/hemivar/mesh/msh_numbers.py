@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from hemivar.basics.types import BoolArray, IntArray
 from hemivar.errors import ProblemError
 
-__all__ = ["Bytes", "Words", "checked_count", "entries_at", "first_rows", "parameters", "runs", "signed"]
+__all__ = ["Bytes", "Number", "Words", "checked_count", "entries_at", "first_rows", "parameters", "runs", "signed"]
 
 _N = TypeVar("_N", int, float)
+#: Types of the entries of a section.
+Number = TypeVar("Number", np.int64, np.float64)
 
 
 class Words:
@@ -85,7 +87,11 @@ class Bytes:
 
 
 def runs(
-    rows: NDArray[Any], count: int, least: int, width: Callable[[Any], tuple[int, tuple[int, ...]]], name: str
+    rows: NDArray[Number],
+    count: int,
+    least: int,
+    width: Callable[[NDArray[Number]], tuple[int, tuple[int, ...]]],
+    name: str,
 ) -> Iterator[tuple[int, int, int]]:
     """Consecutive rows of equal widths in a flat array: start, width, number of rows.
 
@@ -107,7 +113,7 @@ def runs(
         raise ProblemError(f"{name} holds more rows than it says, or rows of wrong lengths; save the mesh again")
 
 
-def first_rows(keys: NDArray[Any], most: int, name: str) -> int:
+def first_rows(keys: NDArray[Number], most: int, name: str) -> int:
     """How many rows from the first one on are equal to it, looked at in growing portions."""
     if most == 0:
         raise ProblemError(f"{name} is cut off or damaged; save the mesh again")
@@ -125,21 +131,21 @@ def parameters(dim: float) -> int:
     return int(dim) if dim in (1, 2) else 0
 
 
-def entries_at(number: NDArray[Any], place: int, count: int, name: str) -> NDArray[Any]:
+def entries_at(number: NDArray[Number], place: int, count: int, name: str) -> NDArray[Number]:
     """So many entries of an array from a place on, which are due there."""
     if place + count > len(number):
         raise ProblemError(f"{name} holds less than its counts say; it is cut off or damaged: save the mesh again")
     return number[place : place + count]
 
 
-def checked_count(value: Any, name: str, least: int = 0) -> int:
+def checked_count(value: float, name: str, least: int = 0) -> int:
     """A value as the count that it should be."""
     if not (least <= value < 2**53 and value == int(value)):
         raise ProblemError(f"{name} has {value:g} where a count is due; it is damaged: save the mesh again")
     return int(value)
 
 
-def signed(values: NDArray[Any]) -> IntArray:
+def signed(values: NDArray[np.integer]) -> IntArray:
     """Sizes as signed integers, clipped."""
     if values.dtype.itemsize < 8:
         return values.astype(np.int64)

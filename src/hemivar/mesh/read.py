@@ -135,7 +135,7 @@ def _by_meshio(path: Path) -> RawMesh:
         raise ProblemError(f"{_named(path)} cannot be read: what it holds does not fit together") from error
 
 
-def _within(data: Any, count: int) -> bool:
+def _within(data: IntArray, count: int) -> bool:
     return bool(data.min() >= 0 and data.max() < count)
 
 
