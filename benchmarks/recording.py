@@ -28,7 +28,7 @@ import overhead
 import hemivar as hv
 from hemivar import gallery
 from hemivar.certify import certify
-from hemivar.files.results import solution_record
+from hemivar.files import solution_record
 
 #: Parts of a record that are times, or tell the version: not compared.
 VOLATILE = ("timings", "seconds", "hemivar", "remedy")

@@ -105,6 +105,8 @@ __all__ = ["__version__", *sorted(_HOME)]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "workflows":
+        return importlib.import_module("hemivar.workflows")
     if name not in _HOME:
         raise AttributeError(f"module 'hemivar' has no attribute {name!r}")
     value = getattr(importlib.import_module(_HOME[name]), name)
@@ -128,6 +130,7 @@ sys.modules[__name__].__class__ = _Package
 
 
 if TYPE_CHECKING:
+    import hemivar.workflows as workflows
     from hemivar.branches import Path, SolutionSet, find_solutions, follow_path
     from hemivar.certify import Certificate, Smallness, certify, smallness
     from hemivar.discrete import DiscreteProblem, residual

@@ -7,7 +7,7 @@ import pytest
 
 from hemivar.certify import certify
 from hemivar.fem import discretize
-from hemivar.files.results import solution_record
+from hemivar.files import solution_record
 from hemivar.laws import Compliance, CoulombBound, Friction, PenetrationBound
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import rectangle

@@ -128,7 +128,7 @@ def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
     import meshio
 
     from hemivar.certify import certify
-    from hemivar.files.results import write_json, write_vtu
+    from hemivar.files import write_json, write_vtu
 
     problem = _EXAMPLES / "cube_logarithmic.toml"
     done = _solve(2, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")

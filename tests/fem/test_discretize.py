@@ -487,7 +487,7 @@ def test_contact_points_all_held() -> None:
 
 
 def test_points_without_friction_are_in_log_result_and_json(caplog: pytest.LogCaptureFixture) -> None:
-    from hemivar.files.results import solution_record
+    from hemivar.files import solution_record
     from hemivar.solvers import solve
 
     rough = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))

@@ -13,7 +13,7 @@ from hemivar.cli import main
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.fem.locking import LOCKING, largest_poisson_ratio
-from hemivar.files.results import solution_record
+from hemivar.files import solution_record
 from hemivar.laws import Compliance
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import box, rectangle

@@ -11,9 +11,11 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
 from hemivar.files import read_json, solution_record, write_csv, write_json, write_vtu
+from hemivar.files.boundary import contact_boundaries
 from hemivar.gallery import beam, survey_cube
-from hemivar.laws import Compliance
-from hemivar.mechanics import Contact, Sphere
+from hemivar.laws import Compliance, Signorini
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Quadrature, Sphere
+from hemivar.mesh import rectangle
 from hemivar.solvers import solve
 
 
@@ -103,7 +105,7 @@ def test_vtu_can_be_read(body, tmp_path, capfd):
     (block,) = grid.cells
     assert block.type == {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra"}[field.mesh.dim, field.order]
     assert np.array_equal(grid.point_data["displacement"][:, : field.mesh.dim], solution.displacement)
-    assert np.allclose(grid.cell_data["von_mises"][0], von_mises(field, solution.displacement))
+    assert np.allclose(grid.cell_data["von_mises"][0], von_mises(solution.problem.origin, solution.displacement))
     stress = grid.cell_data["stress"][0]
     xx, yy, zz, xy, yz, xz = stress.T
     mises = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (xy**2 + yz**2 + xz**2))
@@ -159,3 +161,68 @@ def test_body_without_contact_has_no_contact_file(tmp_path):
     body, contact = write_vtu(solution, tmp_path / "beam.vtu")
     assert contact is None
     assert "pressure" not in meshio.read(body).point_data
+
+
+@pytest.mark.parametrize(("order", "quadrature"), [(1, "nodal"), (2, "nodal"), (1, "midpoint"), (2, "midpoint")])
+def test_files_name_the_boundary_of_each_contact_point(order, quadrature, tmp_path):
+    """Two boundaries of a bent body, stated against the order of the mesh, each with its own foundation."""
+    mesh = rectangle((2.0, 1.0), (4, 2), "cross")
+    names = {"right": mesh.boundaries["right"], "under <&>": mesh.boundaries["bottom"], "left": mesh.boundaries["left"]}
+    problem = discretize(
+        ContactProblem(
+            mesh.with_boundaries(names),
+            Material.lame(4.0, 4.0),
+            contact={"under <&>": Contact(Compliance(9.0)), "right": Contact(Signorini(), gap=0.01)},
+            supports={"left": Clamped()},
+            body_force=(0.4, -0.8),
+            order=order,
+            quadrature=Quadrature(quadrature),
+        )
+    )
+    solution = solve(problem)
+    x = problem.contact.points
+    under = np.isclose(x[:, 1], 0.0)
+    record = solution_record(solution)["contact"]
+    if quadrature == "midpoint":
+        assert record["boundary"] == np.where(under, "under <&>", "right").tolist()
+    assert {record["boundary"][i] for i in np.flatnonzero(under & (x[:, 0] < 2.0))} == {"under <&>"}
+    assert {record["boundary"][i] for i in np.flatnonzero(~under)} == {"right"}
+    parts = {part.name: part for part in contact_boundaries(problem)}
+    assert list(parts) == ["under <&>", "right"]
+    assert np.array_equal(parts["under <&>"].position(x)[0], x[parts["under <&>"].index, 0])
+    body, skin = (meshio.read(path) for path in write_vtu(solution, tmp_path / "a.vtu"))
+    for grid in (body, skin):
+        assert {name: value.tolist() for name, value in grid.field_data.items()} == {
+            "boundary under <&>": [0],
+            "boundary right": [1],
+        }
+        number, state = grid.point_data["boundary"], grid.point_data["state"]
+        assert np.array_equal(number < 0, state < 0)
+        place = grid.points
+        assert set(number[(number >= 0) & (place[:, 1] > 0.0)]) == {1}
+        assert set(number[(number >= 0) & (place[:, 0] < 2.0)]) == {0}
+    (facets,) = skin.cells
+    middle = skin.points[facets.data[:, :2]].mean(axis=1)
+    assert np.array_equal(skin.cell_data["boundary"][0], np.where(middle[:, 1] > 0.0, 1, 0))
+
+
+@pytest.mark.parametrize(("order", "quadrature"), [(1, "nodal"), (2, "nodal"), (1, "midpoint")])
+def test_places_along_a_bent_boundary(order, quadrature):
+    mesh = rectangle((2.0, 1.0), (4, 2), "cross")
+    bent = mesh.with_boundaries(
+        {
+            "top": mesh.boundaries["top"],
+            "around": np.vstack([mesh.boundaries["right"], mesh.boundaries["bottom"][::-1]]),
+        }
+    )
+    contact = {"around": Contact(Compliance(9.0))}
+    problem = discretize(
+        ContactProblem(
+            bent, Material.lame(4.0, 4.0), contact, {"top": Clamped()}, order=order, quadrature=Quadrature(quadrature)
+        )
+    )
+    (part,) = contact_boundaries(problem)
+    where, name = part.position(problem.contact.points)
+    x = problem.contact.points[part.index]
+    assert name == "arc length"
+    np.testing.assert_allclose(where, np.where(np.isclose(x[:, 1], 0.0), x[:, 0], 2.0 + x[:, 1]), atol=1e-14)

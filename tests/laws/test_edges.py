@@ -16,13 +16,16 @@ from hemivar.laws import (
     FormulaLaw,
     Friction,
     FunctionLaw,
+    Layered,
     PenetrationBound,
     PiecewiseQuadratic,
+    Softening,
     StateBound,
     Superpotential,
     SurveyLaw,
     table_law,
 )
+from hemivar.laws.stacked import stack
 from hemivar.laws.testing import LawError, check_law
 
 
@@ -68,6 +71,69 @@ def test_small_turns_of_a_curvature_are_where_they_are() -> None:
         assert np.abs(law.knots[0] - turn).min() < 0.1
 
 
+def test_what_grows_a_little_faster_than_a_square_is_seen() -> None:
+    assert FormulaLaw("5e-12*abs(r)^3").asymptotic_curvature(1.0)[0] == np.inf
+    assert FormulaLaw("-5e-12*abs(r)^3").asymptotic_curvature(-1.0)[0] == -np.inf
+
+
+def test_growth_of_functions() -> None:
+    bounded = FunctionLaw(np.log1p, even=True)
+    assert bounded.growth[1][0] == 0.0
+    assert bounded.growth[0][0] == pytest.approx(1.0, rel=1e-6)
+    rising = FunctionLaw(derivative=lambda r: r + 1.0 / (1.0 + ((r - 1.0051) / 0.02) ** 2))
+    assert rising.growth[1][0] == pytest.approx(1.0, rel=1e-3)
+    assert rising.growth[0][0] == pytest.approx(1.0, abs=2e-3)
+
+
+def test_pieces_beyond_the_end_of_a_law_are_empty() -> None:
+    """Few knots and many; the same for the place and for the value."""
+    few = PiecewiseQuadratic(np.array([-0.1, 0.0, 0.2]), np.ones(4), np.zeros(3), lower=-0.1, upper=0.2)
+    knots = np.linspace(-0.1, 0.2, 61)
+    many = PiecewiseQuadratic(knots, np.ones(62), np.zeros(61), lower=-0.1, upper=0.2)
+    assert many.shared_knots is not None
+    for law in (few, many):
+        last = law.knots.shape[-1]
+        low, high = law.piece_bounds(np.array([0, 1, last]))
+        np.testing.assert_array_equal(low[[0, 2]], [-0.1, 0.2])
+        np.testing.assert_array_equal(high[[0, 2]], [-0.1, 0.2])
+        assert low[1] == -0.1 < high[1]
+        single = law.piece_bounds(np.array(0))
+        assert (single[0], single[1]) == (-0.1, -0.1)
+        assert np.all(np.isinf(law.value(np.array([-0.11, 0.21]))))
+        empty = law.subdifferential(np.array([-0.11, 0.21]))
+        assert np.all(empty.lower == np.inf)
+        assert np.all(empty.upper == -np.inf)
+
+
+def test_of_several_laws_one_whose_constants_are_sampled_is_enough() -> None:
+    sampled, known = FunctionLaw(np.log1p, even=True), SurveyLaw(0.3)
+    both = stack([(sampled, 1), (known, 2)])
+    assert both.constants_sampled
+    assert both.alpha_sampled
+    assert both.growth_sampled
+    assert not stack([(known, 1), (SurveyLaw(0.5), 2)]).constants_sampled
+    assert str(sampled.describe()).count("(sampled)") == 2
+    assert "(sampled)" not in str(known.describe())
+
+
+def test_a_description_says_where_each_formula_holds() -> None:
+    law = PiecewiseQuadratic(np.array([0.0, 0.1, 0.3]), np.array([0.0, 2.0, -0.5, 1.0]), np.array([0.5, 0.0, -0.1]))
+    told = law.describe()
+    assert told.pieces == (
+        "j'(r) = 0   for r < 0",
+        "j'(r) = 0.5 + 2 r   for 0 < r < 0.1",
+        "j'(r) = 0.75 - 0.5 r   for 0.1 < r < 0.3",
+        "j'(r) = 0.2 + 1 r   for 0.3 < r",
+    )
+    assert [str(kink) for kink in told.kinks] == [
+        "jump up from 0 to 0.5 at r = 0",
+        "jump down from 0.6 to 0.5 at r = 0.3",
+    ]
+    assert told.domain == (-np.inf, np.inf)
+    assert (told.alpha, told.alpha_places) == (np.inf, (0.3,))
+    assert Softening(2.0, 0.1, 0.5).describe().alpha_places == (0.1,)
+
+
 # ---- bounds -------------------------------------------------------------------------------------------------
 
 
@@ -90,6 +156,13 @@ def test_a_bound_is_known_as_far_as_it_is_asked() -> None:
 def test_a_bound_without_a_constant_says_so() -> None:
     bound = PenetrationBound("sqrt(max(s, 0))")
     assert bound.lipschitz_sampled or bound.lipschitz[0] == np.inf
+
+
+def test_a_function_that_is_negative_somewhere_is_no_bound() -> None:
+    with pytest.raises(ProblemError, match="it must be finite, and at least 0"):
+        PenetrationBound(lambda s: 1.0 - 0.2 * s)
+    with pytest.raises(ProblemError, match="-1 at penetration 5"):
+        PenetrationBound(lambda s: 1.0 - 0.4 * s, reach=2.0).value(np.array([1.0, 5.0]), np.zeros(2))
 
 
 def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None:
@@ -141,6 +214,29 @@ def test_a_small_jump_down_and_a_fall_on_the_negative_side_are_seen() -> None:
         ContactLaw(Falling(np.array([0.0, 0.2]), np.array([0.0, 3.0, 0.0]), np.array([0.0, -3e-3])))
 
 
+def test_of_a_law_with_several_points_the_first_is_looked_at() -> None:
+    class Bent(PiecewiseQuadratic):
+        bend = 1.0
+
+        def piece_curvature(self, piece: IntArray, r: Array) -> Array:
+            return self.bend * super().piece_curvature(piece, r)
+
+        def take(self, index: IntArray) -> PiecewiseQuadratic:
+            rows = type(self)(self.breakpoints[index], self.slopes[index], self.jumps[index])
+            return rows
+
+    table = np.zeros((2, 1)), np.array([[0.0, 3.0], [0.0, 4.0]]), np.zeros((2, 1))
+    ContactLaw(Bent(*table))
+    with pytest.raises(ProblemError, match="the curvature of law 'piecewise' is 6 "):
+        ContactLaw(type("Wrong", (Bent,), {"bend": 2.0, "__module__": __name__})(*table))
+
+
+@pytest.mark.parametrize("bad", [[], [np.nan], [[0.1]], [np.inf], "a", [0.1, None]])
+def test_lists_of_layers_are_finite_numbers(bad: Any) -> None:
+    with pytest.raises(ProblemError, match="thicknesses of law 'layered' must be a list of"):
+        Layered(bad, [1.0])
+
+
 def wrong(law: PiecewiseQuadratic, **methods: Callable[..., Any]) -> str:
     """What the kit says of a law with some of its methods replaced."""
     spoiled = type("Spoiled", (type(law),), methods)
@@ -178,8 +274,23 @@ def test_the_kit_looks_at_a_knot_at_the_end_of_its_reach() -> None:
 
 def test_the_kit_sees_a_law_that_is_hardly_uneven() -> None:
     law = table_law([-0.02, 0.0, 0.02], [-1.0, 0.0, 1.0 + 1e-4])
-    with pytest.raises(LawError, match="the law is even"):
+    with pytest.raises(LawError, match=r"the law is even: it is not: j\(0\.\d"):
         check_law(law, reach=0.02, friction=True)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
+def test_friction_that_is_hardly_uneven_is_refused(size: float) -> None:
+    Friction(1.0, table_law([-0.02, 0.0, 0.02], [-size, 0.0, size]))
+    with pytest.raises(ProblemError, match="must be the same backwards"):
+        Friction(1.0, table_law([-0.02, 0.0, 0.02], [-size, 0.0, size * (1.0 + 1e-4)]))
+
+
+def test_the_kit_measures_company_by_the_size_of_the_law() -> None:
+    def local_argmin(self: PiecewiseQuadratic, a: Array, b: Array) -> Array:
+        return np.asarray(PiecewiseQuadratic.local_argmin(self, a, b) + 1e-8 * (np.size(a) == 12))
+
+    law = table_law([0.0, 1e-4, 5e-4], [0.0, 0.2, 0.0])
+    assert "local_argmin at contact point" in wrong(law, local_argmin=local_argmin)
 
 
 # ---- tables -------------------------------------------------------------------------------------------------

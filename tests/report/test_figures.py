@@ -16,7 +16,7 @@ from hemivar.fem import discretize
 from hemivar.gallery import beam, survey, survey_cube
 from hemivar.report import Arrows, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
-from hemivar.report.statement_figure import plot_problem
+from hemivar.report.statement_figure import painted, plot_problem
 from hemivar.solvers import ContactState, Solution, solve
 
 if TYPE_CHECKING:
@@ -224,12 +224,18 @@ def test_statement_shows_its_conditions(plane: Solution) -> None:
 
 
 def test_statement_of_a_solid() -> None:
+    """The last of the boundaries that hold a facet paints it."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    (surface,) = plot_problem(survey_cube("5.1", 2)).findobj(Poly3DCollection)
-    colours, counts = np.unique(np.round(surface.get_facecolor(), 6), axis=0, return_counts=True)
-    assert sorted(counts) == [8, 8, 32]  # one face is clamped, one meets the foundation
-    assert len(colours) == 3
+    problem = survey_cube("5.1", 2)
+    (surface,) = plot_problem(problem).findobj(Poly3DCollection)
+    assert len(surface.get_facecolor()) == 6 * 2 * 2 * 2
+    facets, colours = painted(problem, [("left", "#0000ff", 1.0), ("front", "#00ff00", 1.0), ("left", "#ff0000", 1.0)])
+    middles = problem.mesh.points[facets].mean(axis=1)
+    expected = np.where(middles[:, 0] < 1e-9, "#ff0000c0", np.where(middles[:, 1] < 1e-9, "#00ff00c0", "plain"))
+    painted_only = [colour if colour in expected else "plain" for colour in colours]
+    assert painted_only == expected.tolist()
+    assert len(facets) == 48
 
 
 def test_errors_leave_out_the_mesh_next_to_the_reference(tmp_path: Path) -> None:

@@ -9,8 +9,7 @@ import meshio
 import numpy as np
 import pytest
 
-from hemivar.files import read_json, solution_record
-from hemivar.files.results import read_solution
+from hemivar.files import read_json, read_solution, solution_record
 from hemivar.solvers import Solution
 
 from .test_figures import texts

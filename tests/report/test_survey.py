@@ -23,23 +23,23 @@ def test_everything_is_written(small):
     expected |= {"table1.csv", "table1.md", "errors.csv", "orders.csv", "runs.csv", "methods.csv", "report.html"}
     assert expected <= names
     assert all(path.stat().st_size > 0 for path in result.files)
-    assert not result.interrupted
+    assert not result.runs.interrupted
     assert any("Figure 5" in stage.name for stage in said)
 
 
 def test_nine_curves_fall(small):
     result, _ = small
-    assert len(result.errors) == 9
-    assert result.sizes == (0.5, 0.25, 0.125)
-    for values in result.errors.values():
+    assert len(result.runs.errors) == 9
+    assert result.runs.sizes == (0.5, 0.25, 0.125)
+    for values in result.runs.errors.values():
         assert all(fine < coarse for coarse, fine in itertools.pairwise(values))
-    assert all(0.6 < order < 1.1 for order in result.orders.values())
+    assert all(0.6 < order < 1.1 for order in result.runs.orders.values())
 
 
 def test_methods_agree(small):
     result, _ = small
-    columns = result.methods.columns
-    for row in result.methods.rows:
+    columns = result.methods_table().columns
+    for row in result.methods_table().rows:
         cells = dict(zip(columns, row, strict=True))
         if cells["status"] == "converged":
             assert cells["difference"] < 1e-6
@@ -47,7 +47,7 @@ def test_methods_agree(small):
 
 def test_table_1_has_the_survey_beside(small):
     result, _ = small
-    rows = {(row[0], row[1], row[2]): row[3:] for row in result.table1.rows}
+    rows = {(row[0], row[1], row[2]): row[3:] for row in result.table1().rows}
     assert rows["direct optimization", "functional evaluations", "survey"] == (1027,)
     assert rows["primal-dual active set", "set iterations", "hemivar"][0] >= 1
     assert rows["newton", "time, s", "hemivar"][0] > 0.0
@@ -55,7 +55,7 @@ def test_table_1_has_the_survey_beside(small):
 
 def test_figure_3_friction(small):
     result, _ = small
-    assert result.largest_friction[32] == pytest.approx(0.4986, abs=5e-5)
+    assert result.runs.friction[32] == pytest.approx(0.4986, abs=5e-5)
 
 
 def test_report_is_one_page(small):
@@ -73,19 +73,19 @@ def test_interruption_leaves_a_report(tmp_path):
             raise KeyboardInterrupt
 
     result = run_survey(tmp_path, max_n=8, progress=progress)
-    assert result.interrupted
+    assert result.runs.interrupted
     page = (tmp_path / "report.html").read_text()
     assert "interrupted" in page
     assert (tmp_path / "figure1.png").exists()
     assert not (tmp_path / "figure2.png").exists()
-    assert result.errors == {}
+    assert result.runs.errors == {}
 
 
 def test_time_limit_is_said_and_the_run_goes_on(tmp_path):
     result = run_survey(tmp_path, max_n=8, method_time_limit=1e-9)
-    times = [cell for row in result.table1.rows if row[2] == "hemivar" and "time" in row[1] for cell in row[3:]]
+    times = [cell for row in result.table1().rows if row[2] == "hemivar" and "time" in row[1] for cell in row[3:]]
     assert "> 1e-09 s" in times
-    assert all(math.isfinite(x) for values in result.errors.values() for x in values)
+    assert all(math.isfinite(x) for values in result.runs.errors.values() for x in values)
 
 
 @pytest.mark.parametrize("options", [{"max_n": 12}, {"max_n": 4}, {"method_time_limit": 0.0}])

@@ -86,8 +86,8 @@ def warm_up() -> None:
     import hemivar.branches
     import hemivar.certify
     import hemivar.cli
+    import hemivar.files
     import hemivar.files.problem_file
-    import hemivar.files.results
     import hemivar.report
     import hemivar.solvers
     import hemivar.workflows

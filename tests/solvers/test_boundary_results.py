@@ -208,6 +208,16 @@ def test_results_of_one_boundary(solution: Solution) -> None:
         np.testing.assert_allclose(part.force, part.weights @ pushed + part.friction_force, atol=1e-14)
 
 
+def test_moments_in_the_plane() -> None:
+    part = solve(discretize(PROBLEMS["components"])).on("bottom")
+    assert part.points is not None
+    arms, forces = (
+        np.pad(values, ((0, 0), (0, 1))) for values in (part.points, part.weights[:, None] * part.tractions)
+    )
+    assert np.abs(forces[:, 0]).max() > 1e-3
+    np.testing.assert_allclose(part.moment((0.0, 0.0)), np.cross(arms, forces).sum(axis=0)[2], rtol=1e-12)
+
+
 def test_moments_in_space() -> None:
     part = solve(discretize(CUBE)).on("bottom")
     assert part.points is not None

@@ -45,7 +45,7 @@ def certify(
     view = SolveView(quiet=True)
     unknowns = multiplier = None
     if solution is not None:
-        from hemivar.files.results import read_solution
+        from hemivar.files import read_solution
 
         unknowns, multiplier = read_solution(solution, discrete)
     options = CertifyOptions(rtol, controls, session.method)

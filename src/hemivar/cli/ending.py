@@ -11,11 +11,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
 
+from hemivar.basics.disk import shown
 from hemivar.cli.outputs import one_line
 from hemivar.engines.petsc.ranks import NO_MEMORY, Ranks
 from hemivar.errors import HemivarError
 
 __all__ = ["all_or_none"]
+
+
+def _one_line(error: Exception) -> str:
+    """What an error says, with escapes for what cannot be printed."""
+    return one_line(shown(" ".join(str(error).split())))
 
 
 @contextmanager
@@ -29,16 +35,16 @@ def all_or_none(ranks: Ranks) -> Iterator[None]:
     except HemivarError as error:
         if getattr(error, "shared", False):
             if ranks.rank == 0:
-                _say(f"hemivar: error: {one_line(str(error))}")
+                _say(f"hemivar: error: {_one_line(error)}")
             ranks.mpi.Barrier()
             raise SystemExit(2) from None
-        _end_all(ranks, 2, f"hemivar: error: {one_line(str(error))} (rank {ranks.rank} of {ranks.size})")
+        _end_all(ranks, 2, f"hemivar: error: {_one_line(error)} (rank {ranks.rank} of {ranks.size})")
     except KeyboardInterrupt:
         _end_all(ranks, 130, "hemivar: interrupted")
     except MemoryError:
         _end_all(ranks, 2, f"hemivar: error: {NO_MEMORY} (rank {ranks.rank} of {ranks.size})")
     except Exception as error:
-        reason = f"{type(error).__name__}: {one_line(str(error))[:300]}{_place(error)}"
+        reason = f"{type(error).__name__}: {_one_line(error)[:300]}{_place(error)}"
         line = f"hemivar: error: rank {ranks.rank} of {ranks.size} failed ({reason}); all ranks end"
         _end_all(ranks, 70, line, error)
 

@@ -41,7 +41,7 @@ def solutions(
     session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time)
     discrete = session.discrete()
     print_head(session.stated, discrete)
-    from hemivar.files.results import solution_record
+    from hemivar.files import solution_record
     from hemivar.workflows import SolutionsOptions, result_of
     from hemivar.workflows import solutions as search
 

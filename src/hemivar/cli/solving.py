@@ -159,12 +159,12 @@ def _write(session: Session, solution: Solution, certificate: Certificate | None
     """Write what was asked for, data before pictures, and what may end the process last."""
 
     def json(path: Path) -> None:
-        from hemivar.files.results import write_json
+        from hemivar.files import write_json
 
         write_json(solution, path, certificate)
 
     def vtu(path: Path) -> tuple[Path, Path | None]:
-        from hemivar.files.results import write_vtu
+        from hemivar.files import write_vtu
 
         return write_vtu(solution, path)
 

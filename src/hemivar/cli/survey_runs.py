@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -34,18 +35,19 @@ def survey(
     terminal = console()
     with StageView(terminal) as stages, quiet_logging():
         result = run_survey(out, max_n=max_n, method_time_limit=max_time, progress=stages)
-    if result.table1.rows:
-        print_table(terminal, result.table1)
-    if result.orders:
+    table, runs = result.table1(), result.runs
+    if table.rows:
+        print_table(terminal, table)
+    if runs.orders:
         print("observed orders of convergence in the V-norm (reference, method)")
-        for (reference, method), order in result.orders.items():
+        for (reference, method), order in runs.orders.items():
             print(f"    {order:5.2f}   {reference}, {method}")
     report = out / "report.html"
     others = len(result.files) - (report in result.files)
     print(f"\nwritten           {f'{shown(report)} and ' if report in result.files else ''}{others} other files")
-    print(f"time              {result.seconds:.3g} s")
-    if result.interrupted:
+    print(f"time              {time.perf_counter() - result.started:.3g} s")
+    if runs.interrupted:
         print("interrupted: the report holds what was done until then")
     writer = Writer()
-    writer.failed += result.failed
-    return writer.ended(Exit.INTERRUPTED if result.interrupted else Exit.CONVERGED)
+    writer.failed += result.failed.values()
+    return writer.ended(Exit.INTERRUPTED if runs.interrupted else Exit.CONVERGED)

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.mechanics.obstacles import Normals
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["ContactBoundary", "contact_boundaries", "global_vectors", "polylines"]
@@ -86,96 +84,53 @@ class ContactBoundary:
         for axis, name in ((0, "x"), (1, "y")):
             if extent[1 - axis] <= 1e-9 * extent[axis]:
                 return own[:, axis], name
-        where = np.empty(len(own))
-        best = np.full(len(own), np.inf)
-        start = 0.0
+        along, start = np.empty(len(self.mesh.nodes(2))), 0.0
         for line in self.lines:
-            corner = self.mesh.points[line]
-            step = np.diff(corner, axis=0)
-            length = np.linalg.norm(step, axis=1)
+            length = np.linalg.norm(np.diff(self.mesh.points[line], axis=0), axis=1)
             reached = start + np.concatenate([[0.0], np.cumsum(length)])
-            middle = 0.5 * (corner[1:] + corner[:-1])
-            _, candidates = KDTree(middle).query(own, k=min(3, len(middle)))
-            for edge in np.reshape(candidates, (len(own), -1)).T:
-                along = np.einsum("kd,kd->k", own - corner[edge], step[edge]) / length[edge] ** 2
-                along = np.clip(along, 0.0, 1.0)
-                off = np.linalg.norm(own - corner[edge] - along[:, None] * step[edge], axis=1)
-                closer = off < best - 1e-12 * reached[-1]
-                where[closer] = (reached[edge] + along * length[edge])[closer]
-                best[closer] = off[closer]
+            along[line[::-1]] = reached[::-1]  # a closed line begins where it ends
             start = reached[-1]
-        return where, "arc length"
+        ends = self.mesh.points[self.corners]
+        middle = along[self.corners[:, 0]] + 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        if self.nodes is None:
+            return middle[self.facets], "arc length"
+        along[self.members[:, 2:]] = middle[:, None]
+        return along[self.nodes], "arc length"
 
 
 def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
-    """The contact boundaries of a problem with a mesh, found by the places and normals of its contact points.
+    """The contact boundaries of a problem with a mesh that have contact points, in the order of these.
 
     Raises
     ------
     ProblemError
-        The problem was made of arrays, or a contact point lies on no named boundary.
+        The problem was made of arrays.
     """
-    if problem.field is None or problem.points is None or problem.frames is None:
-        raise ProblemError(
-            "this problem was made of arrays and has no mesh; use discretize(), or give it points, frames and field"
+    contact, field = problem.contact, problem.field
+    if field is None or contact.points is None or (contact.boundary < 0).any():
+        raise ProblemError("this problem was made of arrays and has no mesh; use discretize()")
+    found = []
+    for name in contact.names:
+        index = contact.on(name)
+        if not index.size:
+            continue
+        members = field.mesh.facet_nodes(field.mesh.boundaries[name], field.order)
+        nodes, facets = contact.node[index], contact.facet[index]
+        at_nodes = bool((nodes >= 0).all())
+        found.append(
+            ContactBoundary(name, field.mesh, members, index, nodes if at_nodes else None, None if at_nodes else facets)
         )
-    if problem.contact_points == 0:
-        return []
-    mesh, order = problem.field.mesh, problem.field.order
-    nodes = mesh.nodes(order)
-    tolerance = 1e-9 * float(np.ptp(mesh.points, axis=0).max())
-    stated = {} if problem.statement is None else problem.statement.contact
-    turned = {name for name, contact in stated.items() if contact.normals is Normals.OBSTACLE}
-    candidates = []
-    for name, corners in mesh.boundaries.items():
-        members = mesh.facet_nodes(corners, order)
-        normals, measures = mesh.facet_normals(corners)
-        used, place = np.unique(members.ravel(), return_inverse=True)
-        summed = np.zeros((len(used), mesh.dim))
-        np.add.at(summed, place.ravel(), np.repeat(normals * measures[:, None], members.shape[1], axis=0))
-        nodal = summed / np.maximum(np.linalg.norm(summed, axis=1), 1e-300)[:, None]
-        for at_nodes in (True, False):
-            places = nodes[used] if at_nodes else mesh.points[corners].mean(axis=1)
-            direction = nodal if at_nodes else normals
-            gap, found = KDTree(places).query(problem.points)
-            along = np.linalg.norm(direction[found] - problem.frames[:, 0], axis=1) < 1e-6
-            hit = (gap <= tolerance) & (along | (name in turned))
-            if hit.any():
-                share = np.count_nonzero(hit) / len(places)
-                candidates.append((share, name, members, hit, used[found] if at_nodes else None, found))
-    candidates.sort(key=lambda item: -item[0])
-    free = np.ones(problem.contact_points, dtype=bool)
-    boundaries = []
-    for _, name, members, hit, at, found in candidates:
-        mine = _first_at(np.flatnonzero(hit & free), found)
-        if len(mine):
-            free[mine] = False
-            boundaries.append(
-                ContactBoundary(
-                    name, mesh, members, mine, None if at is None else at[mine], None if at is not None else found[mine]
-                )
-            )
-    if free.any():
-        bad = problem.points[np.flatnonzero(free)[0]].tolist()
-        raise ProblemError(f"the contact point at {bad} lies on no named boundary of the mesh")
-    return sorted(boundaries, key=lambda boundary: int(boundary.index[0]))
-
-
-def _first_at(index: IntArray, place: IntArray) -> IntArray:
-    """The first of the contact points at each place."""
-    _, first = np.unique(place[index], return_index=True)
-    return index[np.sort(first)]
+    return sorted(found, key=lambda boundary: int(boundary.index[0]))
 
 
 def global_vectors(problem: DiscreteProblem, local: Array, *, normal: bool = True, tangential: bool = True) -> Array:
-    """Vectors (m, d) in global components from local ones (m, d)."""
-    assert problem.frames is not None
+    """Vectors (m, d) in global components from local ones (m, c)."""
     chosen = local.copy()
     if not normal:
         chosen[:, 0] = 0.0
     if not tangential:
         chosen[:, 1:] = 0.0
-    return np.asarray(np.einsum("mc,mcd->md", chosen, problem.frames))
+    return problem.contact.global_vectors(chosen)
 
 
 def polylines(edges: IntArray) -> list[IntArray]:

@@ -149,7 +149,7 @@ def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str
             f"{name}: the callable returned shape {result.shape} for points of shape {points.shape}; "
             f"it must return shape {shape}"
         )
-    finite = np.isfinite(result).reshape(shape[0], -1).all(axis=1)
+    finite = np.isfinite(result).all(axis=tuple(range(1, result.ndim)))
     if not finite.all():
         bad = int(np.flatnonzero(~finite)[0])
         raise ProblemError(f"{name}: the callable returned {result[bad]} at x = {points[bad].tolist()}")

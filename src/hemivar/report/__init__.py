@@ -8,13 +8,13 @@ from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
 from hemivar.report.scene import render_solution
-from hemivar.report.survey import SurveyResult, run_survey
+from hemivar.report.survey import SurveyReport, run_survey
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 
 __all__ = [
     "PAPER_TABLE_1",
     "Arrows",
-    "SurveyResult",
+    "SurveyReport",
     "Table",
     "comparison_table",
     "plot_contact",

@@ -20,16 +20,8 @@ from hemivar.engines.petsc import DistributedSolution, Ranks
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
 from hemivar.fem import nodal_average, von_mises
-from hemivar.files.results import (
-    _plain,
-    _prepared,
-    _region_numbers,
-    _symmetric_stress,
-    _three,
-    _version,
-    _write_grid,
-    iteration_record,
-)
+from hemivar.files.record import iteration_record, plain, prepared, version
+from hemivar.files.vtu import region_numbers, symmetric_stress, three_components, write_grid
 from hemivar.solvers import ContactState
 
 __all__ = ["pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
@@ -38,7 +30,7 @@ _NODES_AT_A_TIME = 1 << 17
 
 
 def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: Certificate | None) -> Path:
-    """Write the record of :func:`hemivar.files.results.solution_record`; all ranks call this, rank 0 writes.
+    """Write the record of :func:`hemivar.files.solution_record`; all ranks call this, rank 0 writes.
 
     Contact points and nodes are in the order of the serial run. Rank 0 holds the contact points, and the
     displacements portion by portion.
@@ -49,7 +41,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
     sums, residual = solution.sums, solution.residual
     friction = sums["friction_force"]
     record = {
-        "hemivar": _version(),
+        "hemivar": version(),
         "status": solution.status.value,
         "remedy": solution.status.remedy,
         "warnings": body.warnings,
@@ -75,10 +67,10 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
     numbers, values = body.piece.numbers[owned], solution.displacement[owned]
     order = np.argsort(numbers)
     numbers, values = numbers[order], values[order]
-    ranks.agree(lambda: None if ranks.rank else _prepared(path, ".json"))
+    ranks.agree(lambda: None if ranks.rank else prepared(path, ".json"))
     with one_writer(ranks, path) as sink:
         if sink.open:
-            head = json.dumps({key: _plain(value) for key, value in record.items()}, indent=1, allow_nan=False)
+            head = json.dumps({key: plain(value) for key, value in record.items()}, indent=1, allow_nan=False)
             sink.write(f'{head[:-2]},\n "displacement": [')
         for start in range(0, body.piece.total, _NODES_AT_A_TIME):
             part = slice(*np.searchsorted(numbers, [start, start + _NODES_AT_A_TIME]))
@@ -87,7 +79,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
             )
             if sink.open:
                 told = told[np.argsort(told[:, 0]), 1:]
-                sink.write((", " if start else "") + json.dumps(_plain(told), allow_nan=False)[1:-1])
+                sink.write((", " if start else "") + json.dumps(plain(told), allow_nan=False)[1:-1])
         sink.write("]\n}\n")
     return path
 
@@ -141,7 +133,7 @@ def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
 def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[Path]:
     """Write each rank's cells as a VTU file of its own, ``NAME_RANK.vtu``, and ``NAME.pvtu`` that names them.
 
-    Fields are those of :func:`hemivar.files.results.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
+    Fields are those of :func:`hemivar.files.write_vtu`; the contact boundaries are in ``NAME_contact.pvtu``.
     Old files are replaced once all new ones are written, the ``.pvtu`` files last.
 
     Returns
@@ -153,7 +145,7 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
     mesh = body.piece.mesh
     fields, cell_fields = _fields(solution)
     kind = {2: "triangle", 3: "tetra"}[mesh.dim]
-    grids = [_Grid("", _three(mesh.points), {kind: mesh.cells}, fields, cell_fields)]
+    grids = [_Grid("", three_components(mesh.points), {kind: mesh.cells}, fields, cell_fields)]
     names = list(body.statement.contact)
     if names:
         facets = [mesh.boundaries[name] for name in names]
@@ -161,7 +153,7 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
         used, place = np.unique(np.concatenate(facets).ravel(), return_inverse=True)
         chosen = {name: values[used] for name, values in fields.items() if name != "stress"}
         cells = {{2: "line", 3: "triangle"}[mesh.dim]: place.reshape(-1, mesh.dim)}
-        grids.append(_Grid("_contact", _three(mesh.points[used]), cells, chosen, {"boundary": number}))
+        grids.append(_Grid("_contact", three_components(mesh.points[used]), cells, chosen, {"boundary": number}))
     here = ranks.mpi.allgather([grid.count > 0 for grid in grids])
     with ExitStack() as pieces, ExitStack() as indices:
         # the stacks rename what was written when they end well: pieces first
@@ -208,7 +200,7 @@ def _write_all(
         if here[ranks.rank][number]:
             with _naming(own):
                 there = pieces.enter_context(whole_file(own))
-                _write_grid(there, grid.points, grid.cells, grid.point_data, grid.cell_data)
+                write_grid(there, grid.points, grid.cells, grid.point_data, grid.cell_data)
         if files and ranks.rank == [rank[number] for rank in here].index(True):
             with _naming(index):
                 there = indices.enter_context(whole_file(index))
@@ -251,13 +243,13 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     body, ranks = solution.body, solution.body.ranks
     piece, mesh, statement = body.piece, body.piece.mesh, body.statement
     nodes = mesh.number_of_nodes
-    point_data = {"displacement": _three(solution.displacement)}
-    cell_data: dict[str, Array] = {"region": _region_numbers(statement.mesh)}
+    point_data = {"displacement": three_components(solution.displacement)}
+    cell_data: dict[str, Array] = {"region": region_numbers(statement.mesh)}
     tensor, mises = np.zeros((0, 6)), np.zeros(0)
     size: Array = np.zeros(nodes)
     average = np.zeros((nodes, 6))
     if mesh.number_of_cells:
-        tensor = _symmetric_stress(statement, solution.displacement)
+        tensor = symmetric_stress(statement, solution.displacement)
         mises = von_mises(statement, solution.displacement)
         size = np.asarray(
             np.bincount(mesh.cells.ravel(), weights=np.repeat(mesh.volumes, mesh.dim + 1), minlength=nodes), dtype=float
@@ -271,18 +263,18 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     contact, lam, r = body.contact, solution.multiplier, solution.local
     tangential = np.arange(body.dim) > 0
     values = [
-        lam[:, :1], body.offset[:, :1], r[:, :1], _three(contact.global_vectors(lam * tangential)),
-        _three(contact.global_vectors(r * tangential)),
-        _three(-contact.global_vectors(lam)), solution.state[:, None],
+        lam[:, :1], body.offset[:, :1], r[:, :1], three_components(contact.global_vectors(lam * tangential)),
+        three_components(contact.global_vectors(r * tangential)),
+        three_components(-contact.global_vectors(lam)), solution.state[:, None], contact.boundary[:, None],
     ]  # fmt: skip
-    table = np.zeros((nodes, 13))
-    table[:, 12] = -1.0
+    table = np.zeros((nodes, 14))
+    table[:, 12:] = -1.0
     # a node of two contact boundaries carries the values of the first
     order = np.argsort(-contact.boundary, kind="stable")
     table[contact.node[order]] = np.column_stack(values)[order]
     table = piece.of_owners(ranks, table)
-    names = ("pressure", "gap", "penetration", "friction", "slip", "contact_force", "state")
-    for name, part in zip(names, np.split(table, [1, 2, 3, 6, 9, 12], axis=1), strict=True):
+    names = ("pressure", "gap", "penetration", "friction", "slip", "contact_force", "state", "boundary")
+    for name, part in zip(names, np.split(table, [1, 2, 3, 6, 9, 12, 13], axis=1), strict=True):
         point_data[name] = part[:, 0] if part.shape[1] == 1 else part
     return point_data, cell_data
 
@@ -294,7 +286,7 @@ def _parallel_file(files: list[str], point_data: dict[str, Array], cell_data: di
     for tag, data in (("PPointData", point_data), ("PCellData", cell_data)):
         lines.append(f"<{tag}>")
         for name, values in data.items():
-            kind = "Int32" if name == "state" or values.dtype == np.int32 else "Float64"
+            kind = "Int32" if name in ("state", "boundary") or values.dtype == np.int32 else "Float64"
             lines.append(f'<PDataArray type="{kind}" Name="{name}" NumberOfComponents="{_components(values)}"/>')
         lines.append(f"</{tag}>")
     lines.append('<PPoints><PDataArray type="Float64" Name="Points" NumberOfComponents="3"/></PPoints>')

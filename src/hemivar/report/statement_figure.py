@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hemivar.basics.types import IntArray
 from hemivar.files.boundary import polylines
 from hemivar.mechanics import ContactProblem
 from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, axes_on, drawing, with_unit
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["plot_problem"]
+__all__ = ["painted", "plot_problem"]
 
 _PLAIN = "#d9e6f2"
 
@@ -79,21 +80,24 @@ def _solid(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: s
     mesh = problem.mesh
     fig = Figure(figsize=(6.3, 5.0))
     ax: Any = fig.add_axes((0.02, 0.06, 0.62, 0.86), projection="3d")
-    parts = [
-        (mesh.boundary_facets, f"{_PLAIN}50"),
-        *((mesh.boundaries[name], f"{colour}c0") for name, colour, _ in marks),
-    ]
-    facets = np.concatenate([part for part, _ in parts])
-    colours = np.repeat([colour for _, colour in parts], [len(part) for part, _ in parts])
-    _, last = np.unique(np.sort(facets, axis=1)[::-1], axis=0, return_index=True)
-    chosen = len(facets) - 1 - last
+    facets, colours = painted(problem, marks)
     ax.add_collection3d(
-        Poly3DCollection(list(mesh.points[facets[chosen]]), facecolors=list(colours[chosen]), edgecolors="#00000040",
-                         linewidths=0.15)
-    )  # fmt: skip
+        Poly3DCollection(list(mesh.points[facets]), facecolors=colours, edgecolors="#00000040", linewidths=0.15)
+    )
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit), zlabel=with_unit("z", unit))
     ax.set_box_aspect(high - low, zoom=1.02)
     ax.view_init(-28.0, -60.0)
     return fig, ax
+
+
+def painted(problem: ContactProblem, marks: list[tuple[str, str, float]]) -> tuple[IntArray, list[str]]:
+    """Facets of the surface (k, 3), and the colour of each: that of the last boundary that holds it, or a plain one."""
+    mesh = problem.mesh
+    parts = [(f"{_PLAIN}50", mesh.boundary_facets)]
+    parts += [(f"{colour}c0", mesh.boundaries[name]) for name, colour, _ in marks]
+    facets = np.concatenate([part for _, part in parts])[::-1]
+    colours = np.repeat([colour for colour, _ in parts], [len(part) for _, part in parts])[::-1]
+    _, last = np.unique(np.sort(facets, axis=1), axis=0, return_index=True)
+    return facets[last], colours[last].tolist()

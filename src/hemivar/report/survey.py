@@ -9,12 +9,10 @@ import itertools
 import os
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +20,7 @@ import numpy as np
 from hemivar.basics.disk import make_folder, read_bytes, write_text
 from hemivar.basics.generators import result_of
 from hemivar.errors import FileError, HemivarError
-from hemivar.files.results import write_csv, write_json
+from hemivar.files import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
@@ -49,7 +47,7 @@ from hemivar.workflows.survey_runs import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FILES", "SurveyReport", "SurveyResult", "run_survey"]
+__all__ = ["FILES", "SurveyReport", "run_survey"]
 
 #: Names of the files that :func:`run_survey` writes.
 FILES = (
@@ -59,54 +57,12 @@ FILES = (
 )
 
 
-@dataclass(frozen=True)
-class SurveyResult:
-    """What :func:`run_survey` found.
-
-    Attributes
-    ----------
-    folder : Path
-        Where the files are.
-    files : tuple of Path
-        All files written.
-    failed : tuple of str
-        One sentence for each file that could not be written; the run goes on without it.
-    sizes : tuple of float
-        Mesh sizes h of Figure 5.
-    errors : mapping of (reference, method) to tuple of float
-        V-norm errors for each h; empty if the run was interrupted before.
-    orders : mapping of (reference, method) to float
-        Observed orders.
-    table1, runs, methods : Table
-        Table 1; how every run of it ended; every method on Figures 1 to 4.
-    largest_friction : mapping of n to float
-        max |sigma_tau| in Figure 3 for 1/h = n.
-    seconds : float
-        Time of the whole run.
-    interrupted : bool
-        Whether the run was stopped before its end.
-    """
-
-    folder: Path
-    files: tuple[Path, ...]
-    failed: tuple[str, ...]
-    sizes: tuple[float, ...]
-    errors: Mapping[tuple[str, str], tuple[float, ...]]
-    orders: Mapping[tuple[str, str], float]
-    table1: Table
-    runs: Table
-    methods: Table
-    largest_friction: Mapping[int, float]
-    seconds: float
-    interrupted: bool
-
-
 def run_survey(
     out: str | Path,
     max_n: int = 128,
     method_time_limit: float = 60.0,
     progress: Callable[[Stage], None] | None = None,
-) -> SurveyResult:
+) -> SurveyReport:
     """Reproduce the simulations of the survey (section 5.3) and write a report.
 
     Figures 1 to 4 at h = 1/32, each with the method of its caption and checked with all others; Figure 5, the errors
@@ -144,7 +100,7 @@ def run_survey(
 
     report.runs = result_of(survey(options), told)
     report.page()
-    return report.result()
+    return report
 
 
 class SurveyReport:
@@ -152,12 +108,14 @@ class SurveyReport:
 
     Attributes
     ----------
+    folder : Path
+        Where the files are.
     runs : SurveyRuns
         What was found so far.
     files : list of Path
         Those written.
     failed : dict of Path to str
-        Those that could not be written, and why.
+        One sentence for each file that could not be written; the run goes on without it.
     """
 
     def __init__(self, folder: Path, options: SurveyOptions) -> None:
@@ -165,7 +123,7 @@ class SurveyReport:
         self.runs = SurveyRuns(options)
         self.files: list[Path] = []
         self.failed: dict[Path, str] = {}
-        self._started = time.perf_counter()
+        self.started = time.perf_counter()
 
     def __call__(self, event: Event) -> None:
         """Write what an event brings."""
@@ -178,9 +136,9 @@ class SurveyReport:
             self.write(self._friction_table(), "figure3_friction.csv")
         elif event.part == "mesh":
             if event.runs.meshes[-1].n >= 8:
-                self.write(self._table1(), "table1.csv")
-                self.put("table1.md", lambda path: write_text(path, self._table1().markdown()))
-            self.write(self._runs_table(), "runs.csv")
+                self.write(self.table1(), "table1.csv")
+                self.put("table1.md", lambda path: write_text(path, self.table1().markdown()))
+            self.write(self.runs_table(), "runs.csv")
         else:
             self._convergence()
         self.page()
@@ -194,13 +152,13 @@ class SurveyReport:
         self.save(plot_contact(shown, title=title), f"{key}_contact", ".png")
         self.put(f"{key}.csv", lambda path: write_csv(shown, path))
         self.put(f"{key}.json", lambda path: write_json(shown, path))
-        self.write(self._methods_table(), "methods.csv")
+        self.write(self.methods_table(), "methods.csv")
 
     def _convergence(self) -> None:
         runs = self.runs
         self.write(self._errors_table(), "errors.csv")
         self.write(self._orders_table(), "orders.csv")
-        self.write(self._runs_table(), "runs.csv")
+        self.write(self.runs_table(), "runs.csv")
         drawn = plot_errors(
             np.array(runs.sizes),
             {key: np.array(values) for key, values in runs.errors.items()},
@@ -215,7 +173,8 @@ class SurveyReport:
 
     # ---- tables ---------------------------------------------------------------------------------------------
 
-    def _table1(self) -> Table:
+    def table1(self) -> Table:
+        """The survey's Table 1 beside ours."""
         columns = [level for level in self.runs.meshes if 8 <= level.n <= self.runs.options.max_n]
         rows: list[tuple[object, ...]] = []
         for label, name in (*SURVEY_METHODS.items(), (DEFAULT, DEFAULT)):
@@ -242,7 +201,7 @@ class SurveyReport:
             return f"> {self.runs.options.method_time_limit:g} s"
         return float(f"{sum(solution.timings.get(stage, 0.0) for stage in stages):.3g}")
 
-    def _runs_table(self) -> Table:
+    def runs_table(self) -> Table:
         """How every run ended."""
         rows = []
         for level in self.runs.meshes:
@@ -261,7 +220,8 @@ class SurveyReport:
         )  # fmt: skip
         return Table(columns, tuple(rows), "Every run of Table 1 and Figure 5")
 
-    def _methods_table(self) -> Table:
+    def methods_table(self) -> Table:
+        """Every method on Figures 1 to 4."""
         tables = {
             key: comparison_table(solutions, reference=solutions[DEFAULT])
             for key, solutions in self.runs.figures.items()
@@ -303,7 +263,7 @@ class SurveyReport:
         except (HemivarError, OSError) as error:
             self.failed[path] = str(error)
         else:
-            self.files.append(path)
+            self.files += [] if path in self.files else [path]
             self.failed.pop(path, None)
 
     def write(self, table: Table, name: str) -> None:
@@ -330,9 +290,9 @@ class SurveyReport:
                 "<p>Figure 3 is knife-edge: with linear elements every node sticks, just below the bound.</p>",
             ]
         if runs.figures:
-            parts += [self._methods_table().html(), f"<p>{_DIFFERENCE}</p>"]
+            parts += [self.methods_table().html(), f"<p>{_DIFFERENCE}</p>"]
         if any(level.n >= 8 for level in runs.meshes):
-            parts += [self._table1().html(), f"<p>{_TABLE_NOTE}</p>"]
+            parts += [self.table1().html(), f"<p>{_TABLE_NOTE}</p>"]
         if runs.errors:
             parts += [
                 self._image("figure5", _FIGURE_5.format(2 * runs.options.max_n, SURVEY_DATA[DATA].text)),
@@ -341,7 +301,7 @@ class SurveyReport:
                 self._errors_table().html(),
             ]
         if runs.meshes:
-            parts.append(self._runs_table().html())
+            parts.append(self.runs_table().html())
         parts += ["<h2>Machine</h2>", _machine(), "</body></html>\n"]
         self.put("report.html", lambda path: write_text(path, "\n".join(parts)))
 
@@ -355,24 +315,6 @@ class SurveyReport:
                 data = base64.b64encode(read_bytes(path)).decode("ascii")
                 pictures.append(f'<img alt="{html.escape(stem)}" src="data:image/png;base64,{data}">')
         return f"<figure>{''.join(pictures)}<figcaption>{html.escape(caption)}</figcaption></figure>"
-
-    def result(self) -> SurveyResult:
-        """What was found and written."""
-        runs = self.runs
-        return SurveyResult(
-            folder=self.folder,
-            files=tuple(dict.fromkeys(self.files)),
-            failed=tuple(self.failed.values()),
-            sizes=runs.sizes,
-            errors=MappingProxyType(dict(runs.errors)),
-            orders=MappingProxyType(dict(runs.orders)),
-            table1=self._table1(),
-            runs=self._runs_table(),
-            methods=self._methods_table(),
-            largest_friction=MappingProxyType(dict(runs.friction)),
-            seconds=time.perf_counter() - self._started,
-            interrupted=runs.interrupted,
-        )
 
 
 def _paper(values: Sequence[float], columns: list[MeshRuns]) -> list[float | None]:

@@ -13,7 +13,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
 from hemivar.formula.smooth import SmoothFormula, Supremum, supremum_of_pieces
-from hemivar.laws.own.checked_pieces import OwnLaw, Piece, check_joined, middle_of
+from hemivar.laws.own.own_law import OwnLaw, Piece, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FormulaLaw"]

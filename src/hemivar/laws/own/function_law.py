@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws.consistency import check_consistency
-from hemivar.laws.own.checked_pieces import OwnLaw, Piece, check_joined, middle_of
+from hemivar.laws.own.own_law import OwnLaw, Piece, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FunctionLaw"]

@@ -28,7 +28,7 @@ class Extension(StrEnum):
 
 
 def check_points(
-    r: Sequence[float] | Array, derivative: Sequence[float] | Array, where: str, *, friction: bool = False
+    r: Sequence[float] | Array, derivative: Sequence[float] | Array, where: str, *, friction: bool
 ) -> tuple[Array, Array]:
     """The columns of a law table as arrays, checked; errors name the row, counted from 1."""
     try:

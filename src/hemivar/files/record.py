@@ -1,0 +1,235 @@
+"""Solutions as records of plain numbers and strings, and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.disk import make_folder, read_text, write_text
+from hemivar.basics.types import Array
+from hemivar.certify import Certificate
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import Residual
+from hemivar.errors import ProblemError
+from hemivar.files.boundary import global_vectors
+from hemivar.solvers import BoundaryResult, ContactState, Progress, Solution
+
+__all__ = [
+    "MOST_BYTES",
+    "boundary_names",
+    "foundation_force",
+    "iteration_record",
+    "plain",
+    "prepared",
+    "read_json",
+    "solution_record",
+    "state_names",
+    "version",
+    "write_json",
+]
+
+#: Bytes of a file with a solution.
+MOST_BYTES = 2**31
+
+
+def iteration_record(
+    residual: Residual, steps: int, evaluations: int, timings: Mapping[str, float], history: Sequence[Progress]
+) -> dict[str, Any]:
+    """The part of a record that tells how the iteration went, the same in serial and on many ranks."""
+    return {
+        "residual": residual.relative,
+        "residual_parts": {
+            "equilibrium": residual.equilibrium,
+            "inclusion": residual.inclusion,
+            "scale": residual.scale,
+            "rounding": residual.rounding,
+        },
+        "steps": steps,
+        "evaluations": evaluations,
+        "timings": dict(timings),
+        "history": [
+            {
+                "step": line.step,
+                "energy": line.energy,
+                "residual": line.residual,
+                "changed": line.changed,
+                "seconds": line.seconds,
+            }
+            for line in history
+        ],
+    }
+
+
+def solution_record(solution: Solution, certificate: Certificate | None = None) -> dict[str, Any]:
+    """A solution as plain numbers, lists and strings, ready for JSON.
+
+    Keys: ``hemivar`` (version), ``status``, ``remedy``, ``warnings`` (sentences), ``method``,
+    ``unknowns`` (their number), ``contact_points``, ``dim``, ``energy`` (a friction bound that depends on the state is
+    taken at this pair), ``residual`` (relative), ``residual_parts`` (equilibrium, inclusion, scale, rounding; units of
+    force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``contact_length``,
+    ``resultants``, ``boundaries``, ``reactions``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of
+    a problem made of arrays) and, where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
+
+    ``resultants`` holds ``normal_force`` (resultant of the pressure), ``friction_force`` (resultant of the friction
+    in local components) and ``force``, the global vector of the force of the foundation on the body,
+    ``-sum_j w_j (lam_nu nu + lam_tau)``; null where the problem has no frames.  ``boundaries`` holds for each contact
+    boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the force of each support
+    on the body, by name, null where it is not known (:func:`hemivar.fem.support_reactions`).
+
+    ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
+    ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
+    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction``, ``state`` ("open", "stick", "slip") and
+    ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
+    Slip and friction are numbers in 2D (along the normal turned by +90 degrees), vectors of two local components in
+    3D, and null in 1D. Numbers that are not finite become null.
+    """
+    problem = solution.problem
+    residual = solution.residual
+    record = {
+        "hemivar": version(),
+        "status": solution.status.value,
+        "remedy": solution.status.remedy,
+        "warnings": solution.warnings,
+        "method": solution.method,
+        "unknowns": problem.unknowns,
+        "contact_points": problem.contact_points,
+        "dim": problem.dim,
+        "energy": solution.energy,
+        **iteration_record(residual, solution.steps, solution.evaluations, solution.timings, solution.history),
+        "error_bound": solution.error_bound,
+        "contact_length": solution.contact_length,
+        "resultants": {
+            "normal_force": solution.normal_force,
+            "friction_force": solution.friction_force,
+            "force": None if problem.frames is None else foundation_force(solution),
+        },
+        "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
+        "reactions": _reactions(solution),
+        "contact": _contact_record(solution),
+        "displacement": solution.displacement,
+    }
+    if certificate is not None:
+        record["certificate"] = certificate.record()
+    return {key: plain(value) for key, value in record.items()}
+
+
+def foundation_force(solution: Solution) -> Array:
+    """Resultant force of the foundation on the body, global vector (d,): ``-sum_j w_j (lam_nu nu + lam_tau)``."""
+    problem = solution.problem
+    return np.asarray(-(problem.weights @ global_vectors(problem, solution.multiplier)))
+
+
+def _boundary_record(result: BoundaryResult) -> dict[str, Any]:
+    return {"normal_force": result.normal_force, "force": result.force, "contact_length": result.contact_length}
+
+
+def _reactions(solution: Solution) -> dict[str, Array] | None:
+    try:
+        return dict(solution.reactions)
+    except ProblemError:
+        return None
+
+
+def _contact_record(solution: Solution) -> dict[str, Any]:
+    problem = solution.problem
+    return {
+        "x": problem.points,
+        "normal": None if problem.frames is None else problem.frames[:, 0],
+        "boundary": boundary_names(problem),
+        "weight": problem.weights,
+        "gap": problem.gap,
+        "penetration": solution.penetration,
+        "slip": _tangential(solution.slip),
+        "pressure": solution.pressure,
+        "friction": _tangential(solution.friction),
+        "state": state_names(solution),
+        "without_friction": problem.without_friction,
+    }
+
+
+def _tangential(values: Array) -> Array | None:
+    """Tangential components as numbers in 2D, vectors in 3D, and nothing in 1D."""
+    if values.shape[1] == 1:
+        return values[:, 0]
+    return values if values.shape[1] > 1 else None
+
+
+def state_names(solution: Solution) -> list[str]:
+    """The state of each contact point: open, stick or slip."""
+    return [ContactState(number).label for number in solution.state.tolist()]
+
+
+def plain(value: Any) -> Any:
+    """Lists, numbers and strings; numbers that are not finite become None."""
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def write_json(solution: Solution, path: str | Path, certificate: Certificate | None = None) -> Path:
+    """Write :func:`solution_record` to a JSON file; returns its path."""
+    path = prepared(path, ".json")
+    record = solution_record(solution, certificate)
+    # the displacement comes last and on one line, for it is long
+    displacement = json.dumps(record.pop("displacement"), allow_nan=False)
+    head = json.dumps(record, indent=1, allow_nan=False)
+    write_text(path, f'{head[:-2]},\n "displacement": {displacement}\n}}\n')
+    return path
+
+
+def read_json(path: str | Path) -> dict[str, Any]:
+    """A record written by :func:`write_json`.
+
+    Raises
+    ------
+    ProblemError
+        The file is missing, or is not JSON with an object in it.
+    """
+    path = Path(path)
+    text = read_text(path, "result file", MOST_BYTES)
+    try:
+        record = json.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers of too many digits, and brackets nested too deep
+        raise ProblemError(f"result file '{path}' is not JSON ({error}); write it with write_json") from error
+    if not isinstance(record, dict):
+        raise ProblemError(f"result file '{path}' holds no record of a solution; write it with write_json")
+    return record
+
+
+def boundary_names(problem: DiscreteProblem) -> list[str] | None:
+    """The contact boundary of each contact point; None if it is not known."""
+    contact = problem.contact
+    if problem.field is None or (contact.boundary < 0).any():
+        return None
+    return [contact.names[number] for number in contact.boundary.tolist()]
+
+
+def prepared(path: str | Path, suffix: str) -> Path:
+    """The path with its folder made; only the expected suffix is accepted."""
+    path = Path(path)
+    if path.suffix.lower() != suffix:
+        raise ProblemError(f"'{path}' must end in '{suffix}'")
+    make_folder(path.parent)
+    return path
+
+
+def version() -> str:
+    """The version of this library, as it is installed."""
+    try:
+        return metadata.version("hemivar")
+    except metadata.PackageNotFoundError:
+        return "unknown"

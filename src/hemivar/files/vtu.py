@@ -1,0 +1,198 @@
+"""Solutions as VTU, for ParaView and the like."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from hemivar.basics.disk import read_bytes, whole_file
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.fem import nodal_average, strain, stress, von_mises
+from hemivar.fem.assembly import region_masks
+from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors
+from hemivar.files.record import prepared
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh import Mesh
+from hemivar.solvers import Solution
+
+__all__ = ["region_numbers", "symmetric_stress", "three_components", "write_grid", "write_vtu"]
+
+
+_CELL_TYPES = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
+_FACET_TYPES = {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle", (3, 2): "triangle6"}
+
+
+def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
+    """Write the body as ``path`` and its contact boundaries as ``*_contact.vtu``, for ParaView and the like.
+
+    Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
+    ``pressure``, ``gap``, ``penetration``, ``friction`` and ``slip`` (global vectors), ``contact_force`` (force per
+    area of the foundation on the body, global vector), ``state`` (0 open, 1 stick, 2 slip) and ``boundary`` (number of
+    the contact boundary, in the order of the statement; the field data ``boundary NAME`` hold the number of each). Off
+    the contact boundary, and at contact nodes that a support holds entirely, these are 0, and ``state`` and
+    ``boundary`` are -1. A node of two contact boundaries carries the values of the first.
+
+    Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
+    models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).
+    Quadratic fields use quadratic cells, with the stress of the centroid.
+
+    Parameters
+    ----------
+    solution : Solution
+        Of a problem with a mesh.
+    path : str or Path
+        Must end in ``.vtu``.
+
+    Returns
+    -------
+    body, contact : Path, Path or None
+        The files; None if the problem has no contact boundary.
+
+    Raises
+    ------
+    ProblemError
+        The problem was made of arrays and has no mesh.
+    """
+    path = prepared(path, ".vtu")
+    problem = solution.problem
+    field = problem.field
+    if field is None:
+        raise ProblemError("this problem was made of arrays and has no mesh to draw on; use write_json or write_csv")
+    mesh, order = field.mesh, field.order
+    boundaries = contact_boundaries(problem)
+    nodes = field.nodes
+    point_data: dict[str, Array] = {"displacement": three_components(solution.displacement)}
+    cell_data: dict[str, Array] = {"region": region_numbers(mesh)}
+    if problem.origin is not None:
+        tensor = symmetric_stress(problem.origin, solution.displacement)
+        point_data["stress"] = nodal_average(problem.origin, tensor)
+        cell_data |= {"stress": tensor, "von_mises": von_mises(problem.origin, solution.displacement)}
+    names = problem.contact.names
+    quantities = _contact_quantities(solution)
+    for name, (_, fill) in quantities.items():
+        point_data[name] = np.full((len(nodes), *quantities[name][0].shape[1:]), fill)
+    blocks: list[tuple[ContactBoundary, dict[str, Array]]] = []
+    for boundary in reversed(boundaries):
+        used = boundary.used_nodes
+        data = {name: boundary.at_nodes(values, fill) for name, (values, fill) in quantities.items()}
+        for name, values in data.items():
+            held = data["state"] < 0
+            point_data[name][used[~held]] = values[~held]
+        blocks.insert(0, (boundary, data))
+    write_grid(
+        path,
+        three_components(nodes),
+        {_CELL_TYPES[mesh.dim, order]: mesh.cell_nodes(order)},
+        point_data,
+        cell_data,
+        names,
+    )
+    if not boundaries:
+        return path, None
+    second = path.with_name(f"{path.stem}_contact.vtu")
+    _write_contact(second, solution, blocks)
+    return path, second
+
+
+def _contact_quantities(solution: Solution) -> dict[str, tuple[Array, float]]:
+    """Values at contact points, and what to write elsewhere."""
+    problem = solution.problem
+    if problem.contact_points == 0:
+        return {}
+    friction = global_vectors(problem, solution.multiplier, normal=False)
+    return {
+        "pressure": (solution.pressure, 0.0),
+        "gap": (problem.gap, 0.0),
+        "penetration": (solution.penetration, 0.0),
+        "friction": (three_components(friction), 0.0),
+        "slip": (three_components(global_vectors(problem, solution.local, normal=False)), 0.0),
+        "contact_force": (three_components(-global_vectors(problem, solution.multiplier)), 0.0),
+        "state": (solution.state.astype(float), -1.0),
+        "boundary": (problem.contact.boundary.astype(float), -1.0),
+    }
+
+
+def _write_contact(path: Path, solution: Solution, blocks: list[tuple[ContactBoundary, dict[str, Array]]]) -> None:
+    field, names = solution.problem.field, solution.problem.contact.names
+    assert field is not None
+    kind = _FACET_TYPES[field.mesh.dim, field.order]
+    cells, numbers, start = [], [], 0
+    for boundary, _ in blocks:
+        cells.append(start + np.searchsorted(boundary.used_nodes, boundary.members))
+        numbers.append(np.full(len(boundary.members), names.index(boundary.name), dtype=np.int32))
+        start += len(boundary.used_nodes)
+    used = np.concatenate([boundary.used_nodes for boundary, _ in blocks])
+    point_data: dict[str, Array] = {"displacement": three_components(solution.displacement[used])}
+    for name in blocks[0][1]:
+        point_data[name] = np.concatenate([data[name] for _, data in blocks])
+    data: dict[str, Array] = {"boundary": np.asarray(np.concatenate(numbers))}
+    write_grid(path, three_components(field.nodes[used]), {kind: np.vstack(cells)}, point_data, data, names)
+
+
+def write_grid(
+    path: Path,
+    points: Array,
+    cells: Mapping[str, IntArray],
+    point_data: Mapping[str, Array],
+    cell_data: Mapping[str, Array],
+    names: Sequence[str] = (),
+) -> None:
+    """Write a VTU file, silently; ``state`` and ``boundary`` become whole numbers.
+
+    ``names`` are those of the boundaries, whose numbers are written as field data.
+    """
+    import meshio
+
+    whole = {
+        name: np.ceil(values).astype(np.int32) for name, values in point_data.items() if name in ("state", "boundary")
+    }
+    grid = meshio.Mesh(
+        points, cells, point_data={**point_data, **whole}, cell_data={k: [v] for k, v in cell_data.items()}
+    )
+    noise = io.StringIO()
+    with whole_file(path) as name, contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
+        grid.write(name, file_format="vtu")
+        if names:  # meshio writes no field data
+            arrays = "".join(
+                f'<DataArray type="Int32" Name={quoteattr(f"boundary {known}")} NumberOfTuples="1" '
+                f'format="ascii">{number}</DataArray>\n'
+                for number, known in enumerate(names)
+            )
+            start = b"<UnstructuredGrid>"
+            told = start + f"<FieldData>\n{arrays}</FieldData>\n".encode()
+            name.write_bytes(read_bytes(name, "VTU file", 1 << 62).replace(start, told, 1))
+
+
+def symmetric_stress(stated: ContactProblem, displacement: Array) -> Array:
+    """Stress of each cell as xx, yy, zz, xy, yz, xz, shape (M, 6)."""
+    sigma = stress(stated, displacement)
+    out = np.zeros((len(sigma), 6))
+    out[:, 0], out[:, 1], out[:, 3] = sigma[:, 0, 0], sigma[:, 1, 1], sigma[:, 0, 1]
+    mesh = stated.mesh
+    if mesh.dim == 3:
+        out[:, 2], out[:, 4], out[:, 5] = sigma[:, 2, 2], sigma[:, 1, 2], sigma[:, 0, 2]
+    else:
+        centroids = mesh.points[mesh.cells].mean(axis=1)
+        out[:, 2] = stated.material.out_of_plane_stress(centroids, strain(stated, displacement), region_masks(mesh))
+    return out
+
+
+def region_numbers(mesh: Mesh) -> Array:
+    """The number of the region of each cell, in the order of the mesh; -1 in none."""
+    numbers = np.full(mesh.number_of_cells, -1, dtype=np.int32)
+    for number, cells in enumerate(mesh.regions.values()):
+        numbers[cells] = number
+    return np.asarray(numbers)
+
+
+def three_components(vectors: Array) -> Array:
+    """Vectors with two or three components as vectors with three."""
+    out = np.zeros((len(vectors), 3))
+    out[:, : vectors.shape[1]] = vectors
+    return out
