@@ -13,11 +13,10 @@ from hemivar.gallery import (
     elastic_bar,
     elastic_bar_penetrations,
     manufactured_spring,
-    softening_spring,
     survey,
     weighted_block,
 )
-from hemivar.laws import SurveyLaw
+from hemivar.laws import Softening, SurveyLaw
 from hemivar.solvers import solve
 
 
@@ -57,7 +56,7 @@ def test_softening_bar():
 def test_bar_with_three_solutions():
     exact = elastic_bar_penetrations(1.0, 0.25, 2.0, 0.1, 2.0)
     assert exact == pytest.approx((1 / 12, 0.15, 0.25))
-    found = solve(elastic_bar(softening_spring(2.0, 0.1, 2.0), load=0.5)).raise_for_status()
+    found = solve(elastic_bar(Softening(2.0, 0.1, 2.0), load=0.5)).raise_for_status()
     assert min(abs(found.penetration[0] - r) for r in exact) < 1e-12
 
 

@@ -86,7 +86,6 @@ def warm_up() -> None:
     import hemivar.branches
     import hemivar.certify
     import hemivar.cli
-    import hemivar.files
     import hemivar.files.problem_file
     import hemivar.report
     import hemivar.solvers

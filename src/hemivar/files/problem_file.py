@@ -296,6 +296,8 @@ def _settings(given: SolverSettings, method: str | Solver | None, controls: Cont
 def _text(problem: ContactProblem, settings: SolverSettings, folder: Path, files: _Beside | None) -> str:
     """The text of the file, with meshes and tables without a file put beside it."""
     recipe = problem.mesh.recipe
+    if recipe is not None and files is not None and difference(problem.mesh, recipe.build(), "mesh"):
+        recipe = None  # the mesh was changed by replace(), or its file is another one by now
     if recipe is None:
         if files is None:
             can = "rectangles, boxes and mesh files, scaled and then refined: beside=True writes the mesh as a file"

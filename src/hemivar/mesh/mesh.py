@@ -71,7 +71,7 @@ class Mesh(Portable):
     boundaries: Mapping[str, IntArray] = field(default_factory=dict)
     regions: Mapping[str, IntArray] = field(default_factory=dict)
     parent: Refinement | None = None
-    recipe: MeshRecipe | None = field(default=None, init=False)
+    recipe: MeshRecipe | None = None
 
     def __post_init__(self) -> None:
         points, cells = checked_arrays(self.points, self.cells)
@@ -88,7 +88,7 @@ class Mesh(Portable):
                     "parent: the coarser mesh cannot bear these boundaries and regions, which cut through facets or "
                     "cells of it; give parent = None"
                 )
-        self._set(points, cells, boundaries, regions, parent)
+        self._set(points, cells, boundaries, regions, parent, self.recipe)
 
     def _set(
         self,

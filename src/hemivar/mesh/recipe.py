@@ -68,6 +68,10 @@ class MeshRecipe:
         mesh = self.source.build(halvings) if isinstance(self.source, Grid) else read_mesh(self.source)
         return mesh if self.scale == 1.0 else mesh.scaled(self.scale)
 
+    def build(self) -> Mesh:
+        """The mesh."""
+        return self.begin().refined(self.refine)
+
     @property
     def halvings(self) -> int:
         """How often the numbers of cells can be halved and stay at least 2."""

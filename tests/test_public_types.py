@@ -1,0 +1,153 @@
+"""``dataclasses.replace`` on the public types: what comes out is what went in, or it is refused in words."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.discrete import ContactPoints, Field, Quadratic, Space
+from hemivar.errors import HemivarError
+from hemivar.files import ProblemFile, SolverSettings
+from hemivar.formula import Formula
+from hemivar.mesh import Grid, Mesh, MeshRecipe, box, rectangle
+
+
+def public_dataclasses() -> list[str]:
+    found = ((name, getattr(hv, name)) for name in hv.__all__)
+    return [name for name, value in found if isinstance(value, type) and dataclasses.is_dataclass(value)]
+
+
+def examples() -> dict[str, list[object]]:
+    """Objects of every public dataclass, with as much in them as they can hold."""
+    problem = gallery.survey("5.1", 4)
+    discrete = hv.discretize(problem)
+    solution = hv.solve(discrete)
+    certificate = hv.certify(discrete, solution.unknowns, solution.multiplier)
+    path = hv.follow_path(discrete, (0.5, 1.0))
+    steel, vector = hv.Material.young(210e3, 0.3, "stress"), (0.1, -0.2)
+    regions = dataclasses.replace(rectangle(), regions={"all": np.arange(128)})
+    plane_law = hv.PiecewiseQuadratic([0.0, 1.0], [0.0, 2.0, 1.0], [0.5, -0.25], 0.1, upper=1.0, name="own")
+    found: list[object] = [
+        problem, discrete, solution, certificate, path, discrete.bulk, discrete.contact, discrete.space, discrete.field,
+        problem.contact["bottom"], discrete.law, gallery.survey_cube("5.1", 2), hv.find_solutions(discrete),
+        hv.smallness(discrete), regions.refined().scaled(0.5), rectangle().refined(2),
+        rectangle((2.0, 1.0), 4, "cross"),
+        box(cells=2), box(cells=2).refined(), problem.mesh.recipe,
+        Grid((1.0, 2.0), (3, 4), "cross", (0.0, 1.0)),
+        steel, hv.Material.lame(Formula("1 + x"), 2.0), hv.Material.tensor(np.eye(3), (0.1, 0.2, 0.3)),
+        hv.Material.by_region({"all": steel}), hv.Clamped(), hv.Roller(), hv.Fixed(x=0.5, y=Formula("x")),
+        hv.Prescribed(vector), hv.Pressure(2.0), hv.Plane(vector, (1.0, 3.0)), hv.Sphere(vector, 2.0, True),
+        hv.Cylinder((1.0, 2.0, 3.0), (1.0, 1.0, 0.3), 0.5), hv.SignedDistance(Formula("y + 1")),
+        hv.SurveyLaw(0.3, Formula("1 + x")), hv.Signorini(), hv.Bilateral(), hv.NoContact(), hv.Compliance(2.0, 1.5),
+        hv.Softening(1.0, 2.0, 3.0), hv.Capped(1.0, 2.0, 0.5), hv.FinitePenetration(1.0, 2.0),
+        hv.Adhesive(1.0, 2.0, 0.1),
+        plane_law, hv.Layered([1.0], [2.0]), hv.SawTooth([1.0], [2.0]), hv.FormulaLaw("r^2 * max(r, 0)", reach=3.0),
+        hv.table_law([0.0, 1.0], [0.0, 2.0]), hv.Tresca(0.5), hv.SlipWeakening(0.5),
+        hv.SlipTable(1.0, [0.0, 1.0], [1.0, 0.5]),
+        hv.Tresca(hv.CoulombBound(0.3)), hv.CoulombBound(0.3), hv.PenetrationBound("min(8*s, 0.8)", 3.0),
+        hv.PenetrationBound(([0.0, 1.0], [0.0, 2.0])), *hv.METHODS.values(), hv.FixedPoint(hv.NonsmoothNewton()),
+        hv.LoadStepping(hv.NonsmoothNewton(), 3), hv.Powell(), hv.LBFGS(), hv.ProximalBundle(), hv.ExactInner(),
+        hv.NewtonKrylov(), hv.Controls(1e-6, 1.0, 3, 2.0, print), gallery.SURVEY_DATA["5.1"], gallery.weighted_block(),
+        SolverSettings("newton"), ProblemFile(problem, SolverSettings(), "name", 2),
+    ]  # fmt: skip
+    made: dict[str, list[object]] = {}
+    for one in found:
+        for kind in type(one).__mro__:
+            made.setdefault(kind.__name__, []).append(one)
+    return made
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, list[object]]:
+    return examples()
+
+
+def unlike(one: object, other: object, where: str = "") -> str | None:
+    """Where two objects differ in what they hold, caches left out; None if they are alike."""
+    if one is other:
+        return None
+    if type(one) is not type(other):
+        return f"{where}: {type(one).__name__} and {type(other).__name__}"
+    if isinstance(one, np.ndarray):
+        same = one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")  # type: ignore[attr-defined, arg-type]
+        return None if same else where
+    if sp.issparse(one):
+        return unlike(one.toarray(), other.toarray(), where)  # type: ignore[attr-defined]
+    if isinstance(one, Mapping):
+        if list(one) != list(other):  # type: ignore[call-overload]
+            return where
+        pairs = [(one[key], other[key], f"{where}[{key!r}]") for key in one]  # type: ignore[index]
+    elif isinstance(one, tuple | list):
+        if len(one) != len(other):  # type: ignore[arg-type]
+            return where
+        pairs = [(a, b, f"{where}[{k}]") for k, (a, b) in enumerate(zip(one, other, strict=True))]  # type: ignore[call-overload]
+    elif isinstance(one, Mesh) and isinstance(
+        other, Mesh
+    ):  # the order of facets is no part of it, how its parents were made neither
+        facets = [{name: np.unique(np.sort(f), axis=0) for name, f in mesh.boundaries.items()} for mesh in (one, other)]
+        parts = ("points", "cells", "regions", "parent", *(() if ".parent" in where else ("recipe",)))
+        pairs = [(facets[0], facets[1], f"{where}.boundaries")]
+        pairs += [(getattr(one, name), getattr(other, name), f"{where}.{name}") for name in parts]
+    elif dataclasses.is_dataclass(one):
+        names = [field.name for field in dataclasses.fields(one)]
+        pairs = [(getattr(one, name), getattr(other, name), f"{where}.{name}") for name in names]
+    elif isinstance(one, float) and np.isnan(one):
+        return None if np.isnan(other) else where  # type: ignore[call-overload]
+    elif callable(one) and hasattr(one, "func"):
+        return unlike((one.func, one.args), (other.func, other.args), where)  # type: ignore[attr-defined]
+    else:
+        return None if one == other else where
+    return next((place for a, b, path in pairs if (place := unlike(a, b, path))), None)
+
+
+@pytest.mark.parametrize(
+    "name", [*public_dataclasses(), "Grid", "MeshRecipe", "KnownProblem", "ProblemFile", "SolverSettings"]
+)
+def test_replacing_nothing_changes_nothing(name: str, made: dict[str, list[object]]) -> None:
+    assert made.get(name), f"give an example of {name}"
+    for one in made[name]:
+        try:
+            again = dataclasses.replace(one)  # type: ignore[type-var]
+        except HemivarError:  # in words
+            continue
+        assert unlike(one, again) is None
+
+
+def test_replacing_one_field_keeps_the_others(made: dict[str, list[object]]) -> None:
+    mesh = rectangle((2.0, 1.0), 4).refined()
+    renamed = dataclasses.replace(mesh, boundaries={"under": mesh.boundaries["bottom"]})
+    assert renamed.parent is not None
+    assert list(renamed.parent.mesh.boundaries) == ["under"]
+    steel = dataclasses.replace(hv.Material.young(1.0, 0.3), plane="stress")  # type: ignore[call-arg]
+    points = np.zeros((1, 2))
+    np.testing.assert_array_equal(
+        steel.stiffness_tensor(points), hv.Material.young(1.0, 0.3, "stress").stiffness_tensor(points)
+    )
+    plane = hv.Plane((0.0, 0.0), (1.0, 3.0))
+    np.testing.assert_array_equal(dataclasses.replace(plane, point=(1.0, 1.0)).normal, plane.normal)
+    discrete = made["DiscreteProblem"][0]
+    assert isinstance(discrete, hv.DiscreteProblem)
+    for kind in (ContactPoints, Field, Quadratic, Space):
+        assert made[kind.__name__]
+    moved = dataclasses.replace(discrete.contact, weights=2.0 * discrete.contact.weights)
+    assert unlike(dataclasses.replace(moved, weights=discrete.contact.weights), discrete.contact) is None
+    assert isinstance(made["MeshRecipe"][0], MeshRecipe)
+    assert made["MeshRecipe"][0].source == Grid((1.0, 1.0), (4, 4), "cross", (0.0, 0.0))
+
+
+def test_arrays_that_were_given_do_not_change_what_was_made() -> None:
+    point, normal, matrix = np.zeros(2), np.array([0.0, 1.0]), np.eye(3)
+    plane, material = hv.Plane(point, normal), hv.Material.tensor(matrix)
+    point[0], normal[0], matrix[0, 0] = 9.0, 9.0, 9.0
+    assert plane.distance(np.array([[5.0, 2.0]])).tolist() == [2.0]
+    assert material.stiffness_tensor(np.zeros((1, 2)))[0, 0, 0] == 1.0
+    for array in (plane.point, plane.normal, dataclasses.asdict(material)["matrix"]):
+        assert array is not None
+    with pytest.raises(ValueError, match="read-only"):
+        plane.normal[0] = 1.0  # type: ignore[index]
