@@ -11,7 +11,8 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.branches import chain_of, find_solutions
 from hemivar.certify import EnergyNorm, PointKind, bound, certify, equilibrium_multiplier
-from hemivar.certify.bound import snap
+from hemivar.certify.bound import Point, snap
+from hemivar.certify.kind import study
 from hemivar.certify.subspace import Subspace, counting_rows
 from hemivar.certify.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete import DiscreteProblem
@@ -20,7 +21,7 @@ from hemivar.laws import ContactLaw, PiecewiseQuadratic, Signorini, Tresca
 from hemivar.solvers import Solution
 from hemivar.systems import condense
 from tests.branches.random_problems import random_problem
-from tests.certify.problems import bar_problem, bar_unknowns, square
+from tests.certify.problems import bar_problem, bar_unknowns, square, weakening
 
 
 def positive(n: int, seed: int) -> Array:
@@ -188,6 +189,22 @@ def test_curvatures_of_random_points_with_held_and_sliding_components() -> None:
             seen[found.kind] = seen.get(found.kind, 0) + 1
     assert seen.get(PointKind.SADDLE, 0) > 3
     assert seen.get(PointKind.LOCAL_MINIMISER, 0) > 5
+
+
+def test_curvature_of_a_point_that_slides_while_it_presses() -> None:
+    """Friction weakens along the slip alone; the normal law is stiff and the body couples both."""
+    law = ContactLaw(hv.Compliance(6.0), hv.Friction(1.0, weakening(0.4, 2.0)))
+    problem = DiscreteProblem.of_arrays([[4.0, 1.0], [1.0, 4.0]], [1.5, 1.3], np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
+    solution = hv.solve(problem)
+    assert 0.01 < solution.slip[0, 0] < 0.19
+    assert solution.pressure[0] > 0.1
+    expected = curvature_by_hand(solution)
+    assert expected is not None
+    assert 0.0 < expected < 0.9
+    found = study(
+        Point(problem, EnergyNorm(problem.bulk.hessian(solution.unknowns)), solution.unknowns, solution.multiplier)
+    )
+    assert found.curvature == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_bound_of_a_rough_displacement_is_its_error() -> None:
