@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from hemivar.basics.types import Array
-from hemivar.branches import find_solutions
+from hemivar.branches import chain_of, find_solutions
 from hemivar.certify import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.point_kind import PointKind
@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws import Bilateral, ContactLaw, PiecewiseQuadratic, SlipWeakening
 from hemivar.mechanics import Quadrature
 from hemivar.solvers import Status, solve
+from hemivar.systems import condense
 
 from ..problems import bar, discrete_square
 from .random_problems import random_problem
@@ -207,7 +208,10 @@ def test_the_kind_of_each_solution_is_that_of_its_certificate() -> None:
     """One word for one thing: chain and certificate find it in different ways."""
     seen: dict[PointKind, int] = {}
     for seed in range(40):
-        for solution in find_solutions(random_problem(seed), max_solutions=200, enumerate_up_to=5000, starts=0):
+        problem = random_problem(seed)
+        if chain_of(condense(problem)).combinations > 1500:
+            continue
+        for solution in find_solutions(problem, max_solutions=200):
             kind = certify(solution).kind
             if kind in (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER):
                 kind = PointKind.LOCAL_MINIMISER

@@ -262,3 +262,36 @@ def test_a_law_that_falls_without_end_is_not_said_to_hold() -> None:
     )
     with pytest.raises(ProblemError, match="free to move"):
         discretize(problem)
+
+
+@pytest.mark.parametrize("cones", [False, True])
+def test_verdicts_on_random_growths_by_sampling_every_direction(cones: bool) -> None:
+    """Two motions: convex hinges, concave ones, forbidden sides; what is said agrees with a fine circle."""
+    rng = np.random.default_rng(17 + cones)
+    angle = np.linspace(0.0, 2.0 * np.pi, 721)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    seen = dict.fromkeys(Verdict, 0)
+    for _ in range(50):
+        q, p = int(rng.integers(1, 6)), int(rng.integers(0, 3)) if cones else 0
+        up, down = rng.normal(0.6, 1.0, q), rng.normal(0.6, 1.0, q)
+        up[rng.random(q) < 0.2] = np.inf
+        work = rng.normal(size=2) * rng.choice([0.0, 0.5, 1.0])
+        growth = Growth(
+            work, float(np.abs(work).sum()), rng.normal(size=(q, 2)), up, down,
+            rng.normal(size=(p, 2, 2)), rng.uniform(0.0, 1.0, p),
+        )  # fmt: skip
+        least = min(growth(z)[0] for z in circle)
+        found = decide(growth)
+        seen[found.verdict] += 1
+        if found.verdict is Verdict.HELD:
+            assert least > 0.0
+        elif found.verdict is Verdict.FALLS:
+            assert found.direction is not None
+            assert growth(found.direction)[0] < 0.0
+            assert found.growth == pytest.approx(growth(found.direction)[0])
+        if least < -1e-2:
+            assert found.verdict is Verdict.FALLS
+        if least > 0.1:
+            assert found.verdict in (Verdict.HELD, Verdict.UNDECIDED)
+    assert seen[Verdict.HELD] > 5
+    assert seen[Verdict.FALLS] > 5

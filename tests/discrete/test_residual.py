@@ -10,7 +10,16 @@ import pytest
 from hemivar.certify import PointKind, certify
 from hemivar.discrete import DiscreteProblem, Residual, residual
 from hemivar.errors import MethodError, ProblemError
-from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoFriction, Signorini, Superpotential, Tresca
+from hemivar.laws import (
+    Compliance,
+    ContactLaw,
+    FinitePenetration,
+    FormulaLaw,
+    NoFriction,
+    Signorini,
+    Superpotential,
+    Tresca,
+)
 from hemivar.solvers import METHODS, Controls, Status, solve
 
 from ..problems import discrete_square
@@ -151,3 +160,13 @@ def test_both_parts_of_a_residual_by_hand() -> None:
     deep = residual(problem, np.array([-0.5]), np.array([[0.125]]))
     assert deep.inclusion == pytest.approx(4.0 * 0.25)  # beyond the end by 0.25, as a force 2 (0.25 / (2 / 4))
     assert deep.equilibrium == pytest.approx(3.0 + 2.0 + 0.25)
+
+
+def test_a_foundation_that_loads_the_body_more_than_the_load_sets_the_scale() -> None:
+    compliant = spring(0.1, Compliance(3.0), gap=-0.5)  # u + 3 (u + 0.5) = 0.1
+    assert residual(compliant, np.array([-0.35]), np.array([[0.45]])).scale == pytest.approx(0.45)
+    assert residual(compliant, np.array([-0.35]), np.array([[4.5]])).scale == pytest.approx(1.5)  # j'(0.5)
+    ends = spring(0.0, FinitePenetration(0.0, 0.2), gap=-0.5, stiffness=4.0)  # pushed back by 0.3
+    assert residual(ends, np.array([-0.3]), np.array([[1.2]])).scale == pytest.approx(1.2)
+    assert residual(ends, np.array([-0.3]), np.array([[9.0]])).scale == pytest.approx(1.2)
+    assert Residual(3.0, 4.0, 0.5, 0.0).relative == 10.0
