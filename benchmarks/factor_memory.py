@@ -65,7 +65,7 @@ def _row(shape: str, dim: int, cells: int, layers: int) -> dict[str, Any]:
 
     problem = survey("5.1", cells) if dim == 2 else _block(cells, layers)
     discrete = hv.discretize(problem)
-    contact = int(np.unique(discrete.trace.indices).size)
+    contact = int(np.unique(discrete.contact.trace.indices).size)
     base = _status("VmRSS")
     Path("/proc/self/clear_refs").write_text("5")  # the largest memory so far is forgotten
     began = time.perf_counter()

@@ -245,7 +245,7 @@ def hertz_errors(solution: hv.Solution, known: LineHertz | PointHertz) -> dict[s
     the second moment of the pressure: a^2/4 for a line contact, 2 a^2/5 for a point.
     """
     discrete = solution.problem
-    points, weights, pressure = discrete.points, discrete.weights, solution.pressure
+    points, weights, pressure = discrete.contact.points, discrete.contact.weights, solution.pressure
     distance = np.linalg.norm(points[:, :-1], axis=1)
     line = isinstance(known, LineHertz)
     total = float(weights @ pressure)
@@ -344,8 +344,8 @@ def cattaneo_problem(
 def cattaneo_errors(solution: hv.Solution, known: Cattaneo) -> dict[str, float]:
     """Relative errors of tangential force, width of the sticking zone and friction (in the mean square)."""
     discrete = solution.problem
-    x, weights = discrete.points[:, 0], discrete.weights
-    friction = solution.multiplier[:, 1] * discrete.frames[:, 1, 0]
+    x, weights = discrete.contact.points[:, 0], discrete.contact.weights
+    friction = solution.multiplier[:, 1] * discrete.contact.frames[:, 1, 0]
     if float(weights @ friction) < 0.0:
         friction = -friction
     exact = known.traction(x)

@@ -19,7 +19,7 @@ def main(out: Path | None = None) -> dict[str, dict[str, float | str]]:
     reference = hv.solve(problem, workspace=workspace)  # the default method
 
     def energy_norm(u: np.ndarray) -> float:
-        return float(np.sqrt(u @ (problem.stiffness @ u)))
+        return float(np.sqrt(u @ (problem.linear.stiffness @ u)))
 
     size = energy_norm(reference.unknowns)
     rows: dict[str, dict[str, float | str]] = {}

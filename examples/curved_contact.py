@@ -38,8 +38,10 @@ def main(out: Path | None = None) -> dict[str, float]:
     discrete = hv.discretize(problem)
     solution = hv.solve(discrete).raise_for_status()
 
-    x, pressure = discrete.points[:, 0], solution.pressure
-    load = -float((discrete.weights * pressure) @ discrete.frames[:, 0, 1])  # vertical part of the nodal forces
+    x, pressure = discrete.contact.points[:, 0], solution.pressure
+    load = -float(
+        (discrete.contact.weights * pressure) @ discrete.contact.frames[:, 0, 1]
+    )  # vertical part of the nodal forces
     stiffness = YOUNG / (1.0 - POISSON**2)
     half_width = np.sqrt(4.0 * load * RADIUS / (np.pi * stiffness))
     peak = 2.0 * load / (np.pi * half_width)

@@ -25,8 +25,8 @@ FACTORS = np.round(np.arange(0.02, 1.3001, 0.02), 2)
 
 def tip_of(problem: hv.DiscreteProblem) -> int:
     """Contact point at the free end."""
-    assert problem.points is not None
-    return int(np.argmax(problem.points[:, 0]))
+    assert problem.contact.points is not None
+    return int(np.argmax(problem.contact.points[:, 0]))
 
 
 def under_load(problem: hv.DiscreteProblem) -> np.ndarray:

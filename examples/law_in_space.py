@@ -84,7 +84,7 @@ def main(out: Path | None = None) -> dict[str, float]:
     print(f"2. two layers: penetration {layered.penetration.mean():.12f} (by hand {by_hand:.12f})")
 
     solution = hv.solve(two_halves()).raise_for_status()
-    x = solution.problem.points
+    x = solution.problem.contact.points
     size = np.abs(solution.friction[:, 0])
     slipping = solution.state == hv.ContactState.SLIP
     smooth = x[:, 0] < 0.5

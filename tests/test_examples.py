@@ -266,7 +266,7 @@ def test_file_of_the_block() -> None:
 
 def test_file_of_the_half_disc_is_the_script() -> None:
     solution, script = solved("half_disc.toml"), load("curved_contact").main()
-    vertical = -(solution.problem.weights * solution.pressure) @ solution.problem.frames[:, 0, 1]
+    vertical = -(solution.problem.contact.weights * solution.pressure) @ solution.problem.contact.frames[:, 0, 1]
     assert vertical == pytest.approx(script["load"], rel=1e-9)
 
 

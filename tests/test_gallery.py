@@ -85,7 +85,7 @@ def test_patch_of_the_block_is_exact():
     points = known.problem.mesh.points
     assert np.abs(solution.displacement - known.displacement(points)).max() < 1e-14
     assert solution.penetration == pytest.approx(0.9 / 14, rel=1e-12)
-    assert solution.pressure == pytest.approx(known.pressure(solution.problem.points), rel=1e-12)
+    assert solution.pressure == pytest.approx(known.pressure(solution.problem.contact.points), rel=1e-12)
 
 
 @pytest.mark.parametrize("weight", [0.3, 2.0])

@@ -122,8 +122,8 @@ def test_path_of_the_delamination_breaks_three_teeth() -> None:
     """The tip passes 0.5, 1 and 2 mm in corners of the path; the first one follows from the linear range."""
     problem = discretize(delamination(2))
     path = follow_path(problem, (0.0, 1.5))
-    assert problem.points is not None
-    tip = int(np.argmax(problem.points[:, 0]))
+    assert problem.contact.points is not None
+    tip = int(np.argmax(problem.contact.points[:, 0]))
     opening = -path.local[:, tip, 0]
     found = []
     for tooth in (0.5e-3, 1e-3, 2e-3):

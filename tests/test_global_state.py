@@ -170,7 +170,7 @@ def test_algebraic_levels_warn_of_nothing() -> None:
 def test_threads_solve_one_problem(method: object) -> None:
     """At the same time, and with other loads on the same levels: each as if it were alone."""
     problem = unstructured(24)
-    light = hv.solve(problem, method).problem.with_law(problem.law)  # shares the levels
+    light = hv.solve(problem, method).problem.with_(law=problem.law)  # shares the levels
     expected = hv.solve(unstructured(24), method)
     barrier = threading.Barrier(4)
 

@@ -20,7 +20,13 @@ PROBLEM = square(n=2)
 DISCRETE = hv.discretize(PROBLEM)
 SOLUTION = hv.solve(DISCRETE)
 U, LAM = SOLUTION.unknowns, SOLUTION.multiplier
-K, F, B, W, G = DISCRETE.stiffness, DISCRETE.load, DISCRETE.trace, DISCRETE.weights, DISCRETE.gap
+K, F, B, W, G = (
+    DISCRETE.linear.stiffness,
+    DISCRETE.linear.load,
+    DISCRETE.contact.trace,
+    DISCRETE.contact.weights,
+    DISCRETE.contact.gap,
+)
 
 
 def changed(**changes: Any) -> hv.ContactProblem:
@@ -102,7 +108,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.LoadStepping(inner="newton"), "LoadStepping.inner is 'newton'; pass a method"),
     (lambda: hv.LoadStepping(steps="many"), "LoadStepping.steps is 'many'; give a whole number >= 1"),
     (lambda: hv.PrimalDualActiveSet("exact"), r"PrimalDualActiveSet.inner is 'exact'; pass ExactInner\(\)"),
-    (lambda: DISCRETE.with_law(hv.Signorini()), r"the law of a discrete problem is a Signorini; pass ContactLaw"),
+    (lambda: DISCRETE.with_(law=hv.Signorini()), r"the law of a discrete problem is a Signorini; pass ContactLaw"),
     (lambda: hv.DiscreteProblem.of_arrays(K, F, B, W, G, hv.Contact(hv.Signorini())), "is a Contact; pass ContactLaw"),
     (lambda: DISCRETE.energy(SOLUTION.displacement), r"the unknowns have shape \(13, 2\); this problem has \(20,\)"),
     (lambda: DISCRETE.contact_force(SOLUTION.pressure), "the multiplier has shape"),
@@ -149,5 +155,5 @@ def test_names_in_messages_are_those_of_the_methods() -> None:
 
 def test_the_right_arguments_pass() -> None:
     law = ContactLaw(hv.Signorini(), hv.Tresca(0.5))
-    assert DISCRETE.with_law(law).law is law
+    assert DISCRETE.with_(law=law).law is law
     assert hv.solve(DISCRETE, hv.METHODS["newton"], hv.Controls(), initial=SOLUTION).status is hv.Status.CONVERGED

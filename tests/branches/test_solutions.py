@@ -178,7 +178,7 @@ def brute_force(problem: DiscreteProblem, points: int) -> float:
         rows = grid.reshape(-1, *system.shape)
         for j in range(system.shape[0]):
             law = problem.law.take(np.array([j]))
-            energy += problem.weights[j] * law.value(rows[:, j])
+            energy += problem.contact.weights[j] * law.value(rows[:, j])
         centre, reach = grid[np.argmin(energy)], 3.0 * reach / points
     return float(energy.min())
 
@@ -186,7 +186,7 @@ def brute_force(problem: DiscreteProblem, points: int) -> float:
 @pytest.mark.parametrize("seed", range(12))
 def test_no_point_of_a_grid_is_below_the_lowest_solution(seed: int) -> None:
     problem = random_problem(1000 + seed)
-    size = problem.contact_points * problem.dim
+    size = problem.contact_points * problem.contact.components
     if size > 4:
         pytest.skip("too many unknowns for a grid")
     found = find_solutions(problem, max_solutions=10_000, starts=10)

@@ -35,9 +35,14 @@ def between_walls(cells: int, angle: float, *, clamped: bool = False) -> Discret
 
 def arrays_of(problem: DiscreteProblem) -> DiscreteProblem:
     return DiscreteProblem.of_arrays(
-        problem.stiffness, problem.load, problem.trace, problem.weights, problem.gap, problem.law,
-        slip_offset=problem.slip_offset,
-    )  # fmt: skip
+        problem.linear.stiffness,
+        problem.linear.load,
+        problem.contact.trace,
+        problem.contact.weights,
+        problem.contact.gap,
+        problem.law,
+        slip_offset=problem.contact.offset[:, 1:],
+    )
 
 
 @pytest.mark.parametrize(("cells", "angle"), [(3, 0.05), (3, 0.1), (64, 0.0), (5, 0.7), (8, 2.2)])
@@ -47,7 +52,7 @@ def test_body_that_may_slide_is_nowhere_called_unique(cells: int, angle: float, 
     problem = arrays_of(problem) if by_arrays else problem
     solution = solve(problem)
     assert solution.status is Status.CONVERGED
-    for factor in (energy_norm(problem), EnergyNorm(problem.stiffness), MultigridNorm(problem)):
+    for factor in (energy_norm(problem), EnergyNorm(problem.linear.stiffness), MultigridNorm(problem)):
         if isinstance(factor, MultigridNorm) and problem.unknowns < 200:
             continue
         assert not factor.definite
@@ -61,8 +66,8 @@ def test_body_that_may_slide_is_nowhere_called_unique(cells: int, angle: float, 
 def test_many_turned_squares() -> None:
     for angle in np.linspace(0.0, 3.1, 120):
         problem = between_walls(3, float(angle))
-        assert not EnergyNorm(problem.stiffness).definite
-        assert EnergyNorm(between_walls(3, float(angle), clamped=True).stiffness).definite
+        assert not EnergyNorm(problem.linear.stiffness).definite
+        assert EnergyNorm(between_walls(3, float(angle), clamped=True).linear.stiffness).definite
 
 
 def test_held_bodies_stay_unique() -> None:
@@ -73,7 +78,7 @@ def test_held_bodies_stay_unique() -> None:
         )
         problem = discretize(statement)
         assert energy_norm(problem).definite
-        assert EnergyNorm(problem.stiffness).definite
+        assert EnergyNorm(problem.linear.stiffness).definite
 
 
 def own(K: np.ndarray, load: np.ndarray, contact: list[int], law: ContactLaw | None = None) -> DiscreteProblem:
@@ -136,7 +141,7 @@ def test_semidefinite_arrays_are_not_refused() -> None:
         load = rng.standard_normal(n)
         load -= kernel * (kernel @ load)
         problem = own(K, load, [0])
-        assert indefinite(problem.stiffness) is None
+        assert indefinite(problem.linear.stiffness) is None
         assert not energy_norm(problem).definite
         solution = solve(problem)
         assert solution.status is Status.CONVERGED
@@ -148,13 +153,15 @@ def test_semidefinite_arrays_are_not_refused() -> None:
 def test_large_indefinite_arrays(negative: float) -> None:
     """One negative eigenvalue in a matrix with a mesh behind it that it does not tell."""
     made = between_walls(80, 0.0, clamped=True)
-    j = int(np.setdiff1d(np.arange(made.unknowns), made.trace.indices)[40])
-    K = made.stiffness.tolil()
+    j = int(np.setdiff1d(np.arange(made.unknowns), made.contact.trace.indices)[40])
+    K = made.linear.stiffness.tolil()
     diagonal = float(K[j, j])
-    inverse = EnergyNorm(made.stiffness).solve(np.eye(1, made.unknowns, j).ravel())[j]
+    inverse = EnergyNorm(made.linear.stiffness).solve(np.eye(1, made.unknowns, j).ravel())[j]
     K[j, j] = diagonal - (1.0 + negative) / inverse  # what makes it singular, and a little more
     assert K[j, j] > 0.0
-    problem = DiscreteProblem.of_arrays(sp.csr_array(K), made.load, made.trace, made.weights, made.gap, made.law)
+    problem = DiscreteProblem.of_arrays(
+        sp.csr_array(K), made.linear.load, made.contact.trace, made.contact.weights, made.contact.gap, made.law
+    )
     at_rest = np.zeros(problem.unknowns)
     for work in (
         lambda: solve(problem),
@@ -172,9 +179,17 @@ def test_springs_added_to_the_stiffness_of_a_mesh_count() -> None:
     assert free is not None
     assert free.shape[1] == 1
     stiffer = DiscreteProblem.of_arrays(
-        made.stiffness + sp.eye_array(made.unknowns), made.load, made.trace, made.weights, made.gap, made.law,
-        slip_offset=made.slip_offset, points=made.points, frames=made.frames, field=made.field,
-    )  # fmt: skip
+        made.linear.stiffness + sp.eye_array(made.unknowns),
+        made.linear.load,
+        made.contact.trace,
+        made.contact.weights,
+        made.contact.gap,
+        made.law,
+        slip_offset=made.contact.offset[:, 1:],
+        points=made.contact.points,
+        frames=made.contact.frames,
+        field=made.field,
+    )
     assert free_unknowns(stiffer) is None
     assert energy_norm(stiffer).definite
     solution = solve(stiffer)

@@ -33,14 +33,14 @@ FACTOR = 20.0
 
 
 def true_error(problem: DiscreteProblem, u: np.ndarray, exact: np.ndarray) -> float:
-    return EnergyNorm(problem.stiffness).norm(u - exact)
+    return EnergyNorm(problem.linear.stiffness).norm(u - exact)
 
 
 def check(problem, u, lam, exact, energy=None, slack=0.0):
     """The bound holds; returns bound / error where the error is well above rounding."""
     certificate = certify(problem, u, lam, factor=energy, trace_constant=False)
     error = true_error(problem, u, exact)
-    size = max(EnergyNorm(problem.stiffness).norm(exact), 1e-300)
+    size = max(EnergyNorm(problem.linear.stiffness).norm(exact), 1e-300)
     assert certificate.margin > 0.0
     assert certificate.error_bound >= error - slack
     return certificate.error_bound / error if error > 1e-9 * size else 1.0
@@ -69,7 +69,7 @@ def test_softening_square(alpha, friction):
     """A body with many contact points, every kind of disturbance, normal law and friction softening."""
     law = Tresca(0.05) if friction == "tresca" else Friction(0.05, weakening(0.4, 10.0))
     problem = square(alpha, friction=law)
-    energy = EnergyNorm(problem.stiffness)
+    energy = EnergyNorm(problem.linear.stiffness)
     reference = solve(problem, controls=Controls(rtol=1e-13))
     exact, lam = reference.unknowns, reference.multiplier
     at_rest = certify(problem, exact, lam, factor=energy)
@@ -166,9 +166,9 @@ def test_bound_that_depends_on_the_penetration():
     friction = Friction(PenetrationBound("0.05 + 0.5*max(s, 0)"))
     problem = square(0.5, friction=friction)
     law = problem.law
-    state = solve(problem.with_law(law.frozen(np.zeros((problem.contact_points, 2)), np.zeros((1, 2)))))
+    state = solve(problem.with_(law=law.frozen(np.zeros((problem.contact_points, 2)), np.zeros((1, 2)))))
     for _ in range(60):  # the outer fixed point, which contracts
-        frozen = problem.with_law(law.frozen(state.local, state.multiplier))
+        frozen = problem.with_(law=law.frozen(state.local, state.multiplier))
         state = solve(frozen, controls=Controls(rtol=1e-14), initial=state)
     exact, lam = state.unknowns, state.multiplier
     certificate = certify(problem, exact, lam)

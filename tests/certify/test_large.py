@@ -92,9 +92,9 @@ INSIDE: dict[str, Callable[[], DiscreteProblem]] = {
 def test_both_ways_agree(name: str) -> None:
     """A converged solution, and a rough one."""
     problem = INSIDE[name]()
-    by_factor, by_multigrid = EnergyNorm(problem.stiffness), MultigridNorm(problem)
+    by_factor, by_multigrid = EnergyNorm(problem.linear.stiffness), MultigridNorm(problem)
     solution = hv.solve(problem, controls=TIGHT)
-    rough = solution.unknowns + 1e-4 * np.abs(solution.unknowns).max() * by_factor.solve(problem.load)
+    rough = solution.unknowns + 1e-4 * np.abs(solution.unknowns).max() * by_factor.solve(problem.linear.load)
     for u in (solution.unknowns, rough):
         exact = certify(problem, u, solution.multiplier, factor=by_factor, trace_constant=False)
         quick = certify(problem, u, solution.multiplier, factor=by_multigrid, trace_constant=False)
@@ -114,7 +114,7 @@ def test_both_ways_agree(name: str) -> None:
 def test_the_bound_holds(name: str) -> None:
     problem = INSIDE[name]()
     exact = hv.solve(problem, hv.NonsmoothNewton(), hv.Controls(rtol=1e-13))
-    energy, norm = MultigridNorm(problem), EnergyNorm(problem.stiffness)
+    energy, norm = MultigridNorm(problem), EnergyNorm(problem.linear.stiffness)
     rng = np.random.default_rng(4)
     for size in (1e-8, 1e-4, 1e-1):
         for noise in (
@@ -133,20 +133,20 @@ def test_the_bound_holds(name: str) -> None:
 def test_norms(name: str) -> None:
     """Dual norms are bounded from above, and hardly more; the smallest eigenvalue from below."""
     problem = INSIDE[name]()
-    exact, quick = EnergyNorm(problem.stiffness), MultigridNorm(problem)
+    exact, quick = EnergyNorm(problem.linear.stiffness), MultigridNorm(problem)
     rng = np.random.default_rng(6)
     noise = rng.standard_normal(problem.unknowns)
-    contact = problem.contact_force(rng.standard_normal((problem.contact_points, problem.dim)))
-    for b in (noise, problem.load, contact, problem.stiffness @ noise):
+    contact = problem.contact_force(rng.standard_normal((problem.contact_points, problem.contact.components)))
+    for b in (noise, problem.linear.load, contact, problem.linear.stiffness @ noise):
         x, bound = quick.riesz(b)
         size = exact.dual_norm(b)
         assert size * (1.0 - 1e-12) <= bound <= 1.02 * size
         near = b + 1e-3 * size * noise / exact.dual_norm(noise)
         again = quick.riesz(near, x)[1]
         assert exact.dual_norm(near) * (1.0 - 1e-12) <= again <= 1.02 * exact.dual_norm(near)
-    assert 0.6 * size < quick.least_dual_norm(problem.load) / exact.dual_norm(problem.load) * size <= size
-    root = np.sqrt(problem.stiffness.diagonal())
-    scaled = problem.stiffness.toarray() / np.outer(root, root)
+    assert 0.6 * size < quick.least_dual_norm(problem.linear.load) / exact.dual_norm(problem.linear.load) * size <= size
+    root = np.sqrt(problem.linear.stiffness.diagonal())
+    scaled = problem.linear.stiffness.toarray() / np.outer(root, root)
     lowest = float(np.linalg.eigvalsh(scaled)[0])
     assert 0.2 * lowest < quick.lowest <= lowest
 
@@ -157,10 +157,10 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
         falling = PiecewiseQuadratic([0.0], [-alpha, -alpha], [0.0])  # type: ignore[arg-type]
         problem = body(rectangle((1.0, 1.0), (24, 24)), falling, NoFriction())
         weight = np.zeros((problem.contact_points, 2))
-        weight[:, 0] = alpha * problem.weights
-        soft = problem.trace.T @ (weight.ravel()[:, None] * problem.trace.toarray())
-        top = float(spla.eigsh(soft, k=1, M=problem.stiffness, which="LA", return_eigenvectors=False)[0])
-        u = np.linalg.solve(problem.stiffness.toarray() - soft, problem.load)
+        weight[:, 0] = alpha * problem.contact.weights
+        soft = problem.contact.trace.T @ (weight.ravel()[:, None] * problem.contact.trace.toarray())
+        top = float(spla.eigsh(soft, k=1, M=problem.linear.stiffness, which="LA", return_eigenvectors=False)[0])
+        u = np.linalg.solve(problem.linear.stiffness.toarray() - soft, problem.linear.load)
         found = certify(problem, u, factor=MultigridNorm(problem), trace_constant=False)
         assert found.stationary
         assert 1.0 - top - 1e-3 * top <= found.margin <= 1.0 - top
@@ -170,8 +170,8 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
         assert found.kind is PointKind.SADDLE
         assert found.curvature == pytest.approx(1.0 - top, rel=2e-3)
         assert found.direction is not None
-        lifted = problem.trace.T @ found.direction.ravel()
-        move = EnergyNorm(problem.stiffness).solve(problem.contact_force(found.direction))
+        lifted = problem.contact.trace.T @ found.direction.ravel()
+        move = EnergyNorm(problem.linear.stiffness).solve(problem.contact_force(found.direction))
         assert np.abs(lifted).max() == pytest.approx(1.0)
         change = problem.energy(u + 1e-4 * move) - problem.energy(u)
         assert change < 0.0
@@ -184,7 +184,7 @@ def test_outside_the_margin(make: Callable[[], DiscreteProblem]) -> None:
     solution = hv.solve(problem, controls=TIGHT)
     exact, quick = (
         certify(problem, solution.unknowns, solution.multiplier, factor=factor, trace_constant=False)
-        for factor in (EnergyNorm(problem.stiffness), MultigridNorm(problem))
+        for factor in (EnergyNorm(problem.linear.stiffness), MultigridNorm(problem))
     )
     assert exact.margin < 0.0
     assert quick.margin == pytest.approx(exact.margin, rel=2e-3)
@@ -217,17 +217,21 @@ def test_body_that_only_contact_holds(nested: bool, dim: int) -> None:
 def test_arrays() -> None:
     """Without a mesh the levels know nothing of rigid motions."""
     made = square(1.5)
-    parts = (made.load, made.trace, made.weights, made.gap, made.law)
-    problem = DiscreteProblem.of_arrays(made.stiffness, *parts)  # type: ignore[arg-type]
+    parts = (made.linear.load, made.contact.trace, made.contact.weights, made.contact.gap, made.law)
+    problem = DiscreteProblem.of_arrays(made.linear.stiffness, *parts)  # type: ignore[arg-type]
     exact, quick = (
-        smallness(problem, factor=EnergyNorm(made.stiffness)),
+        smallness(problem, factor=EnergyNorm(made.linear.stiffness)),
         smallness(problem, factor=MultigridNorm(problem)),
     )
     assert exact.margin - 1e-3 <= quick.margin <= exact.margin
-    root = np.sqrt(made.stiffness.diagonal())
-    assert MultigridNorm(problem).lowest <= np.linalg.eigvalsh(made.stiffness.toarray() / np.outer(root, root))[0]
+    root = np.sqrt(made.linear.stiffness.diagonal())
+    assert (
+        MultigridNorm(problem).lowest <= np.linalg.eigvalsh(made.linear.stiffness.toarray() / np.outer(root, root))[0]
+    )
     held = body(rectangle((1.0, 1.0), (32, 32)), SurveyLaw(0.3, 20.0), Tresca(2.0), left=Roller())
-    floating = DiscreteProblem.of_arrays(held.stiffness, held.load, held.trace, held.weights, held.gap, held.law)
+    floating = DiscreteProblem.of_arrays(
+        held.linear.stiffness, held.linear.load, held.contact.trace, held.contact.weights, held.contact.gap, held.law
+    )
     assert not MultigridNorm(floating).definite
 
 

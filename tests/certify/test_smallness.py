@@ -32,7 +32,12 @@ def test_constant_is_the_largest_eigenvalue(n):
     """Small and many contact points take different paths."""
     problem = square(1.5, n=n, friction=Friction(0.05, weakening(0.4, 10.0)))
     found = smallness(problem)
-    B, K, w, d = problem.trace.toarray(), problem.stiffness.toarray(), problem.weights, problem.dim
+    B, K, w, d = (
+        problem.contact.trace.toarray(),
+        problem.linear.stiffness.toarray(),
+        problem.contact.weights,
+        problem.contact.components,
+    )
 
     def top(normal: float, tangential: float) -> float:
         weight = np.tile([normal, tangential], len(w)) * np.repeat(w, d)
@@ -73,8 +78,8 @@ def test_trace_constant_by_a_dense_eigenproblem():
     assert problem.field is not None
     P = problem.field.basis.toarray()
     V = P.T @ stiffness_matrix(problem.field.mesh, Material.lame(0.0, 0.5)).toarray() @ P
-    B = problem.trace.toarray()
-    w = np.repeat(problem.weights, 2)
+    B = problem.contact.trace.toarray()
+    w = np.repeat(problem.contact.weights, 2)
     assert found.both**2 == pytest.approx(la.eigh(B.T @ (w[:, None] * B), V, eigvals_only=True)[-1], rel=1e-8)
     assert max(found.normal, found.tangential) < found.both < np.hypot(found.normal, found.tangential)
 

@@ -137,7 +137,7 @@ def test_long_tables_are_laid_out_only_where_the_margin_does_not_decide() -> Non
     r = np.linspace(0.0, 1.0, 30_001)
     convex = table_law(r, np.tanh(20.0 * r))
     with at_most_calls(100_000):
-        found = find_solutions(discrete_square(n=4).with_law(ContactLaw(convex, Tresca(0.5))))
+        found = find_solutions(discrete_square(n=4).with_(law=ContactLaw(convex, Tresca(0.5))))
     assert found.exhaustive
     assert len(found) == 1
 
@@ -148,7 +148,7 @@ def test_laying_out_a_long_table_obeys_the_time_limit(monkeypatch: pytest.Monkey
     time_by_looks(monkeypatch)
     with at_most_calls(300_000):
         found = find_solutions(
-            discrete_square(n=4).with_law(ContactLaw(softening, Tresca(0.5))), controls=Controls(max_time=0.2)
+            discrete_square(n=4).with_(law=ContactLaw(softening, Tresca(0.5))), controls=Controls(max_time=0.2)
         )
     assert not found.exhaustive
     assert "time limit" in found.searched

@@ -33,17 +33,17 @@ def arrays(**changes) -> dict:
 def test_accepts_dense_and_sparse() -> None:
     for convert in (np.asarray, sp.csc_matrix, sp.coo_array, sp.bsr_array):
         problem = DiscreteProblem.of_arrays(**arrays(stiffness=convert(arrays()["stiffness"])))
-        assert isinstance(problem.stiffness, sp.csr_array)
-        assert (problem.unknowns, problem.contact_points, problem.dim) == (6, 2, 2)
+        assert isinstance(problem.linear.stiffness, sp.csr_array)
+        assert (problem.unknowns, problem.contact_points, problem.contact.components) == (6, 2, 2)
 
 
 def test_energy_local_and_force() -> None:
     problem = DiscreteProblem.of_arrays(**arrays(slip_offset=[[0.2], [0.0]], constant=3.0))
-    np.testing.assert_array_equal(problem.offset, [0.1, 0.2, 0.0, 0.0])
+    np.testing.assert_array_equal(problem.contact.offset.ravel(), [0.1, 0.2, 0.0, 0.0])
     u = np.array([0.3, 0.1, -0.2, 0.4, 0.5, 0.6])
     r = problem.local(u)
     np.testing.assert_allclose(r, [[0.2, -0.1], [-0.2, 0.4]])
-    K, f = problem.stiffness.toarray(), problem.load
+    K, f = problem.linear.stiffness.toarray(), problem.linear.load
     contact = 0.5 * (0.3 * 0.2 + 0.2**2 + 0.5 * 0.1) + 0.25 * (0.5 * 0.4)
     assert np.isclose(problem.energy(u), 0.5 * u @ K @ u - f @ u + contact + 3.0)
     force = problem.contact_force(np.array([[1.0, 2.0], [3.0, 4.0]]))
@@ -53,7 +53,7 @@ def test_energy_local_and_force() -> None:
 def test_scalar_contact() -> None:
     """A bar: one normal component, no slip."""
     problem = DiscreteProblem.of_arrays([[2.0]], [1.0], [[1.0]], [1.0], [0.0], ContactLaw(SurveyLaw(0.3, 2.0)))
-    assert problem.dim == 1
+    assert problem.contact.components == 1
     assert np.isclose(problem.energy(np.array([0.1])), 0.01 - 0.1 + 0.03 + 0.01)
 
 
@@ -83,12 +83,12 @@ def test_assembled_problems_pass_the_checks_they_are_spared(order: int) -> None:
 
 def test_with_law_shares_matrices() -> None:
     problem = DiscreteProblem.of_arrays(**arrays())
-    other = problem.with_law(ContactLaw(SurveyLaw(1.0)))
-    assert other.stiffness is problem.stiffness
+    other = problem.with_(law=ContactLaw(SurveyLaw(1.0)))
+    assert other.linear.stiffness is problem.linear.stiffness
     assert other.law is not problem.law
     assert other.energy(np.ones(6)) != problem.energy(np.ones(6))
     with pytest.raises(ProblemError, match="law"):
-        problem.with_law(ContactLaw(SurveyLaw(np.ones(5))))
+        problem.with_(law=ContactLaw(SurveyLaw(np.ones(5))))
 
 
 UNSYMMETRIC = arrays()["stiffness"] + np.eye(6, k=2) * 1e-6

@@ -101,9 +101,17 @@ def test_loads_whose_energies_over_or_underflow_are_refused(size: float) -> None
 @pytest.mark.parametrize("name", ["newton", "multigrid", "bundle", "direct-lbfgs"])
 def test_sizes_near_the_ends_of_the_numbers(name: str, size: float) -> None:
     plain = discrete_square("rigid")
-    data = {"stiffness": plain.stiffness, "trace": plain.trace, "weights": plain.weights, "gap": plain.gap}
+    data = {
+        "stiffness": plain.linear.stiffness,
+        "trace": plain.contact.trace,
+        "weights": plain.contact.weights,
+        "gap": plain.contact.gap,
+    }
     law = ContactLaw(Signorini(), Tresca(0.1 * size))
-    found = solve(DiscreteProblem.of_arrays(load=size * plain.load, law=law.at(plain.points), **data), METHODS[name])
+    found = solve(
+        DiscreteProblem.of_arrays(load=size * plain.linear.load, law=law.at(plain.contact.points), **data),
+        METHODS[name],
+    )
     reference = solve(plain)
     assert found.status is Status.CONVERGED
     assert found.unknowns / size == pytest.approx(reference.unknowns, rel=1e-6, abs=1e-9)

@@ -43,8 +43,8 @@ def cube(x: float, y: float, z: float, cells: int = 2) -> Mesh:
 
 def kernel_size(problem: DiscreteProblem) -> int:
     """Dimension of the kernel of the stiffness, by its eigenvalues."""
-    root = np.sqrt(problem.diagonal)
-    values = np.linalg.eigvalsh(problem.stiffness.toarray() / np.outer(root, root))
+    root = np.sqrt(problem.linear.diagonal)
+    values = np.linalg.eigvalsh(problem.linear.stiffness.toarray() / np.outer(root, root))
     assert not np.any((values > 1e-12) & (values < 1e-6))
     return int(np.count_nonzero(values < 1e-12))
 
@@ -82,7 +82,7 @@ def test_motions_are_the_kernel_of_the_stiffness(shape: str, support: str, order
     assert found.count == kernel_size(problem)
     unknowns = problem.field.basis.T @ found.motions
     if found.count:
-        assert abs(problem.stiffness @ unknowns).max() < 1e-11 * abs(problem.stiffness).max()
+        assert abs(problem.linear.stiffness @ unknowns).max() < 1e-11 * abs(problem.linear.stiffness).max()
         assert abs(problem.field.basis @ unknowns - found.motions).max() < 1e-9
         assert np.linalg.matrix_rank(unknowns.toarray()) == found.count
 
@@ -172,8 +172,8 @@ def test_a_lever_on_a_hinge_that_contact_holds() -> None:
     assert problem.field.free_motions.count == 1
     solution = solve(problem)
     assert solution.status is Status.CONVERGED
-    assert problem.points is not None
-    moment = float((problem.weights * solution.pressure) @ (problem.points[:, 1] - 1.0))
+    assert problem.contact.points is not None
+    moment = float((problem.contact.weights * solution.pressure) @ (problem.contact.points[:, 1] - 1.0))
     assert moment == pytest.approx(0.5 * 0.5, rel=1e-9)
 
 

@@ -86,7 +86,7 @@ def _difference(problem: DiscreteProblem, reference: Solution, displacement: Arr
     """Relative, in the energy norm."""
     assert problem.field is not None
     off = problem.field.restrict(displacement) - reference.unknowns
-    K = problem.stiffness
+    K = problem.linear.stiffness
     return float(np.sqrt(off @ (K @ off) / (reference.unknowns @ (K @ reference.unknowns))))
 
 
@@ -97,11 +97,11 @@ def _compare(problem: Path, result: Path) -> dict[str, object]:
     assert _difference(discrete, reference, np.array(record["displacement"])) < 1e-9
     contact = record["contact"]
     size = np.abs(reference.pressure).max()
-    np.testing.assert_allclose(contact["x"], discrete.points, atol=1e-12)
-    np.testing.assert_allclose(contact["weight"], discrete.weights, rtol=1e-12)
+    np.testing.assert_allclose(contact["x"], discrete.contact.points, atol=1e-12)
+    np.testing.assert_allclose(contact["weight"], discrete.contact.weights, rtol=1e-12)
     np.testing.assert_allclose(contact["pressure"], reference.pressure, atol=1e-7 * size)
-    assert discrete.without_friction is not None
-    assert contact["without_friction"] == discrete.without_friction.tolist()
+    assert discrete.contact.without_friction is not None
+    assert contact["without_friction"] == discrete.contact.without_friction.tolist()
     assert record["warnings"] == list(discrete.warnings)
     return record  # type: ignore[no-any-return]
 

@@ -45,12 +45,12 @@ def survey_problem(cells: int = 8, **options) -> ContactProblem:
 
 def solve_linear(discrete: DiscreteProblem, spring: float = 0.0) -> np.ndarray:
     """Solution with the law 1/2 spring r_nu^2 in place of the problem's own; the full field."""
-    normal = sp.csr_array(discrete.trace[:: discrete.dim]) if discrete.contact_points else None
-    K, f = discrete.stiffness, discrete.load
+    normal = sp.csr_array(discrete.contact.trace[:: discrete.contact.components]) if discrete.contact_points else None
+    K, f = discrete.linear.stiffness, discrete.linear.load
     if normal is not None and spring:
-        weights = sp.diags_array(spring * discrete.weights)
+        weights = sp.diags_array(spring * discrete.contact.weights)
         K = K + normal.T @ weights @ normal
-        f = f + normal.T @ (weights @ discrete.gap)
+        f = f + normal.T @ (weights @ discrete.contact.gap)
     u = sla.spsolve(sp.csc_array(K), f)
     assert discrete.field is not None
     return discrete.field.full(u)
@@ -185,7 +185,7 @@ def test_block_pressed_by_its_top(order: int) -> None:
     np.testing.assert_allclose(discrete.local(u)[:, 0], s)
     multiplier = np.zeros((discrete.contact_points, 2))
     multiplier[:, 0] = q + p * s
-    residual = discrete.stiffness @ u + discrete.contact_force(multiplier) - discrete.load
+    residual = discrete.linear.stiffness @ u + discrete.contact_force(multiplier) - discrete.linear.load
     assert np.abs(residual).max() < 1e-13
     assert math.isclose(discrete.energy(u), 0.5 * M * (D - s) ** 2 + q * s + 0.5 * p * s**2)
 
@@ -210,32 +210,34 @@ def test_zero_poisson_block() -> None:
 
 def test_trace_selects_unknowns() -> None:
     discrete = discretize(survey_problem(8))
-    assert (discrete.unknowns, discrete.contact_points, discrete.dim) == (2 * 72, 8, 2)
-    assert discrete.trace.nnz == 16
-    assert set(discrete.trace.data) == {1.0}
-    assert (np.diff(discrete.trace.indptr) == 1).all()
-    np.testing.assert_allclose(discrete.weights, [*[1 / 8] * 7, 1 / 16])
-    np.testing.assert_allclose(discrete.frames, np.broadcast_to([[0, -1], [1, 0]], (8, 2, 2)), atol=0)
-    np.testing.assert_allclose(discrete.points[:, 0], np.arange(1, 9) / 8)
+    assert (discrete.unknowns, discrete.contact_points, discrete.contact.components) == (2 * 72, 8, 2)
+    assert discrete.contact.trace.nnz == 16
+    assert set(discrete.contact.trace.data) == {1.0}
+    assert (np.diff(discrete.contact.trace.indptr) == 1).all()
+    np.testing.assert_allclose(discrete.contact.weights, [*[1 / 8] * 7, 1 / 16])
+    np.testing.assert_allclose(discrete.contact.frames, np.broadcast_to([[0, -1], [1, 0]], (8, 2, 2)), atol=0)
+    np.testing.assert_allclose(discrete.contact.points[:, 0], np.arange(1, 9) / 8)
 
 
 def test_simpson_weights() -> None:
     discrete = discretize(survey_problem(2, order=2))
-    np.testing.assert_allclose(discrete.points[np.argsort(discrete.points[:, 0]), 0], [0.25, 0.5, 0.75, 1.0])
-    order = np.argsort(discrete.points[:, 0])
-    np.testing.assert_allclose(discrete.weights[order], [1 / 3, 1 / 6, 1 / 3, 1 / 12])
-    assert set(discrete.trace.data) == {1.0}
+    np.testing.assert_allclose(
+        discrete.contact.points[np.argsort(discrete.contact.points[:, 0]), 0], [0.25, 0.5, 0.75, 1.0]
+    )
+    order = np.argsort(discrete.contact.points[:, 0])
+    np.testing.assert_allclose(discrete.contact.weights[order], [1 / 3, 1 / 6, 1 / 3, 1 / 12])
+    assert set(discrete.contact.trace.data) == {1.0}
 
 
 @pytest.mark.parametrize(("order", "share"), [(1, 1 / 8), (2, 1 / 24)])
 def test_midpoints(order: int, share: float) -> None:
     problem = survey_problem(4, order=order, quadrature=Quadrature.MIDPOINT)
     discrete = discretize(problem)
-    np.testing.assert_allclose(discrete.points[:, 0], [0.125, 0.375, 0.625, 0.875])
-    np.testing.assert_allclose(discrete.weights, 0.25)
+    np.testing.assert_allclose(discrete.contact.points[:, 0], [0.125, 0.375, 0.625, 0.875])
+    np.testing.assert_allclose(discrete.contact.weights, 0.25)
     nodes = problem.mesh.nodes(order)
     u = discrete.field.restrict(nodes[:, :1] * [0.3, -0.2])
-    np.testing.assert_allclose(discrete.local(u), discrete.points[:, :1] * [0.2, 0.3])
+    np.testing.assert_allclose(discrete.local(u), discrete.contact.points[:, :1] * [0.2, 0.3])
     assert math.isclose(discrete.contact_force(np.tile([1.0, 0.0], (4, 1))).sum(), -1.0 + share)
 
 
@@ -253,7 +255,7 @@ def test_basis_is_orthonormal(order: int) -> None:
     P = discrete.field.basis
     assert abs(P.T @ P - sp.eye(discrete.unknowns)).max() < 1e-14
     assert np.abs(P.T @ discrete.field.prescribed).max() == 0.0
-    normal = discrete.frames[:, 0]
+    normal = discrete.contact.frames[:, 0]
     np.testing.assert_allclose(normal, np.broadcast_to([math.sin(0.3), -math.cos(0.3)], normal.shape))
 
 
@@ -310,7 +312,7 @@ def test_energy_is_the_energy_of_the_full_field() -> None:
 def test_gap_function() -> None:
     problem = survey_problem(4, contact={"bottom": Contact(Signorini(), gap=lambda x: 0.1 * x[:, 0] ** 2)})
     discrete = discretize(problem)
-    np.testing.assert_allclose(discrete.gap, 0.1 * discrete.points[:, 0] ** 2)
+    np.testing.assert_allclose(discrete.contact.gap, 0.1 * discrete.contact.points[:, 0] ** 2)
 
 
 def test_array_parameters_follow_dropped_points() -> None:
@@ -324,25 +326,25 @@ def test_array_parameters_follow_dropped_points() -> None:
 def test_roller_across_the_contact_boundary() -> None:
     """The corner keeps its normal freedom; its fixed tangential row is zero."""
     discrete = discretize(survey_problem(4, supports={"left": Roller()}))
-    corner = int(np.argmin(discrete.points[:, 0]))
+    corner = int(np.argmin(discrete.contact.points[:, 0]))
     assert discrete.contact_points == 5
-    assert discrete.trace[[2 * corner]].nnz == 1
-    assert discrete.trace[[2 * corner + 1]].nnz == 0
+    assert discrete.contact.trace[[2 * corner]].nnz == 1
+    assert discrete.contact.trace[[2 * corner + 1]].nnz == 0
 
 
 def test_roller_along_the_contact_boundary() -> None:
     """Bilateral contact by a roller: normal rows are zero, friction remains."""
     discrete = discretize(survey_problem(4, supports={"bottom": Roller(), "left": Clamped()}))
     assert discrete.contact_points == 4
-    assert np.diff(discrete.trace.indptr).reshape(-1, 2).tolist() == [[0, 1]] * 4
+    assert np.diff(discrete.contact.trace.indptr).reshape(-1, 2).tolist() == [[0, 1]] * 4
 
 
 def test_sliding_support_enters_the_slip() -> None:
     discrete = discretize(survey_problem(4, supports={"left": Fixed(x=0.2)}))
-    corner = int(np.argmin(discrete.points[:, 0]))
+    corner = int(np.argmin(discrete.contact.points[:, 0]))
     z = np.zeros(discrete.unknowns)
     np.testing.assert_allclose(discrete.local(z)[corner], [0.0, 0.2])
-    np.testing.assert_allclose(discrete.slip_offset[corner], -0.2)
+    np.testing.assert_allclose(discrete.contact.offset[:, 1:][corner], -0.2)
 
 
 def test_oblique_support_at_a_contact_node() -> None:
@@ -350,11 +352,11 @@ def test_oblique_support_at_a_contact_node() -> None:
     plain = rectangle((1, 1), 4)
     skewed = Mesh(plain.points @ np.array([[1.0, 0.0], [0.5, 1.0]]), plain.cells, dict(plain.boundaries))
     discrete = discretize(survey_problem(mesh=skewed, supports={"left": Roller()}))
-    corner = int(np.argmin(discrete.points[:, 0]))
-    rows = discrete.trace.toarray().reshape(-1, 2, discrete.unknowns)[corner]
+    corner = int(np.argmin(discrete.contact.points[:, 0]))
+    rows = discrete.contact.trace.toarray().reshape(-1, 2, discrete.unknowns)[corner]
     assert np.count_nonzero(rows[0]) == 1
     assert np.count_nonzero(rows[1]) == 0
-    assert np.linalg.matrix_rank(discrete.trace.toarray()) == 2 * discrete.contact_points - 1
+    assert np.linalg.matrix_rank(discrete.contact.trace.toarray()) == 2 * discrete.contact_points - 1
 
 
 def test_corner_of_a_roller_boundary_is_held_both_ways() -> None:
@@ -387,7 +389,7 @@ def test_two_contact_boundaries_meet() -> None:
     )
     discrete = discretize(problem)
     assert discrete.contact_points == 4 + 5
-    corner = np.flatnonzero(np.all(discrete.points == [1.0, 0.0], axis=1))
+    corner = np.flatnonzero(np.all(discrete.contact.points == [1.0, 0.0], axis=1))
     assert len(corner) == 2
     u = np.random.default_rng(0).standard_normal(discrete.unknowns)
     r, U = discrete.local(u), discrete.field.full(u)
@@ -395,7 +397,7 @@ def test_two_contact_boundaries_meet() -> None:
     # Both normals, and no friction, so that the rows of the trace stay independent.
     np.testing.assert_allclose(r[corner[0]], [-tip[1], 0.0])
     np.testing.assert_allclose(r[corner[1]], [tip[0] - 0.5, 0.0])
-    rows = discrete.trace.toarray()
+    rows = discrete.contact.trace.toarray()
     assert np.linalg.matrix_rank(rows) == np.count_nonzero(np.abs(rows).sum(axis=1))
 
 
@@ -407,9 +409,9 @@ def test_contact_boundaries_that_continue_each_other_share_one_point() -> None:
     laws = {"west": Contact(Signorini(), Tresca(0.1)), "east": Contact(SURVEY.normal, Tresca(0.1))}
     discrete = discretize(ContactProblem(mesh, Material.lame(4, 4), laws, {"top": Clamped()}))
     assert discrete.contact_points == 9
-    assert math.isclose(discrete.weights.sum(), 1.0)
-    order = np.argsort(discrete.points[:, 0])
-    np.testing.assert_allclose(discrete.weights[order], [1 / 16, *[1 / 8] * 7, 1 / 16])
+    assert math.isclose(discrete.contact.weights.sum(), 1.0)
+    order = np.argsort(discrete.contact.points[:, 0])
+    np.testing.assert_allclose(discrete.contact.weights[order], [1 / 16, *[1 / 8] * 7, 1 / 16])
     # The node in the middle follows the boundary named first, which is rigid.
     r = np.full((9, 2), 0.01)
     value = discrete.law.value(r)[order]
@@ -425,18 +427,18 @@ def test_contact_in_space(supports: dict) -> None:
     mesh = mesh.moved([[c, 0, s], [0, 1, 0], [-s, 0, c]])
     problem = ContactProblem(mesh, Material.lame(1, 1), {"bottom": SURVEY}, supports)
     discrete = discretize(problem)
-    assert math.isclose(discrete.weights.sum(), 1.0)
-    gram = np.einsum("kci,kdi->kcd", discrete.frames, discrete.frames)
+    assert math.isclose(discrete.contact.weights.sum(), 1.0)
+    gram = np.einsum("kci,kdi->kcd", discrete.contact.frames, discrete.contact.frames)
     np.testing.assert_allclose(gram, np.broadcast_to(np.eye(3), gram.shape), atol=1e-14)
-    assert (np.linalg.det(discrete.frames) > 0).all()
+    assert (np.linalg.det(discrete.contact.frames) > 0).all()
     P = discrete.field.basis
     assert abs(P.T @ P - sp.eye(discrete.unknowns)).max() < 1e-14
-    assert np.diff(discrete.trace.indptr).max() == 1
+    assert np.diff(discrete.contact.trace.indptr).max() == 1
     u = np.random.default_rng(0).standard_normal(discrete.unknowns)
     U = discrete.field.full(u)
     for j in (0, 3, 7, 15):
-        node = int(np.argmin(np.linalg.norm(mesh.points - discrete.points[j], axis=1)))
-        np.testing.assert_allclose(discrete.local(u)[j], discrete.frames[j] @ U[node], atol=1e-13)
+        node = int(np.argmin(np.linalg.norm(mesh.points - discrete.contact.points[j], axis=1)))
+        np.testing.assert_allclose(discrete.local(u)[j], discrete.contact.frames[j] @ U[node], atol=1e-13)
 
 
 # ---- supports ----------------------------------------------------------------------------------------------
@@ -513,8 +515,8 @@ def test_points_without_friction_are_named() -> None:
 
     for angle in (0.0, 0.4):
         corner = warned(angle, contact={"bottom": rough, "right": rough})
-        assert corner.without_friction is not None
-        place = corner.points[corner.without_friction]
+        assert corner.contact.without_friction is not None
+        place = corner.contact.points[corner.contact.without_friction]
         expected = np.array([np.cos(angle), np.sin(angle)])
         np.testing.assert_allclose(place, [expected, expected], atol=1e-12)
         (sentence,) = corner.warnings
@@ -522,7 +524,7 @@ def test_points_without_friction_are_named() -> None:
         assert f"({expected[0]:.6g}, {expected[1]:.6g})" in sentence
         assert not warned(angle, contact={"bottom": smooth, "right": smooth}).warnings
         mixed = warned(angle, contact={"bottom": smooth, "right": rough})
-        assert np.count_nonzero(mixed.without_friction) == 1
+        assert np.count_nonzero(mixed.contact.without_friction) == 1
     assert not warned().warnings
     slanted = Mesh.oriented(
         np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.5, 1.0]]), np.array([[0, 1, 2], [0, 2, 3]])
@@ -731,4 +733,4 @@ def test_large_mesh() -> None:
     """Half a million unknowns take seconds."""
     discrete = discretize(survey_problem(512))
     assert discrete.unknowns == 2 * 512 * 513
-    assert abs(discrete.stiffness - discrete.stiffness.T).max() == 0.0
+    assert abs(discrete.linear.stiffness - discrete.linear.stiffness.T).max() == 0.0

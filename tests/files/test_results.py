@@ -28,7 +28,7 @@ def test_json_holds_the_solution(plane, tmp_path):
     assert record["history"][-1]["residual"] == plane.history[-1].residual
     contact = record["contact"]
     assert set(contact["boundary"]) == {"bottom"}
-    assert np.array_equal(contact["x"], plane.problem.points)
+    assert np.array_equal(contact["x"], plane.problem.contact.points)
     assert np.array_equal(contact["normal"], np.tile([0.0, -1.0], (16, 1)))
     assert contact["pressure"] == plane.pressure.tolist()
     assert contact["friction"] == plane.friction[:, 0].tolist()
@@ -58,7 +58,11 @@ def test_solid_has_vectors(solid):
     contact = solution_record(solid)["contact"]
     assert np.shape(contact["friction"]) == np.shape(contact["slip"]) == (6, 2)
     force = np.array(solution_record(solid)["resultants"]["force"])
-    lower = -1.0 * solid.problem.weights[:, None] * np.einsum("mc,mcd->md", solid.multiplier, solid.problem.frames)
+    lower = (
+        -1.0
+        * solid.problem.contact.weights[:, None]
+        * np.einsum("mc,mcd->md", solid.multiplier, solid.problem.contact.frames)
+    )
     np.testing.assert_allclose(force, lower.sum(axis=0), rtol=1e-12)
     assert force[2] == pytest.approx(solid.normal_force, rel=1e-12)
 
@@ -124,7 +128,7 @@ def test_vtu_can_be_read(body, tmp_path, capfd):
 def test_vtu_at_the_contact_nodes(plane, tmp_path):
     body, _ = write_vtu(plane, tmp_path / "solution.vtu")
     grid = meshio.read(body)
-    points = plane.problem.points
+    points = plane.problem.contact.points
     nodes = [int(np.argmin(np.linalg.norm(grid.points[:, :2] - x, axis=1))) for x in points]
     assert np.array_equal(grid.point_data["pressure"][nodes], plane.pressure)
     assert np.array_equal(grid.point_data["state"][nodes], plane.state)

@@ -37,7 +37,7 @@ def same_discrete(one: hv.ContactProblem, other: hv.ContactProblem) -> None:
         np.testing.assert_array_equal(a.indices, b.indices)
         np.testing.assert_array_equal(a.data, b.data)
     if first.contact_points:
-        r = np.random.default_rng(0).normal(scale=0.2, size=(first.contact_points, first.dim))
+        r = np.random.default_rng(0).normal(scale=0.2, size=(first.contact_points, first.contact.components))
         r = first.law.admissible(r)
         lam = np.abs(np.random.default_rng(1).normal(size=r.shape))
         np.testing.assert_array_equal(first.law.frozen(r, lam).value(r), second.law.frozen(r, lam).value(r))

@@ -116,15 +116,17 @@ def block(obstacle: Obstacle, normals: str | None = None, **options) -> ContactP
 def test_gap_and_normal_below_a_flat_body(quadrature: Quadrature) -> None:
     circle = Sphere((0.5, -2.0), 1.9)
     own = discretize(block(circle, "obstacle", quadrature=quadrature))
-    x = own.points[:, 0] - 0.5
-    np.testing.assert_allclose(own.gap, np.hypot(x, 2.0) - 1.9, atol=1e-14)
-    np.testing.assert_allclose(own.frames[:, 0], np.column_stack([-x, -2.0 + 0 * x]) / np.hypot(x, 2)[:, None])
+    x = own.contact.points[:, 0] - 0.5
+    np.testing.assert_allclose(own.contact.gap, np.hypot(x, 2.0) - 1.9, atol=1e-14)
+    np.testing.assert_allclose(own.contact.frames[:, 0], np.column_stack([-x, -2.0 + 0 * x]) / np.hypot(x, 2)[:, None])
     np.testing.assert_allclose(
-        own.frames @ own.frames.transpose(0, 2, 1), np.broadcast_to(np.eye(2), (len(x), 2, 2)), atol=1e-14
+        own.contact.frames @ own.contact.frames.transpose(0, 2, 1),
+        np.broadcast_to(np.eye(2), (len(x), 2, 2)),
+        atol=1e-14,
     )
     body = discretize(block(circle, "body", quadrature=quadrature))
-    np.testing.assert_allclose(body.gap, 2.0 - np.sqrt(1.9**2 - x**2), atol=1e-14)
-    np.testing.assert_allclose(body.frames[:, 0], [[0.0, -1.0]] * len(x), atol=1e-14)
+    np.testing.assert_allclose(body.contact.gap, 2.0 - np.sqrt(1.9**2 - x**2), atol=1e-14)
+    np.testing.assert_allclose(body.contact.frames[:, 0], [[0.0, -1.0]] * len(x), atol=1e-14)
 
 
 def test_a_plane_below_a_flat_body_is_the_gap() -> None:
@@ -163,7 +165,7 @@ def test_an_overlap_is_an_interference_fit() -> None:
 
 def test_points_whose_normal_misses_are_no_contact_points() -> None:
     found = discretize(block(Sphere((0.5, -0.3), 0.2), "body"))
-    np.testing.assert_allclose(found.points[:, 0], [0.375, 0.5, 0.625])  # of a grid of 1/8
+    np.testing.assert_allclose(found.contact.points[:, 0], [0.375, 0.5, 0.625])  # of a grid of 1/8
     solution = solve(found).raise_for_status()
     assert solution.penetration.max() <= 1e-12
 
@@ -285,8 +287,8 @@ normal = "signorini"
 def test_obstacles_in_problem_files(text: str, obstacle: Obstacle, normals: str | None) -> None:
     found = discretize(parse_problem(f"{HEAD}{text}\n"))
     expected = discretize(block(obstacle, normals))
-    np.testing.assert_allclose(found.gap, expected.gap, atol=1e-12)
-    np.testing.assert_allclose(found.frames, expected.frames, atol=1e-8)
+    np.testing.assert_allclose(found.contact.gap, expected.contact.gap, atol=1e-12)
+    np.testing.assert_allclose(found.contact.frames, expected.contact.frames, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -335,8 +337,8 @@ def test_cylinder_in_a_problem_file(tmp_path) -> None:
             tmp_path,
         )
     )
-    x = found.points[:, 0] - 0.5
-    np.testing.assert_allclose(found.gap, np.hypot(x, 2.0) - 1.99, atol=1e-14)
+    x = found.contact.points[:, 0] - 0.5
+    np.testing.assert_allclose(found.contact.gap, np.hypot(x, 2.0) - 1.99, atol=1e-14)
 
 
 @pytest.mark.parametrize("normals", ["body", "obstacle"])

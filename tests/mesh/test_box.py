@@ -172,9 +172,11 @@ def test_normals_on_a_sphere_from_gmsh(gmsh_balls) -> None:
             contact={"ground": Contact(Signorini())},
         )
         discrete = discretize(problem)
-        error = np.linalg.norm(discrete.frames[:, 0] - discrete.points, axis=1)
-        inner = (discrete.points[:, :2] > 1e-9).all(axis=1)
+        error = np.linalg.norm(discrete.contact.frames[:, 0] - discrete.contact.points, axis=1)
+        inner = (discrete.contact.points[:, :2] > 1e-9).all(axis=1)
         assert error.max() < size
         errors.append(error[inner].max())
-        assert discrete.weights.sum() == pytest.approx(np.pi / 2.0, rel=0.1 + size)  # the clamped rim has no points
+        assert discrete.contact.weights.sum() == pytest.approx(
+            np.pi / 2.0, rel=0.1 + size
+        )  # the clamped rim has no points
     assert errors[1] < 0.8 * errors[0]

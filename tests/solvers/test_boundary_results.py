@@ -167,7 +167,7 @@ def test_a_support_that_finds_everything_fixed_takes_nothing() -> None:
 
 def test_reactions_of_another_load_are_refused() -> None:
     problem = discretize(PLANE)
-    loaded = solve(problem.with_(load=2.0 * problem.load))
+    loaded = solve(problem.with_(load=2.0 * problem.linear.load))
     with pytest.raises(ProblemError, match="stated load only"):
         _ = loaded.reactions
     with pytest.raises(ProblemError, match="made of arrays"):

@@ -38,7 +38,8 @@ def distance(problem: hv.DiscreteProblem, one: hv.Solution, other: hv.Solution) 
     """Energy norm of the difference over that of the second."""
     gap = one.unknowns - other.unknowns
     return float(
-        np.sqrt(gap @ (problem.stiffness @ gap)) / np.sqrt(other.unknowns @ (problem.stiffness @ other.unknowns))
+        np.sqrt(gap @ (problem.linear.stiffness @ gap))
+        / np.sqrt(other.unknowns @ (problem.linear.stiffness @ other.unknowns))
     )
 
 

@@ -69,7 +69,7 @@ def test_a_start_at_a_local_maximum_is_left() -> None:
     problem = bar(0.5, SOFTENING)
     reaction = np.zeros((1, 1))
     reaction[0, 0] = 0.25 - 0.15
-    at_top = np.linalg.solve(problem.stiffness.toarray(), problem.load - problem.contact_force(reaction))
+    at_top = np.linalg.solve(problem.linear.stiffness.toarray(), problem.linear.load - problem.contact_force(reaction))
     for search in Search:
         found = solve(problem, NonsmoothNewton(search=search), initial=at_top)
         assert found.status is Status.CONVERGED
@@ -160,7 +160,7 @@ def ramp(s: np.ndarray) -> np.ndarray:
 
 def frozen(solution: Solution) -> DiscreteProblem:
     problem = solution.problem
-    return problem.with_law(problem.law.frozen(solution.local, solution.multiplier))
+    return problem.with_(law=problem.law.frozen(solution.local, solution.multiplier))
 
 
 def test_a_bound_that_depends_on_the_penetration_is_solved_by_a_fixed_point() -> None:
@@ -255,7 +255,7 @@ def test_a_condensation_serves_other_loads_and_gaps() -> None:
 
     for problem in (discrete_square("data (5.1)", 4), discrete_square("data (5.1)", 4, quadrature="midpoint")):
         system = condense(problem)
-        other = replace(problem, load=0.3 * problem.load, gap=problem.gap + 0.01, constant=1.0)
+        other = replace(problem, load=0.3 * problem.linear.load, gap=problem.contact.gap + 0.01, constant=1.0)
         shared, fresh = system.for_problem(other), condense(other)
         np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
         assert shared.constant == pytest.approx(fresh.constant)

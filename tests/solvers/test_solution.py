@@ -53,5 +53,5 @@ def test_the_length_of_contact_is_that_of_the_points_that_are_not_open() -> None
     solution = solve(replace(square("rigid"), contact=apart))
     shut = solution.state != OPEN
     assert 0 < shut.sum() < shut.size
-    assert solution.contact_length == pytest.approx(solution.problem.weights[shut].sum())
-    assert solution.normal_force == pytest.approx(solution.problem.weights @ solution.pressure)
+    assert solution.contact_length == pytest.approx(solution.problem.contact.weights[shut].sum())
+    assert solution.normal_force == pytest.approx(solution.problem.contact.weights @ solution.pressure)

@@ -200,7 +200,7 @@ def test_energy_without_lower_bound_is_refused() -> None:
         solve(bar(0.4, falling))
     bound = Friction(PenetrationBound("8*s"))
     with pytest.raises(ProblemError, match="law 'falling' softens without end by 120"):
-        solve(discrete_square(n=4).with_law(ContactLaw(falling.scaled(40.0), bound)))
+        solve(discrete_square(n=4).with_(law=ContactLaw(falling.scaled(40.0), bound)))
     # The body is stiff enough for a slower fall, and held from below where only one side falls.
     slower = PiecewiseQuadratic([0.0], [-0.5, -0.5], [0.0])  # type: ignore[arg-type]
     assert solve(bar(0.4, slower)).penetration[0] == pytest.approx(0.4)

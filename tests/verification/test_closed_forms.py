@@ -221,5 +221,5 @@ def test_manufactured_solution_converges_at_the_rate_of_the_elements(quadrature:
 @pytest.mark.parametrize("order", [1, 2])
 def test_pressure_of_the_manufactured_solution(order: int) -> None:
     found = solve(discretize(spring_problem(rectangle((2.0, 1.0), (32, 16), "cross"), order=order)))
-    x = found.problem.points[:, 0]  # type: ignore[index]
+    x = found.problem.contact.points[:, 0]  # type: ignore[index]
     assert np.abs(found.pressure - 12.0 * 0.05 * x**2).max() < (0.02 if order == 1 else 2e-3) * 2.4

@@ -98,11 +98,11 @@ def quadratic_programme(problem: DiscreteProblem, q: float, p: float, rigid: boo
     """The discrete problem as a quadratic programme in (u, s, t), s >= r_nu, s >= 0, t >= |r_tau|, by an
     interior-point code that shares nothing with hemivar."""
     n, m = problem.unknowns, problem.contact_points
-    B = problem.trace.tocsr()
+    B = problem.contact.trace.tocsr()
     normal, tangential = B[0::2], B[1::2]
-    w = problem.weights
-    P = sp.block_diag([problem.stiffness, sp.diags_array(w * p), sp.csr_array((m, m))], format="csc")
-    c = np.concatenate([-problem.load, w * q, w * bound])
+    w = problem.contact.weights
+    P = sp.block_diag([problem.linear.stiffness, sp.diags_array(w * p), sp.csr_array((m, m))], format="csc")
+    c = np.concatenate([-problem.linear.load, w * q, w * bound])
     eye, none = sp.eye_array(m), sp.csr_array((m, m))
     A = sp.block_array(
         [
@@ -112,10 +112,10 @@ def quadratic_programme(problem: DiscreteProblem, q: float, p: float, rigid: boo
             [-tangential, none, -eye],
         ]
     )
-    b = np.concatenate([problem.gap, np.zeros(3 * m)])
+    b = np.concatenate([problem.contact.gap, np.zeros(3 * m)])
     if rigid:
         A = sp.block_array([[A], [sp.hstack([normal, none, none])]])
-        b = np.concatenate([b, problem.gap])
+        b = np.concatenate([b, problem.contact.gap])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-13
@@ -134,7 +134,7 @@ def test_energy_is_that_of_a_quadratic_programme(data: str) -> None:
     u = quadratic_programme(problem, q, p, rigid, float(friction.bound))  # type: ignore[arg-type]
     found = solve(problem)
     v = found.unknowns - u
-    K = problem.stiffness
+    K = problem.linear.stiffness
     assert np.sqrt(v @ (K @ v)) < 1e-6 * np.sqrt(u @ (K @ u))
     if not rigid:
         assert found.energy <= problem.energy(u) + 1e-12 * abs(found.energy)
@@ -153,7 +153,7 @@ def brute_force(problem: DiscreteProblem, starts: int = 12) -> float:
     for j in range(problem.contact_points):
         r = grid[:, 2 * j : 2 * j + 2]
         one = problem.law.take(np.array([j]))
-        energies += problem.weights[j] * ContactLaw(one.normal, one.friction).value(r)
+        energies += problem.contact.weights[j] * ContactLaw(one.normal, one.friction).value(r)
     best = np.argsort(energies)[:starts]
 
     def energy(x: np.ndarray) -> float:
@@ -180,8 +180,8 @@ def test_parameters_that_vary_along_the_boundary() -> None:
     import dataclasses
 
     discrete = discretize(dataclasses.replace(problem, contact=varying))
-    x = discrete.points[:, 0]  # type: ignore[index]
-    numbers = discrete.with_law(ContactLaw(SurveyLaw(0.1 + x, 2.0), Friction(0.2 * (2.0 - x))))
+    x = discrete.contact.points[:, 0]  # type: ignore[index]
+    numbers = discrete.with_(law=ContactLaw(SurveyLaw(0.1 + x, 2.0), Friction(0.2 * (2.0 - x))))
     assert relative_difference(solve(numbers), solve(discrete)) < 1e-13
     uniform = solve(discretize(problem))
     assert relative_difference(solve(discrete), uniform) > 1e-2
@@ -196,7 +196,7 @@ def test_gap_moves_the_foundation_away() -> None:
     assert (open_.pressure == 0.0).all()
     wavy = dataclasses.replace(law, gap=lambda x: 0.01 * x[:, 0] ** 2)
     found: Solution = solve(discretize(dataclasses.replace(problem, contact={"bottom": wavy})))
-    u = found.problem.trace @ found.unknowns
-    x = found.problem.points[:, 0]  # type: ignore[index]
+    u = found.problem.contact.trace @ found.unknowns
+    x = found.problem.contact.points[:, 0]  # type: ignore[index]
     np.testing.assert_allclose(found.penetration, u[0::2] - 0.01 * x**2, atol=1e-15)
     assert found.penetration.max() <= 1e-15

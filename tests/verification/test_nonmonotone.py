@@ -86,7 +86,7 @@ def manufactured_errors(pattern: str, sizes: tuple[int, ...]) -> tuple[list[floa
         assert found.status is Status.CONVERGED
         coarse = interpolate(problem.field, found.displacement, fine.points)  # type: ignore[arg-type]
         errors.append(v_norm(fine, coarse - known.displacement(fine.points)))
-        pressures.append(float(np.abs(found.pressure - known.pressure(problem.points)).max()))  # type: ignore[arg-type]
+        pressures.append(float(np.abs(found.pressure - known.pressure(problem.contact.points)).max()))  # type: ignore[arg-type]
     return errors, pressures
 
 
@@ -109,8 +109,8 @@ def test_manufactured_softening_is_what_it_says() -> None:
     assert constants.constant_normal > 0.2
     assert constants.constant_tangential > 0.2
     found = solve(problem).raise_for_status()
-    assert problem.points is not None
-    x = problem.points[:, 0]
+    assert problem.contact.points is not None
+    x = problem.contact.points[:, 0]
     order = np.argsort(x)
     pressure = found.pressure[order]
     assert pressure[-1] < 0.7 * pressure.max()

@@ -195,7 +195,7 @@ def smooth_pressure_errors(cells: int) -> tuple[float, float, float]:
         body_force=force,
     )
     solution = solved(problem)
-    points = solution.problem.points
+    points = solution.problem.contact.points
     pressure = np.cos(points[:, 0]) * np.cos(points[:, 1])
     error = solution.pressure / (3 * lam + 2 * mu) - pressure
     low, high = points[:, :2].min(axis=1), points[:, :2].max(axis=1)
