@@ -185,7 +185,7 @@ def test_replaced_fields() -> None:
     assert replace(around(problem), title="other").title == "other"
     discrete = hv.discretize(problem)
     there = around(discrete).with_(load=2.0 * discrete.linear.load)
-    np.testing.assert_array_equal(there.load, 2.0 * discrete.linear.load)
+    np.testing.assert_array_equal(there.linear.load, 2.0 * discrete.linear.load)
 
 
 @pytest.mark.parametrize("supports", ["number", "function"])

@@ -251,11 +251,10 @@ def test_options_are_checked() -> None:
 
 
 def test_a_condensation_serves_other_loads_and_gaps() -> None:
-    from dataclasses import replace
-
     for problem in (discrete_square("data (5.1)", 4), discrete_square("data (5.1)", 4, quadrature="midpoint")):
         system = condense(problem)
-        other = replace(problem, load=0.3 * problem.linear.load, gap=problem.contact.gap + 0.01, constant=1.0)
+        bulk = problem.linear.under(0.3 * problem.linear.load, constant=1.0)
+        other = problem.with_(bulk=bulk, offset=problem.contact.offset + np.array([0.01, 0.0]))
         shared, fresh = system.for_problem(other), condense(other)
         np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
         assert shared.constant == pytest.approx(fresh.constant)
