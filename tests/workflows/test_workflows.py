@@ -343,3 +343,16 @@ def test_controls_reach_the_solve() -> None:
     stopped = result_of(workflows.run(PROBLEM, RunOptions(hv.METHODS["direct-lbfgs"], Controls(max_steps=1))))
     assert stopped.solution.status is hv.Status.MAX_STEPS
     assert not stopped.interrupted
+
+
+def test_solve_and_certificate_share_their_levels(monkeypatch: pytest.MonkeyPatch) -> None:
+    from hemivar.certify import norms
+    from hemivar.linear.cycle import ElasticMultigrid
+
+    made: list[int] = []
+    original = ElasticMultigrid.of
+    monkeypatch.setattr(ElasticMultigrid, "of", lambda problem: made.append(problem.unknowns) or original(problem))
+    monkeypatch.setattr(norms, "FACTORISED", (10, 10))
+    found = result_of(workflows.run(PROBLEM, RunOptions(hv.METHODS["multigrid"])))
+    assert found.certificate is not None
+    assert made == [found.solution.problem.unknowns]

@@ -11,6 +11,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.posed import posed
 from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Controls, Solver
+from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Certified, Found, Work
 from hemivar.workflows.solving import STATIONARY, solved
 
@@ -61,12 +62,20 @@ def certify(
     """
     options = CertifyOptions() if options is None else options
     problem = posed(problem, "certify")
+    workspace = Workspace()
     if unknowns is None:
-        solution = yield from solved([problem], options.solver, options.controls)
+        solution = yield from solved([problem], options.solver, options.controls, workspace)
+        if workspace.condenses(problem):
+            workspace.forget()  # factors of the solve make room for those of the certificate
         yield Found(solution)
         unknowns, multiplier = solution.unknowns, solution.multiplier
     certificate = certificate_of_pair(
-        problem, unknowns, multiplier, tolerance=options.tolerance, max_time=options.controls.max_time
+        problem,
+        unknowns,
+        multiplier,
+        tolerance=options.tolerance,
+        max_time=options.controls.max_time,
+        workspace=workspace,
     )
     yield Certified(certificate)
     return certificate

@@ -15,6 +15,7 @@ from hemivar.fem.posed import posed
 from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
+from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Begun, Certified, Chosen, Found, Warned, Work
 
 __all__ = ["STATIONARY", "RunOptions", "RunResult", "certificate_of", "run", "solved"]
@@ -64,7 +65,9 @@ class RunResult:
     interrupted: bool = False
 
 
-def run(problem: DiscreteProblem | ContactProblem, options: RunOptions | None = None) -> Work[RunResult]:
+def run(
+    problem: DiscreteProblem | ContactProblem, options: RunOptions | None = None, workspace: Workspace | None = None
+) -> Work[RunResult]:
     """Solve a problem, with a certificate.
 
     Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Begun` and its steps, then :class:`Found` and
@@ -75,6 +78,9 @@ def run(problem: DiscreteProblem | ContactProblem, options: RunOptions | None = 
     ----------
     problem : DiscreteProblem or ContactProblem
     options : RunOptions, optional
+    workspace : Workspace, optional
+        What is known of the body, and stays known; by default the certificate gets the levels of the solve, and factors
+        of the solve make room for it.
 
     Raises
     ------
@@ -82,14 +88,17 @@ def run(problem: DiscreteProblem | ContactProblem, options: RunOptions | None = 
         As :func:`hemivar.solve`.
     """
     options = RunOptions() if options is None else options
+    known = Workspace() if workspace is None else workspace
     problems = [posed(given, "run") for given in (*options.coarser, problem)]
     for warning in problems[-1].warnings:
         yield Warned(warning)
-    solution = yield from solved(problems, options.solver, options.controls)
+    solution = yield from solved(problems, options.solver, options.controls, known)
+    if workspace is None and known.condenses(problems[-1]):
+        known.forget()
     complaint, interrupted, certificate = "", solution.status is Status.INTERRUPTED, None
     try:
         yield Found(solution)
-        certificate = certificate_of(solution, options.controls.rtol, options.controls.max_time)
+        certificate = certificate_of(solution, options.controls.rtol, options.controls.max_time, known)
         if certificate is not None:
             yield Certified(certificate)
     except MemoryError:
@@ -101,7 +110,9 @@ def run(problem: DiscreteProblem | ContactProblem, options: RunOptions | None = 
     return RunResult(solution, certificate, complaint, interrupted)
 
 
-def solved(problems: Sequence[DiscreteProblem], solver: Solver | None, controls: Controls) -> Work[Solution]:
+def solved(
+    problems: Sequence[DiscreteProblem], solver: Solver | None, controls: Controls, workspace: Workspace | None = None
+) -> Work[Solution]:
     """The solution on the last of some meshes, each solution being the first guess on the next mesh."""
     chosen, reason = choose(problems[-1]) if solver is None else (solver, "")
     yield Chosen(chosen, reason)
@@ -110,7 +121,9 @@ def solved(problems: Sequence[DiscreteProblem], solver: Solver | None, controls:
         try:
             yield Begun(problem, number, len(problems))
             guess = None if solution is None else transfer_solution(solution, problem)
-            solution = yield from solving(problem, suited(chosen, problem), controls, initial=guess)
+            solution = yield from solving(
+                problem, suited(chosen, problem), controls, initial=guess, workspace=workspace
+            )
         except KeyboardInterrupt:
             if solution is None:
                 raise
@@ -121,7 +134,9 @@ def solved(problems: Sequence[DiscreteProblem], solver: Solver | None, controls:
     return solution
 
 
-def certificate_of(solution: Solution, rtol: float = 0.0, max_time: float = math.inf) -> Certificate | None:
+def certificate_of(
+    solution: Solution, rtol: float = 0.0, max_time: float = math.inf, workspace: Workspace | None = None
+) -> Certificate | None:
     """The certificate of a solve to ``rtol``, in its own time; None if it ended with numbers that are not finite.
 
     Where multigrid serves, it leaves out the survey's trace constant, which needs a hierarchy of its own.
@@ -134,4 +149,5 @@ def certificate_of(solution: Solution, rtol: float = 0.0, max_time: float = math
         tolerance=max(rtol, STATIONARY),
         trace_constant=factorises(solution.problem),
         max_time=max_time,
+        workspace=workspace,
     )
