@@ -140,6 +140,10 @@ def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
     assert list(record) == list(serial)
     for key in ("contact", "certificate", "resultants", "residual_parts"):
         assert list(record[key]) == list(serial[key])  # type: ignore[call-overload]
+    for name, expected in serial["boundaries"].items():
+        assert list(record["boundaries"][name]) == list(expected)  # type: ignore[index]
+        for key, value in expected.items():
+            np.testing.assert_allclose(record["boundaries"][name][key], value, rtol=1e-9, atol=1e-11)  # type: ignore[index]
     np.testing.assert_allclose(record["contact"]["friction"], serial["contact"]["friction"], atol=1e-9)  # type: ignore[index]
     assert record["contact"]["state"] == serial["contact"]["state"]  # type: ignore[index]
     assert record["certificate"]["margin"] == pytest.approx(certificate.margin, abs=1e-4)  # type: ignore[index]

@@ -32,8 +32,8 @@ _NODES_AT_A_TIME = 1 << 17
 def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certificate: Certificate | None) -> Path:
     """Write the record of :func:`hemivar.files.solution_record`; all ranks call this, rank 0 writes.
 
-    Contact points and nodes are in the order of the serial run. Rank 0 holds the contact points, and the
-    displacements portion by portion.
+    Contact points and nodes are in the order of the serial run; reactions of supports are not known here, and null.
+    Rank 0 holds the contact points, and the displacements portion by portion.
     """
     body, ranks = solution.body, solution.body.ranks
     path = Path(path)
@@ -58,6 +58,8 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
             "friction_force": friction,
             "force": sums["force"],
         },
+        "boundaries": _boundaries(solution),
+        "reactions": None,
         "contact": contact,
     }
     if certificate is not None:
@@ -82,6 +84,19 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
                 sink.write((", " if start else "") + json.dumps(plain(told), allow_nan=False)[1:-1])
         sink.write("]\n}\n")
     return path
+
+
+def _boundaries(solution: DistributedSolution) -> dict[str, Any]:
+    """Resultants of each contact boundary, over all ranks."""
+    body, lam, w = solution.body, solution.multiplier, solution.body.weights
+    closed = w * (solution.state != ContactState.OPEN)
+    forces = -w[:, None] * body.contact.global_vectors(lam)
+    found = {}
+    for name in body.contact.names:
+        own = body.contact.on(name)
+        total = body.ranks.total(w[own] @ lam[own, 0], closed[own].sum(), *forces[own].sum(axis=0))
+        found[name] = {"normal_force": float(total[0]), "force": total[2:], "contact_length": float(total[1])}
+    return found
 
 
 def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
