@@ -154,7 +154,6 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     """Print what was found."""
     import numpy as np
 
-    from hemivar.cli.certification import certificate_lines
     from hemivar.solvers import ContactState, Status
 
     good = solution.status is Status.CONVERGED
@@ -168,7 +167,7 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
     if not good:
         print(f"what to do        {solution.status.remedy}")
-    for line in [] if certificate is None else certificate_lines(certificate):
+    for line in [] if certificate is None else certificate.lines():
         print(line)
     if solution.problem.contact_points == 0:
         return
