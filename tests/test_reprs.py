@@ -21,6 +21,14 @@ SOFT = bar(0.5, hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0
         (hv.box((1.0, 1.0, 1.0), 2), ("tetrahedra",)),
         (STATEMENT, ("ContactProblem(Mesh(41 nodes", "contact on bottom: survey", "Clamped on left")),
         (PROBLEM, ("DiscreteProblem(72 unknowns", "4 contact points of 2 components on bottom", "law survey")),
+        (PROBLEM.contact, ("ContactPoints(4 of 2 components on bottom)",)),
+        (PROBLEM.bulk, ("Quadratic(72 unknowns, ",)),
+        (PROBLEM.field, ("Field('displacement', order 1, 41 nodes of 2 components)",)),
+        (PROBLEM.space, ("Space(fields=(Field('displacement'",)),
+        (
+            SOLUTION.on("bottom"),
+            ("BoundaryResult('bottom', 4 contact points, normal force 0.3", "contact length 0.875)"),
+        ),  # less half a facet at the held node
         (SOLUTION, ("72 unknowns by newton", "converged after", "energy", "4 points: 0 open", "normal force")),
         (SOLUTION.certify(), ("Certificate", "unique minimiser; the only solution", "distance          at most")),
         (hv.find_solutions(SOFT), ("SolutionSet(3 solutions, all; energies -0.0215", "combinations of pieces")),

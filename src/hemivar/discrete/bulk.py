@@ -96,6 +96,9 @@ class Quadratic(Portable):
         _check_diagonal(self.diagonal)
         _check_size(self.diagonal, load)
 
+    def __repr__(self) -> str:
+        return f"Quadratic({self.unknowns} unknowns, {self.stiffness.nnz} entries)"
+
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""

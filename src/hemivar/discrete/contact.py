@@ -96,6 +96,10 @@ class ContactPoints(Portable):
         if m and not (self.boundary.min() >= -1 and self.boundary.max() < len(self.names)):
             raise ProblemError("boundary holds numbers that are no places in names; give the name of every boundary")
 
+    def __repr__(self) -> str:
+        on = f" on {', '.join(self.names)}" if self.names else ""
+        return f"ContactPoints({self.count} of {self.components} components{on})"
+
     @property
     def count(self) -> int:
         """Number of contact points m."""

@@ -89,6 +89,9 @@ class Field(Portable):
         for name, value in (("basis", basis), ("prescribed", prescribed), ("components", components), ("lift", lift)):
             object.__setattr__(self, name, value)
 
+    def __repr__(self) -> str:
+        return f"Field({self.name!r}, order {self.order}, {self.number_of_nodes} nodes of {self.components} components)"
+
     @property
     def moves(self) -> bool:
         """Whether it is a displacement, with a component for each axis of the mesh, so that rigid motions are known."""

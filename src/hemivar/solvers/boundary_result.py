@@ -48,6 +48,10 @@ class BoundaryResult(Portable):
         """Coordinates of the contact points, (p, d)."""
         return self.contact.points
 
+    def __repr__(self) -> str:
+        force = f"normal force {self.normal_force:.6g}, contact length {self.contact_length:.6g}"
+        return f"BoundaryResult({self.name!r}, {len(self.index)} contact points, {force})"
+
     @property
     def normals(self) -> Array | None:
         """Unit vectors out of the body, (p, d)."""
