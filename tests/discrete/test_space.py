@@ -227,3 +227,56 @@ def test_what_contact_points_refuse() -> None:
     ):
         with pytest.raises(hv.ProblemError, match=words):
             dataclasses.replace(contact, **change)  # type: ignore[arg-type]
+
+
+def test_a_field_adds_what_is_prescribed() -> None:
+    n = MESH.number_of_nodes
+    given = np.arange(2.0 * n)
+    field = Field(MESH, 1, sp.csr_array(sp.eye_array(2 * n, format="csc")[:, :3]), given)
+    assert (field.components, field.number_of_nodes) == (2, n)
+    np.testing.assert_array_equal(field.full(np.zeros(3)), given.reshape(n, 2))
+    np.testing.assert_array_equal(field.full(np.array([0.0, 1.0, 0.0]))[0], [0.0, 2.0])
+    np.testing.assert_array_equal(field.restrict(field.full(np.array([3.0, 4.0, 5.0]))), [3.0, 4.0, 5.0])
+
+
+def test_sums_of_many_rows() -> None:
+    n = 3 * (1 << 15) + 5  # more than are summed at a time
+    K = sp.diags_array([-1.0, 2.5, -1.0], offsets=(-1, 0, 1), shape=(n, n)).tocsr()
+    np.testing.assert_array_equal(Quadratic(K, np.zeros(n)).row_sums, abs(K).sum(axis=1))
+
+
+def test_a_problem_of_arrays_has_no_energy_at_rest_and_checks_its_matrix() -> None:
+    law = ContactLaw(hv.Signorini())
+    given = ([1.0, 0.0], [[1.0, 0.0]], [1.0], [0.2], law)
+    assert DiscreteProblem.of_arrays(np.eye(2), *given).energy(np.zeros(2)) == 0.0
+    skew = np.array([[1.0, 0.1], [0.0, 1.0]])
+    for make in (lambda: DiscreteProblem.of_arrays(skew, *given), lambda: Quadratic(skew, np.zeros(2))):  # type: ignore[arg-type]
+        with pytest.raises(hv.ProblemError, match="not symmetric"):
+            make()
+
+
+def test_the_residual_of_another_bulk() -> None:
+    """At the solution by hand it vanishes; beside it, it is the force that is out of balance."""
+    linear = DiscreteProblem.of_arrays(np.eye(2), [1.0, 1.0], [[1.0, 0.0]], [1.0], [0.2], ContactLaw(hv.Signorini()))
+    problem = linear.with_(bulk=Hardening())
+    free = np.roots([1.0, 0.0, 1.0, -1.0])
+    y = float(free[np.abs(free.imag) < 1e-12].real[0])
+    lam = np.array([[1.0 - 0.2 - 0.2**3]])
+    at = hv.residual(problem, np.array([0.2, y]), lam)
+    assert at.total <= at.rounding
+    beside = hv.residual(problem, np.array([0.2, y + 0.1]), lam)
+    assert beside.total == pytest.approx(0.1 + (y + 0.1) ** 3 - y**3)
+    assert beside.scale == pytest.approx(np.sqrt(2.0))
+    # rounding of sums: eight units of (1 + 3 u^2) |u| + |f|
+    moved = np.array([0.2 * 1.12 + 1.0, y * (1.0 + 3.0 * y**2) + 1.0])
+    assert at.rounding == pytest.approx(8.0 * np.finfo(float).eps * np.linalg.norm(moved))
+
+
+def test_a_component_that_is_held_borrows_the_largest_compliance() -> None:
+    from hemivar.discrete.residual import contact_compliance
+
+    problem = DiscreteProblem.of_arrays(
+        np.diag([100.0, 50.0]), [0.0, 0.0], [[1.0, 0.0], [0.0, 0.0], [0.0, 1.0], [0.0, 0.0]], [1.0, 2.0], [0.0, 0.0],
+        ContactLaw(hv.Signorini()),
+    )  # fmt: skip
+    np.testing.assert_allclose(contact_compliance(problem), [[0.01, 0.02], [0.04, 0.04]])
