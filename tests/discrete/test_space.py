@@ -280,3 +280,16 @@ def test_a_component_that_is_held_borrows_the_largest_compliance() -> None:
         ContactLaw(hv.Signorini()),
     )  # fmt: skip
     np.testing.assert_allclose(contact_compliance(problem), [[0.01, 0.02], [0.04, 0.04]])
+
+
+def test_the_first_diagonal_entry_that_is_not_positive_is_named() -> None:
+    with pytest.raises(hv.ProblemError, match=r"stiffness\[1, 1\] = -2"):
+        Quadratic(np.diag([1.0, -2.0, 3.0, -4.0]), np.zeros(4))
+
+
+def test_the_energy_beyond_the_end_of_a_law_is_infinite_but_for_rounding() -> None:
+    law = ContactLaw(hv.Signorini())
+    problem = DiscreteProblem.of_arrays(np.eye(1), [1.0], [[1.0]], [1.0], [0.25], law)
+    assert problem.energy(np.array([0.25 * (1.0 + 1e-14)])) == pytest.approx(0.5 * 0.25**2 - 0.25)
+    assert problem.energy(np.array([0.25 * (1.0 + 1e-9)])) == np.inf
+    assert problem.energy(np.array([-0.1])) == pytest.approx(0.5 * 0.1**2 + 0.1)
