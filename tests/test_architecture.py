@@ -143,15 +143,9 @@ def attributes_of(room: str) -> frozenset[str]:
     return frozenset(names)
 
 
-#: Modules that still reach into another package; none may be added.
-NOT_YET: tuple[str, ...] = ()
-
-
 @pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
 def test_a_name_with_an_underscore_stays_in_its_package(path: Path) -> None:
     found = [f"{path}:{line}: {name}" for name, line in borrowed(path)]
-    if found and module_name(path) in NOT_YET:
-        pytest.xfail("reaches into another package")
     assert not found, f"make them public, or go another way: {found}"
 
 
