@@ -93,10 +93,10 @@ def run(
     for warning in problems[-1].warnings:
         yield Warned(warning)
     solution = yield from solved(problems, options.solver, options.controls, known)
-    if workspace is None and known.condenses(problems[-1]):
-        known.forget()
     complaint, interrupted, certificate = "", solution.status is Status.INTERRUPTED, None
     try:
+        if workspace is None and known.condenses(problems[-1]):
+            known.forget()
         yield Found(solution)
         certificate = certificate_of(solution, options.controls.rtol, options.controls.max_time, known)
         if certificate is not None:
@@ -113,7 +113,10 @@ def run(
 def solved(
     problems: Sequence[DiscreteProblem], solver: Solver | None, controls: Controls, workspace: Workspace | None = None
 ) -> Work[Solution]:
-    """The solution on the last of some meshes, each solution being the first guess on the next mesh."""
+    """The solution on the last of some meshes, each solution being the first guess on the next mesh.
+
+    The workspace is for the last: what the others cost is given back before the next.
+    """
     chosen, reason = choose(problems[-1]) if solver is None else (solver, "")
     yield Chosen(chosen, reason)
     solution: Solution | None = None
@@ -121,9 +124,8 @@ def solved(
         try:
             yield Begun(problem, number, len(problems))
             guess = None if solution is None else transfer_solution(solution, problem)
-            solution = yield from solving(
-                problem, suited(chosen, problem), controls, initial=guess, workspace=workspace
-            )
+            kept = workspace if problem is problems[-1] else None
+            solution = yield from solving(problem, suited(chosen, problem), controls, initial=guess, workspace=kept)
         except KeyboardInterrupt:
             if solution is None:
                 raise
