@@ -350,13 +350,11 @@ def trace_constants(problem: DiscreteProblem) -> TraceConstants:
 
 
 def _trace_eigenvalues(problem: DiscreteProblem, parts: bool, workspace: Workspace | None = None) -> list[float]:
-    """c_gamma, and if asked for that of both parts; kept with the weights that it belongs to."""
+    """c_gamma, and if asked for that of both parts."""
     if workspace is None:
         return _find_trace_eigenvalues(problem, parts)
-    weights = problem.contact.weights
     name = "trace constants" if parts else "trace constant"
-    of, found = workspace.once(name, problem, lambda: (weights, _find_trace_eigenvalues(problem, parts)))
-    return found if np.array_equal(of, weights) else _find_trace_eigenvalues(problem, parts)
+    return workspace.once(name, problem, lambda: _find_trace_eigenvalues(problem, parts))
 
 
 def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:

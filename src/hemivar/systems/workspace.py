@@ -21,9 +21,10 @@ class Workspace:
     """What has been paid for a body, so that it is paid once.
 
     Pass the same workspace to :func:`hemivar.solve`, :func:`hemivar.certify`, :func:`hemivar.find_solutions` and
-    :func:`hemivar.follow_path`.  What it holds is keyed by the stiffness of the body and the trace of its contact
-    points: another load, gap or law, made by :meth:`DiscreteProblem.with_`, costs no new factorisation.  Nothing in it
-    changes an answer.  It may be used by several threads: one makes what the others wait for.
+    :func:`hemivar.follow_path`.  What it holds is keyed by the body: its stiffness, the trace and the weights of its
+    contact points, its space and origin.  Another load, gap or law, made by :meth:`DiscreteProblem.with_`, costs no new
+    factorisation.  Nothing in it changes an answer.  It may be used by several threads: one makes what the others wait
+    for.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ class Workspace:
     def __init__(self, bodies: int = 8) -> None:
         self._bodies = whole_number(bodies, "bodies of a workspace", 1)
         self._lock = threading.Lock()
-        self._shelves: OrderedDict[tuple[int, int], _Shelf] = OrderedDict()
+        self._shelves: OrderedDict[tuple[int, ...], _Shelf] = OrderedDict()
 
     def __repr__(self) -> str:
         with self._lock:
@@ -57,7 +58,7 @@ class Workspace:
         Parameters
         ----------
         what : str
-            The name; it stands for one kind of thing that depends on stiffness and trace alone.
+            The name; it stands for one kind of thing that depends on the body alone.
         problem : DiscreteProblem
             With a quadratic bulk.
         make : function
@@ -85,12 +86,13 @@ class Workspace:
             self._shelves.clear()
 
     def _shelf(self, problem: DiscreteProblem) -> _Shelf:
-        stiffness, trace = quadratic(problem.bulk).stiffness, problem.contact.trace
-        key = (id(stiffness), id(trace))
+        contact = problem.contact
+        body = (quadratic(problem.bulk).stiffness, contact.trace, contact.weights, problem.space, problem.origin)
+        key = tuple(map(id, body))
         with self._lock:
             shelf = self._shelves.get(key)
             if shelf is None:
-                shelf = self._shelves[key] = _Shelf((stiffness, trace), problem.unknowns)
+                shelf = self._shelves[key] = _Shelf(body, problem.unknowns)
             self._shelves.move_to_end(key)
             while len(self._shelves) > self._bodies:
                 self._shelves.popitem(last=False)
@@ -98,10 +100,10 @@ class Workspace:
 
 
 class _Shelf:
-    """What belongs to one body; the matrices are held so that their identities stay theirs."""
+    """What belongs to one body; what makes it up is held, so that their identities stay theirs."""
 
-    def __init__(self, owner: tuple[object, object], unknowns: int) -> None:
-        self.owner = owner
+    def __init__(self, body: tuple[object, ...], unknowns: int) -> None:
+        self.body = body
         self.unknowns = unknowns
         self.things: dict[str, Any] = {}
         self.locks: dict[str, threading.RLock] = {}
