@@ -293,3 +293,17 @@ def test_the_energy_beyond_the_end_of_a_law_is_infinite_but_for_rounding() -> No
     assert problem.energy(np.array([0.25 * (1.0 + 1e-14)])) == pytest.approx(0.5 * 0.25**2 - 0.25)
     assert problem.energy(np.array([0.25 * (1.0 + 1e-9)])) == np.inf
     assert problem.energy(np.array([-0.1])) == pytest.approx(0.5 * 0.1**2 + 0.1)
+
+
+def test_a_boundary_that_supports_hold_is_known_all_the_same() -> None:
+    statement = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), (1, 2), pattern="cross"),  # one facet, with both ends held
+        hv.Material.lame(1.0, 1.0),
+        supports={"left": hv.Clamped(), "right": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Compliance(5.0))},
+        body_force=(0.0, -1.0),
+    )
+    solution = hv.solve(statement)
+    assert solution.problem.contact_points == 0
+    bottom = solution.on("bottom")
+    assert (len(bottom.index), bottom.normal_force, bottom.contact_length) == (0, 0.0, 0.0)

@@ -261,17 +261,15 @@ def join(
     energy = float(contact.weights[held] @ np.broadcast_to(values, held.shape))
     keep = np.flatnonzero(moving)
     if not len(keep):
-        return _no_points(basis.shape[1], dim), ContactLaw(NoContact()).at(None), energy
+        return _no_points(basis.shape[1], dim, contact.names), ContactLaw(NoContact()).at(None), energy
     return contact.take(keep), law.take(keep), energy
 
 
-def _no_points(unknowns: int, dim: int) -> ContactPoints:
+def _no_points(unknowns: int, dim: int, names: tuple[str, ...] = ()) -> ContactPoints:
     none = np.zeros(0, dtype=np.int64)
     place, turned = np.zeros((0, dim)), np.zeros((0, dim, dim))
     flags = np.zeros(0, dtype=bool)
-    return ContactPoints(
-        sp.csr_array((0, unknowns)), np.zeros(0), place, place, turned, none, none, none, without_friction=flags
-    )
+    return ContactPoints(sp.csr_array((0, unknowns)), np.zeros(0), place, place, turned, none, none, none, names, flags)
 
 
 def _rough(law: ContactLaw, count: int) -> BoolArray:
