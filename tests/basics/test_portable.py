@@ -173,6 +173,28 @@ def test_solution_sets_and_paths(trip: str) -> None:
     np.testing.assert_array_equal(TRIPS[trip](path).normal_force, path.normal_force)
 
 
+@pytest.mark.parametrize("trip", TRIPS)
+def test_histories_with_what_contact_points_remember(trip: str) -> None:
+    """Memories are mappings in a mapping: those inside travel too, and arrive read-only."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 1.0), (4, 2)),
+        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4)),
+        supports={"left": hv.Clamped()},
+        body_force=(0.0, 0.5),
+        contact={"bottom": hv.Contact(hv.Adhesive(5.0, 1.0, 1.0), memory=(hv.Secant(),))},
+    )
+    history = hv.march(hv.Evolution(problem), 0.2, step=0.1)
+    again = TRIPS[trip](history)
+    assert np.array_equal(again["normal_force"], history["normal_force"])
+    (name,) = history.moment.memory
+    made, was = again.moment.memory[name], history.moment.memory[name]
+    assert isinstance(made, MappingProxyType)
+    assert not made["0.opening"].flags.writeable
+    for one, other in ((made, was), (again.frames[-1].memory, history.frames[-1].memory)):
+        assert np.array_equal(one["0.opening"], other["0.opening"])
+        assert one["0.opening"].flags.writeable == other["0.opening"].flags.writeable
+
+
 def test_methods_controls_and_errors() -> None:
     for method in hv.METHODS.values():
         assert around(method) == method

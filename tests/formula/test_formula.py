@@ -111,7 +111,7 @@ def test_any_formula_has_the_value_that_numpy_gives(text: str) -> None:
         ("__import__(x)", "character 1: function '__import__' is not known"),
         ("eval(x)", "function 'eval' is not known; use sin, cos"),
         ("1 + sinn(x)", "character 5: function 'sinn' is not known; did you mean 'sin'"),
-        ("2^3*t", "character 5: 't' is not known"),
+        ("2^3*s", "character 5: 's' is not known"),
         ("x^2 + q", "character 7: 'q' is not known"),
         ("sin", "'sin' is a function; write sin"),
         ("pi(x)", "'pi' is not a function"),

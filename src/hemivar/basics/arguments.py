@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import numbers
 import operator
+from collections.abc import Sequence
 from typing import Any
 
 from hemivar.errors import ProblemError
 
-__all__ = ["described", "expect", "number", "whole_number"]
+__all__ = ["described", "expect", "number", "suggest", "whole_number"]
 
 
 def described(value: object) -> str:
@@ -36,6 +38,13 @@ def expect(value: object, kind: Any, name: str, remedy: str) -> Any:
     if isinstance(value, type) and issubclass(value, kind):
         raise ProblemError(f"{name} is the class {value.__name__}; make one of it: {value.__name__}(...)")
     raise ProblemError(f"{name} is {described(value)}; {remedy}")
+
+
+def suggest(name: str, known: Sequence[str], what: str = "known") -> str:
+    """The name that was perhaps meant, and all that there are, for the end of a message."""
+    close = difflib.get_close_matches(name, known, n=1)
+    guess = f"; did you mean '{close[0]}'?" if close else ""
+    return f"{guess} ({what}: {', '.join(known) or 'none'})"
 
 
 def whole_number(value: object, name: str, least: int) -> int:

@@ -77,12 +77,16 @@ class _ReadOnly:
 def _packed(value: Any) -> Any:
     if isinstance(value, MappingProxyType):
         return _ReadOnly({key: _packed(item) for key, item in value.items()})
+    if isinstance(value, dict):
+        return {key: _packed(item) for key, item in value.items()}
     if isinstance(value, np.ndarray) and not value.flags.writeable:
         return _ReadOnly(value)
     return value
 
 
 def _unpacked(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _unpacked(item) for key, item in value.items()}
     if not isinstance(value, _ReadOnly):
         return value
     if isinstance(value.value, dict):

@@ -1,6 +1,6 @@
 """Formulas that users write: read safely, differentiated, bounded by intervals."""
 
 from hemivar.formula.formula import Formula, FormulaArray, ScalarFormula
-from hemivar.formula.reader import CONSTANTS, FUNCTIONS, VARIABLES
+from hemivar.formula.reader import CONSTANTS, FUNCTIONS, TIME, VARIABLES
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "VARIABLES", "Formula", "FormulaArray", "ScalarFormula"]
+__all__ = ["CONSTANTS", "FUNCTIONS", "TIME", "VARIABLES", "Formula", "FormulaArray", "ScalarFormula"]

@@ -1,4 +1,4 @@
-"""Formulas of the place x, y, z, and those of one variable, given piece by piece, for laws and friction bounds."""
+"""Formulas of place and time, and those of one variable, given piece by piece, for laws and friction bounds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.graph import Graph
-from hemivar.formula.reader import VARIABLES, Reader, shown
+from hemivar.formula.reader import TIME, VARIABLES, Reader, shown
 from hemivar.formula.smooth import SmoothFormula
 from hemivar.formula.switches import Switches
 
@@ -19,7 +19,7 @@ __all__ = ["Formula", "FormulaArray", "ScalarFormula"]
 
 @dataclass(frozen=True)
 class Formula:
-    """A number that varies in space, such as ``0.1 * x * (1 - x)``.
+    """A number that varies in space, such as ``0.1 * x * (1 - x)``, or in time, such as ``min(t, 1)``.
 
     Powers are written ``**`` or ``^``; see :data:`VARIABLES`, :data:`CONSTANTS` and :data:`FUNCTIONS` for the
     names.  There are no comparisons; ``min``, ``max`` and ``abs`` make kinks.
@@ -37,7 +37,7 @@ class Formula:
     ------
     ProblemError
         If the text is not a formula; the message names the character.  Calling the formula raises it if a
-        value is not finite or too small; the message names the point.
+        value is not finite or too small, where the message names the point, or if it uses t and no time is given.
     """
 
     text: str
@@ -47,7 +47,7 @@ class Formula:
     _node: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        graph, node = Reader(self.text, self._prefix).graph()
+        graph, node = Reader(self.text, self._prefix, (*VARIABLES, TIME)).graph()
         object.__setattr__(self, "_graph", graph)
         object.__setattr__(self, "_node", node)
 
@@ -57,15 +57,44 @@ class Formula:
 
     @property
     def variables(self) -> frozenset[str]:
-        """Names of the coordinates that occur in the formula."""
+        """Names of the coordinates, and of the time, that occur in the formula."""
         return self._graph.names(self._node)
 
-    def __call__(self, points: Array) -> Array:
-        """Values at points.
+    def kinks_in_time(self, start: float, end: float) -> tuple[Array, bool]:
+        """Times at which the branch of an ``abs``, ``min`` or ``max`` may change everywhere at once.
+
+        What is compared there depends on t alone; where it depends on the place as well, the kink moves through the
+        body, and no time is told.
+
+        Parameters
+        ----------
+        start, end : float
+
+        Returns
+        -------
+        times : array (k,)
+            Increasing, between start and end.
+        sure : bool
+            Whether none is missing; False where what is compared is too intricate, or changes too often.
+        """
+        reach = max(abs(start), abs(end))
+        alone = [one for one in self._graph.switching(self._node) if self._graph.names(one) == frozenset({TIME})]
+        if not alone or not 0.0 < reach < np.inf:
+            return np.zeros(0), True
+        switches = Switches(self._graph, TIME, reach, f"{self._prefix}formula '{shown(self.text)}'")
+        try:
+            found = np.unique(np.concatenate([switches.zeros(one) for one in alone]))
+        except ProblemError:
+            return np.zeros(0), False
+        return found[(found > start) & (found < end)], switches.sure
+
+    def __call__(self, points: Array, t: float | None = None) -> Array:
+        """Values at points, and at a time if the formula uses t.
 
         Parameters
         ----------
         points : array, shape (k, d)
+        t : float, optional
 
         Returns
         -------
@@ -73,7 +102,14 @@ class Formula:
         """
         points = np.asarray(points, dtype=float)
         at = dict(zip(VARIABLES, points.T, strict=False))
+        if t is not None:
+            at[TIME] = np.array(float(t))
         missing = sorted(self.variables - set(at))
+        if missing == [TIME]:
+            raise ProblemError(
+                f"{self._prefix}formula '{self.text}' uses t, but no time is given; take the problem at one time "
+                "(problem.at_time), or a formula of the place alone"
+            )
         if missing:
             raise ProblemError(
                 f"{self._prefix}formula '{self.text}' uses {missing[0]}, but the points have only "
@@ -82,15 +118,17 @@ class Formula:
         with np.errstate(all="ignore"):
             values = np.asarray(self._graph.value(self._node, at), dtype=float)
         values = np.broadcast_to(values, (len(points),)).copy()
-        self._check(values, points, ~np.isfinite(values), "give a formula that is finite there")
+        when = t if TIME in self.variables else None
+        self._check(values, points, ~np.isfinite(values), "give a formula that is finite there", when)
         if self.minimum is not None:
-            self._check(values, points, values < self.minimum, f"it must be at least {self.minimum:g}")
+            self._check(values, points, values < self.minimum, f"it must be at least {self.minimum:g}", when)
         return values
 
-    def _check(self, values: Array, points: Array, bad: BoolArray, remedy: str) -> None:
+    def _check(self, values: Array, points: Array, bad: BoolArray, remedy: str, t: float | None) -> None:
         if bad.any():
             first = int(np.argmax(bad))
-            place = ", ".join(f"{name} = {c:.6g}" for name, c in zip(VARIABLES, points[first], strict=False))
+            named = [*zip(VARIABLES, points[first], strict=False), *([(TIME, t)] if t is not None else [])]
+            place = ", ".join(f"{name} = {c:.6g}" for name, c in named)
             raise ProblemError(f"{self._prefix}formula '{self.text}' is {values[first]:.6g} at {place}; {remedy}")
 
 
@@ -109,10 +147,15 @@ class FormulaArray:
     entries: Sequence[float | Formula]
     shape: tuple[int, ...]
 
-    def __call__(self, points: Array) -> Array:
-        """Values at points, shape (k, d); shape (k, *shape)."""
+    @property
+    def variables(self) -> frozenset[str]:
+        """Names of the coordinates, and of the time, that occur in the entries."""
+        return frozenset().union(*(entry.variables for entry in self.entries if isinstance(entry, Formula)))
+
+    def __call__(self, points: Array, t: float | None = None) -> Array:
+        """Values at points, shape (k, d), and at a time if an entry uses t; shape (k, *shape)."""
         columns = [
-            entry(points) if isinstance(entry, Formula) else np.full(len(points), float(entry))
+            entry(points, t) if isinstance(entry, Formula) else np.full(len(points), float(entry))
             for entry in self.entries
         ]
         return np.stack(columns, axis=-1).reshape(len(points), *self.shape)

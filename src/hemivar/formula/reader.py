@@ -16,10 +16,12 @@ import numpy as np
 from hemivar.errors import ProblemError
 from hemivar.formula.graph import OPERATIONS, Graph
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "VARIABLES", "Reader", "shown"]
+__all__ = ["CONSTANTS", "FUNCTIONS", "TIME", "VARIABLES", "Reader", "shown"]
 
 #: Coordinates that a formula may use.
 VARIABLES = ("x", "y", "z")
+#: The time, in formulas of what may change with it.
+TIME = "t"
 
 #: Constants that a formula may use.
 CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi)})

@@ -3,8 +3,9 @@
 What a scalar law must answer is in :mod:`~hemivar.laws.superpotential`, what the law of a contact point must in
 :mod:`~hemivar.laws.vector_law`; :mod:`~hemivar.laws.contact_law` is the one that splits into scalar laws.  Laws by name
 lie in ``normal`` and ``friction``, tables, formulas and functions in ``own``, and what they are made of (``piecewise``,
-``scaled``, ``stacked``) here.  ``registry`` knows the laws by name for problem files, and ``testing`` checks a law of
-one's own.
+``scaled``, ``stacked``) here.  Laws made of laws lie in ``transformed``, and in ``memory`` what contact points
+remember from one time step to the next.  ``registry`` knows the laws by name for problem files, and ``testing`` checks
+a law of one's own.
 """
 
 from hemivar.laws.contact_law import ContactLaw
@@ -20,6 +21,22 @@ from hemivar.laws.friction import (
     StateBound,
     StaticKinetic,
     Tresca,
+)
+from hemivar.laws.memory import (
+    Bonding,
+    Chain,
+    DampedContact,
+    LocalStep,
+    Memory,
+    MemoryState,
+    PenetrationMemory,
+    RateAndState,
+    Secant,
+    SlipSum,
+    ViscousFoundation,
+    Wear,
+    friction_in_increments,
+    law_of_step,
 )
 from hemivar.laws.normal import (
     Adhesive,
@@ -37,15 +54,19 @@ from hemivar.laws.normal import (
 from hemivar.laws.own import FormulaLaw, FunctionLaw, read_law_table, table_law
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
+from hemivar.laws.transformed import affine, averaged, bonded, envelope, plus, pushing, secant, slipped
 from hemivar.laws.vector_law import Linearisation, VectorLaw
 
 __all__ = [
     "Adhesive",
     "Bilateral",
+    "Bonding",
     "Capped",
+    "Chain",
     "Compliance",
     "ContactLaw",
     "CoulombBound",
+    "DampedContact",
     "FinitePenetration",
     "FormulaLaw",
     "Friction",
@@ -55,13 +76,20 @@ __all__ = [
     "LawKink",
     "Layered",
     "Linearisation",
+    "LocalStep",
     "Logarithmic",
+    "Memory",
+    "MemoryState",
     "NoContact",
     "NoFriction",
     "PenetrationBound",
+    "PenetrationMemory",
     "PiecewiseQuadratic",
+    "RateAndState",
     "SawTooth",
+    "Secant",
     "Signorini",
+    "SlipSum",
     "SlipTable",
     "SlipWeakening",
     "Softening",
@@ -71,6 +99,18 @@ __all__ = [
     "SurveyLaw",
     "Tresca",
     "VectorLaw",
+    "ViscousFoundation",
+    "Wear",
+    "affine",
+    "averaged",
+    "bonded",
+    "envelope",
+    "friction_in_increments",
+    "law_of_step",
+    "plus",
+    "pushing",
     "read_law_table",
+    "secant",
+    "slipped",
     "table_law",
 ]

@@ -178,6 +178,26 @@ class ContactLaw(VectorLaw):
             r[:, 1:] = length[:, None] * np.where(size[:, None] > 0.0, direction, _first_axis(direction))
         return r
 
+    def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
+        """Where to linearise the law next: the minimiser of :meth:`local_argmin` where it is at a kink, elsewhere a
+        place on its piece, ``r`` if it lies there.
+
+        Parameters
+        ----------
+        a : array (m, 2)
+            Larger than the weak convexity of the law.
+        b, r : arrays (m, d)
+        """
+        out = np.empty(b.shape)
+        out[:, 0] = self.normal.place_on_piece(a[:, 0], b[:, 0], r[:, 0])
+        if b.shape[1] > 1:
+            pull, towards = _polar(b[:, 1:])
+            size, direction = _polar(r[:, 1:])
+            length = np.abs(self.tangential.place_on_piece(a[:, 1], pull, size))
+            heading = np.where((length == size)[:, None] & (size > 0.0)[:, None], direction, towards)
+            out[:, 1:] = length[:, None] * np.where(pull[:, None] > 0.0, heading, _first_axis(towards))
+        return out
+
     def prox_jacobian(self, x: Array, tau: Array) -> Array:
         m, d = x.shape
         jacobian = np.zeros((m, d, d))

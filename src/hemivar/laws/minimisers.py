@@ -14,7 +14,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 if TYPE_CHECKING:
     from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["AT_ONCE", "FAR", "convex_part", "local_argmin", "local_minimisers", "stationary_point"]
+__all__ = ["AT_ONCE", "FAR", "convex_part", "local_argmin", "local_minimisers", "place_on_piece", "stationary_point"]
 
 #: Distance, in units of the law, at which an unbounded piece is taken to have reached its limit.
 FAR = 1e8
@@ -42,8 +42,9 @@ def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Ar
         low, high = law.piece_bounds(piece)
         start = psi_right[..., i - 1] if i > 0 else np.full(shape, -np.inf)
         end = psi_left[..., i] if i < count else np.full(shape, np.inf)
+        inside = low < high  # not beyond the last knot, where knots are unused
         low, high, start, end = law.convex_part(piece, a, b, low, high, start, end)
-        admissible = (low < high) & (start < 0.0) & (end > 0.0)
+        admissible = inside & (low < high) & (start < 0.0) & (end > 0.0)
         root, found = law.stationary_point(piece, a, b, low, high, admissible)
         points[..., i] = np.where(found, root, 0.0)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -210,6 +211,37 @@ def _convex_argmin(law: Superpotential, a: Array, b: Array) -> Array:
     table = np.broadcast_to(knots, (*passed.shape, knots.shape[-1]))
     at_knot = np.take_along_axis(table, np.minimum(passed, knots.shape[-1] - 1)[..., None], axis=-1)[..., 0]
     return np.where(held, at_knot, np.where(found, inside, np.nan))
+
+
+def place_on_piece(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
+    """The minimiser of ``a/2 r^2 - b r + j(r)`` where it is a knot; where it lies inside a piece, r itself if r does.
+
+    Else the minimiser with the law as straight as it begins at the end of the piece.  That costs much less than the
+    minimiser, and is as good a place to linearise the law at.  Asks for ``a > alpha``.
+    """
+    if law.shared_knots is not None:
+        return law.local_argmin(a, b)
+    knots = law.knots
+    finite = np.isfinite(knots)
+    at_knots = a[..., None] * np.where(finite, knots, 0.0)
+    low, high = law.knot_slopes()
+    passed = np.sum((b[..., None] > at_knots + high) & finite, axis=-1)
+    held = passed < np.sum((b[..., None] >= at_knots + low) & finite, axis=-1)
+    lower, upper = law.piece_bounds(passed)
+    there = held | ((r > lower) & (r < upper))
+    out = r
+    if held.any():
+        table = np.broadcast_to(knots, (*passed.shape, knots.shape[-1]))
+        at_knot = np.take_along_axis(table, np.minimum(passed, knots.shape[-1] - 1)[..., None], axis=-1)[..., 0]
+        out = np.where(held, at_knot, r)
+    if there.all():
+        return out
+    with np.errstate(invalid="ignore", over="ignore"):
+        end = np.where(np.isfinite(lower), lower, upper)
+        rest = b - a * end - law.piece_derivative(passed, end)
+        place = end + rest / (a + law.piece_curvature(passed, end))
+        other = np.where(np.isfinite(lower) & np.isfinite(upper), 0.5 * (lower + upper), r)
+    return np.where(there, out, np.where((place > lower) & (place < upper), place, other))
 
 
 def stationary_point(

@@ -138,16 +138,25 @@ class PiecewiseQuadratic(Superpotential):
         table = np.broadcast_to(table, (*shape, table.shape[-1]))
         return np.take_along_axis(table, np.broadcast_to(piece, shape)[..., None], axis=-1)[..., 0]
 
+    @cached_property
+    def _anchors(self) -> tuple[Array, Array, Array]:
+        """For each piece the knot that its formula refers to, j' there on the side of the piece, and j; (m, K + 1)."""
+        knots = self.breakpoints
+        return (
+            np.concatenate([knots[:, :1], knots], axis=1),
+            np.concatenate([self._left[:, :1], self._right], axis=1),
+            np.concatenate([self._values[:, :1], self._values], axis=1),
+        )
+
     def _anchor(self, piece: IntArray) -> tuple[Array, Array]:
         """Knot to which the formula of each piece refers, and j' there on the side of the piece."""
-        knot = np.maximum(piece - 1, 0)
-        slope = np.where(piece == 0, self._pick(self._left, knot), self._pick(self._right, knot))
-        return self._pick(self.breakpoints, knot), slope
+        knots, slopes, _ = self._anchors
+        return self._pick(knots, piece), self._pick(slopes, piece)
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
         t, slope = self._anchor(piece)
         s = r - t
-        base = self._pick(self._values, np.maximum(piece - 1, 0)) - self._offset
+        base = self._pick(self._anchors[2], piece) - self._offset
         return base + slope * s + 0.5 * self._pick(self.slopes, piece) * s**2
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
@@ -170,6 +179,10 @@ class PiecewiseQuadratic(Superpotential):
         )
 
     def kinks(self) -> BoolArray:
+        return self._kinks
+
+    @cached_property
+    def _kinks(self) -> BoolArray:
         ends = (self.breakpoints <= np.asarray(self.lower)[..., None]) | (
             self.breakpoints >= np.asarray(self.upper)[..., None]
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -63,6 +64,10 @@ class ScaledLaw(Superpotential):
 
     @property
     def knots(self) -> Array:
+        return self._knots
+
+    @cached_property
+    def _knots(self) -> Array:
         knots = self.base.knots
         return np.broadcast_to(knots, (self._rows, knots.shape[-1]))
 
@@ -93,12 +98,20 @@ class ScaledLaw(Superpotential):
         return self._times(self.base.piece_curvature(piece, r))
 
     def knot_slopes(self) -> tuple[Array, Array]:
+        return self._slopes
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
         factor = self.factor[:, None]
         with np.errstate(invalid="ignore"):
             left, right = (np.where(np.isinf(s), s, factor * s) for s in self.base.knot_slopes())
         return left, right
 
     def kinks(self) -> BoolArray:
+        return self._kinks
+
+    @cached_property
+    def _kinks(self) -> BoolArray:
         left, right = self.knot_slopes()
         return np.asarray((left != right) & np.isfinite(self.knots))
 
@@ -109,6 +122,10 @@ class ScaledLaw(Superpotential):
 
     @property
     def weak_convexity(self) -> Array:
+        return self._alpha
+
+    @cached_property
+    def _alpha(self) -> Array:
         return self._times(self.base.weak_convexity)
 
     @property

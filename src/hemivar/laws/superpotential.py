@@ -287,9 +287,13 @@ class Superpotential(Portable, ABC):
             ends = self.domain
             outside = (r < ends.lower) | (r > ends.upper)
             return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
-        left, right = self.knot_slopes()
         knots = self.knots
         at_knot = np.any(r[..., None] == knots, axis=-1)
+        if not at_knot.any():
+            ends = self.domain
+            outside = (r < ends.lower) | (r > ends.upper)
+            return Interval(np.where(outside, np.inf, slope), np.where(outside, -np.inf, slope))
+        left, right = self.knot_slopes()
         low, high = np.where(at_knot, np.inf, slope), np.where(at_knot, -np.inf, slope)
         for i in range(knots.shape[-1]):
             here = r == knots[..., i]
@@ -376,6 +380,10 @@ class Superpotential(Portable, ABC):
     def local_argmin(self, a: Array, b: Array) -> Array:
         """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
         return minimisers.local_argmin(self, a, b)
+
+    def place_on_piece(self, a: Array, b: Array, r: Array) -> Array:
+        """The minimiser where it is a knot, else a place on its piece, ``r`` if it lies there; for ``a > alpha``."""
+        return minimisers.place_on_piece(self, a, b, r)
 
     def coercive_against(self, a: Array | float) -> BoolArray:
         """Whether ``a/2 r^2 - b r + j(r)`` is bounded below for every b, given the curvature ``a >= 0`` (m,).

@@ -17,6 +17,7 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.friction.profiles import ABSOLUTE_VALUE
 from hemivar.laws.parameters import evaluate
 from hemivar.laws.piecewise import PiecewiseQuadratic
+from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["Friction"]
@@ -129,6 +130,10 @@ def _check_profile(profile: Superpotential) -> None:
             return
     except TypeError:  # a class of the user's that cannot be hashed is looked at again
         pass
+    if isinstance(profile, StackedLaw):
+        for part in profile.parts:
+            _check_profile(part)
+        return
     try:
         rows = profile.knots.shape[0]
     except ProblemError:  # its parameters are functions of the place: looked at when they are evaluated

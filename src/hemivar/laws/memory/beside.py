@@ -1,0 +1,136 @@
+"""Memories that act beside a law: a bond that fades, a foundation that remembers how deep it has been pressed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.types import Array, Parameter
+from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
+from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.transformed import bonded, plus
+from hemivar.laws.transformed.exact_table import table
+
+__all__ = ["Bonding", "PenetrationMemory"]
+
+
+@dataclass(frozen=True, eq=False)
+class Bonding(Memory):
+    """A bond beside the law, which acts in opening and fades where it is stretched; see :func:`hemivar.laws.bonded`.
+
+    Stored is ``stiffness beta^2 w^2/2``; lost is ``energy`` times the fall of beta, and what the viscosity takes.  A
+    bond that is broken does not heal.  The state is ``bond``, beta, 1 at the beginning.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        >= 0 (force per area and length).
+    energy : Parameter
+        Energy per area beneath which nothing breaks, >= 0.
+    viscosity : Parameter
+        > 0 (energy per area, times time).
+    """
+
+    stiffness: Parameter
+    energy: Parameter
+    viscosity: Parameter
+    name: ClassVar[str] = "bonding"
+    minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0, "energy": 0.0}
+    positive: ClassVar[tuple[str, ...]] = ("viscosity",)
+
+    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+        return kept(bond=np.ones(len(r)))
+
+    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+        v = self.values()
+        made = bonded(law.normal, v["stiffness"], v["energy"], v["viscosity"], state["bond"], step.tau)
+        return ContactLaw(made, law.friction)
+
+    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        v, beta = self.values(), state["bond"]
+        driving = step.tau * v["stiffness"] * np.minimum(r[:, 0], 0.0) ** 2 / v["viscosity"]
+        return kept(bond=np.minimum(beta, (beta + step.tau * v["energy"] / v["viscosity"]) / (1.0 + driving)))
+
+    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        opening = np.minimum(r[:, 0], 0.0)
+        return energy_of(law, inner)(r[:, 0]) + 0.5 * self.values()["stiffness"] * (state["bond"] * opening) ** 2
+
+    def dissipated(
+        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+    ) -> Array:
+        v, fall = self.values(), old["bond"] - new["bond"]
+        return np.asarray(v["energy"] * fall + v["viscosity"] * fall**2 / step.tau)
+
+
+@dataclass(frozen=True, eq=False)
+class PenetrationMemory(Memory):
+    """Memory of the penetration: the pressure has the part ``int stiffness exp(-(t - s)/time) r(s) ds`` beside the law.
+
+    The integral q obeys ``q' = r - q/time``; within a step r is taken as linear, for which the recursion is exact, so
+    that the law of the step has a constant and a linear term beside j.  With a positive stiffness the foundation
+    hardens the longer it is pressed, and gives back more than it has taken: its loss,
+    ``-stiffness int h^2``, h = r - q/time, is negative.  With a negative one it relaxes, and its loss is positive.
+    The state is ``integral``, q, and ``last``, r at the end of the step.
+
+    Parameters
+    ----------
+    stiffness : Parameter
+        b, of either sign (force per area and length, per time).
+    time : Parameter
+        > 0.
+    """
+
+    stiffness: Parameter
+    time: Parameter
+    name: ClassVar[str] = "penetration-memory"
+    positive: ClassVar[tuple[str, ...]] = ("time",)
+
+    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+        return kept(integral=np.zeros(len(r)), last=r[:, 0])
+
+    def _recursion(self, step: LocalStep) -> tuple[Array, Array, Array, Array, Array]:
+        """b, T, and the weights of q_n, r_n and r in the integral at the end of the step."""
+        v = self.values()
+        time = v["time"]
+        ratio = step.tau / time
+        lost = -np.expm1(-ratio)
+        # 1 - (1 - e^-x)/x without cancellation for small x
+        mean = np.where(ratio > 1e-3, 1.0 - lost / ratio, ratio * (0.5 - ratio * (1.0 / 6.0 - ratio / 24.0)))
+        return v["stiffness"], time, np.exp(-ratio), time * (lost - mean), time * mean
+
+    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+        b, _, keep, first, last = self._recursion(step)
+        force = b * (keep * state["integral"] + first * step.before[:, 0])
+        slope = np.broadcast_to(b * last, force.shape)[:, None]
+        return ContactLaw(plus(law.normal, _spring(slope, force)), law.friction)
+
+    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        _, _, keep, first, last = self._recursion(step)
+        q = keep * state["integral"] + first * step.before[:, 0] + last * r[:, 0]
+        return kept(integral=q, last=r[:, 0])
+
+    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        v = self.values()
+        branch = r[:, 0] - state["integral"] / v["time"]
+        own = 0.5 * v["stiffness"] * v["time"] * (r[:, 0] - branch) * (r[:, 0] + branch)
+        return np.asarray(energy_of(law, inner)(r[:, 0]) + own)
+
+    def dissipated(
+        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+    ) -> Array:
+        """``-b int h^2``, exact for r linear in the step: h goes exponentially towards time times the rate of r."""
+        v = self.values()
+        b, time, tau = v["stiffness"], v["time"], step.tau
+        start = step.before[:, 0] - old["integral"] / time
+        limit = time * (r[:, 0] - step.before[:, 0]) / tau
+        off, ratio = start - limit, tau / time
+        square = off**2 * -np.expm1(-2.0 * ratio) / 2.0 - 2.0 * off * limit * np.expm1(-ratio) + limit**2 * ratio
+        return np.asarray(-b * time * square)
+
+
+def _spring(slope: Array, force: Array) -> Superpotential:
+    zero = np.zeros((len(force), 1))
+    return table(zero, np.repeat(slope, 2, axis=-1), force[:, None], force[:, None], (-np.inf, np.inf), "memory")

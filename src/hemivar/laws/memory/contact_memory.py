@@ -1,0 +1,181 @@
+"""The memory of contact points: what a law keeps from one time step to the next, and the law of a step with it.
+
+A :class:`Memory` answers for a contact law with a state, arrays with one row for each contact point.  In a step it
+makes of the law it is given the law of the step; when the step has been solved, it makes of the state the next one.
+Nothing is changed in place: a step that is rejected is forgotten.
+
+In the laws of a step column 0 is the penetration r_nu itself, and the slip is the slip *increment* of the step.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.parameters import evaluate
+
+__all__ = ["Energy", "LocalStep", "Memory", "MemoryState", "energy_of", "kept", "slide"]
+
+#: What a contact point remembers: arrays (m, ...) by name, read-only.
+MemoryState = Mapping[str, Array]
+
+#: Energy stored in the normal direction, of the penetration (m,) -> (m,).
+Energy = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class LocalStep(Portable):
+    """A time step, or the stage of one, as the contact points see it.
+
+    In the step the rate is ``v = rate (r - before) + drift``; of the slip, whose increment is d, ``rate d + drift``.
+
+    Attributes
+    ----------
+    tau : float
+        Length of the step, > 0.
+    rate : float
+        The factor a of the displacement in the rate: 1/tau for implicit Euler, 2/tau for the midpoint rule.
+    before : array (m, c)
+        Local displacement r_n at the beginning of the step; its first column, the penetration, is what counts.
+    guess : array (m, c), optional
+        Local displacement of the last iterate: penetration and slip increment. The beginning of the step by default.
+    guess_multiplier : array (m, c), optional
+        Multiplier of the last iterate; zero by default.
+    drift : array (m, c), optional
+        The part of the rate that does not depend on the unknown displacement; zero by default.
+    """
+
+    tau: float
+    rate: float
+    before: Array
+    guess: Array | None = None
+    guess_multiplier: Array | None = None
+    drift: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.tau) and self.tau > 0.0):
+            raise ProblemError(f"the time step is {self.tau}; it must be a positive time")
+        if not (np.isfinite(self.rate) and self.rate > 0.0):
+            raise ProblemError(f"the factor of the displacement in the rate is {self.rate}; it must be positive")
+
+    @property
+    def shift(self) -> Array:
+        """The rate of the penetration at r_nu = 0, (m,): it is ``rate r_nu + shift``."""
+        drift = 0.0 if self.drift is None else self.drift[:, 0]
+        return np.asarray(drift - self.rate * self.before[:, 0])
+
+    @property
+    def sliding(self) -> Array:
+        """Size of the slip increment of the last iterate, (m,)."""
+        return slide(self.before[:, 1:] * 0.0 if self.guess is None else self.guess[:, 1:])
+
+    @property
+    def pressing(self) -> Array:
+        """Pressure of the last iterate, (m,)."""
+        known = self.guess_multiplier is not None
+        return np.asarray(self.guess_multiplier[:, 0]) if known else np.zeros(len(self.before))  # type: ignore[index]
+
+
+class Memory(Portable, ABC):
+    """What contact points remember; a frozen object whose dataclass fields are parameters.
+
+    A parameter is a number, one for each contact point, or a function of x, which :meth:`at` evaluates.
+    """
+
+    #: Short name used in messages, files and tables.
+    name: ClassVar[str] = "memory"
+
+    #: Smallest value of parameters, and those that must be positive.
+    minimum: ClassVar[dict[str, float]] = {}
+    positive: ClassVar[tuple[str, ...]] = ()
+
+    #: Whether the law of the step depends on the solution of the step, so that it is made anew until it stands.
+    iterates: bool = False
+
+    #: Whether the friction law that it is given is the one stated, of the slip, and not one of the slip rate.
+    of_slip: bool = False
+
+    def values(self, points: Array | None = None) -> dict[str, Array]:
+        """The parameters at the contact points, checked, each of shape (1,) or (m,)."""
+        found: dict[str, Array] = {}
+        for f in fields(self):  # type: ignore[arg-type]
+            what = f"{f.name} of memory '{self.name}'"
+            found[f.name] = evaluate(getattr(self, f.name), points, what, self.minimum.get(f.name))
+            if f.name in self.positive and np.any(found[f.name] <= 0.0):
+                raise ProblemError(f"{what} is {found[f.name].min():g}; it must be positive")
+        return found
+
+    def at(self, points: Array | None) -> Self:
+        """The memory with every parameter evaluated at ``points (m, d)``."""
+        return replace(self, **self.values(points))  # type: ignore[type-var]
+
+    def take(self, index: IntArray) -> Self:
+        """The memory, with resolved parameters, at some of the contact points."""
+        return replace(self, **{k: v if v.size == 1 else v[index] for k, v in self.values().items()})  # type: ignore[type-var]
+
+    @abstractmethod
+    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+        """The state at the beginning, in the local displacement ``r (m, c)``."""
+
+    @abstractmethod
+    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+        """The law of the step, made of the law without this memory."""
+
+    @abstractmethod
+    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        """The state at the end of the step, where the local displacement is ``r`` (with the slip increment).
+
+        Parameters
+        ----------
+        law : ContactLaw
+            The law without this memory, as in :meth:`law`.
+        r, lam : arrays (m, c)
+            Local displacement, of which the slip is the increment of the step, and multiplier.
+        """
+
+    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        """Energy that law and memory store in the normal direction, (m,); friction stores none.
+
+        ``inner`` is the energy of the law without this memory, ``law.normal.value`` by default.
+        """
+        return energy_of(law, inner)(r[:, 0])
+
+    def dissipated(
+        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+    ) -> Array:
+        """Energy that is lost in the step by the change of the state, (m,); that of friction is not counted."""
+        return np.zeros(len(r))
+
+    def seen(self, state: MemoryState, r: Array) -> Array:
+        """Local displacement (m, c) that the law without this memory sees in a state: of a worn surface, less wear."""
+        return r
+
+
+def energy_of(law: ContactLaw, inner: Energy | None) -> Energy:
+    """The energy of the law without a memory: what is handed on, or its own value."""
+    return law.normal.value if inner is None else inner
+
+
+def slide(slip: Array) -> Array:
+    """Length of each slip vector (m, t); zero where there are no tangents."""
+    if slip.shape[1] == 0:
+        return np.zeros(len(slip))
+    return np.abs(slip[:, 0]) if slip.shape[1] == 1 else np.asarray(np.hypot.reduce(slip, axis=1))
+
+
+def kept(**arrays: Array) -> MemoryState:
+    """A state of these arrays, which nobody can change."""
+    own = {}
+    for key, values in arrays.items():
+        own[key] = np.array(values, dtype=float)
+        own[key].flags.writeable = False
+    return MappingProxyType(own)

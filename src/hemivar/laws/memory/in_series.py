@@ -1,0 +1,106 @@
+"""Memories that lie in series with a law: a surface that is worn, a foundation that creeps.
+
+Both keep a depth w, and the law acts on what is left of the penetration, ``p in dj(r - w)``.  When w grows in a step by
+``c p``, with the pressure p at its end, the law of the step is the Moreau envelope of j with the compliance c, at
+r - w.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hemivar.basics.types import Array, Parameter
+from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
+from hemivar.laws.transformed import affine, envelope
+
+__all__ = ["ViscousFoundation", "Wear"]
+
+
+class _Series(Memory):
+    """A depth w that grows by ``c p`` in a step; the state is ``depth``."""
+
+    @abstractmethod
+    def _compliance(self, step: LocalStep) -> Array:
+        """c of the step as the last iterate has it, (m,)."""
+
+    @abstractmethod
+    def _reached(self, step: LocalStep, r: Array, lam: Array) -> Array:
+        """c of the step at its end."""
+
+    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+        return kept(depth=np.zeros(len(r)))
+
+    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+        return ContactLaw(affine(envelope(law.normal, self._compliance(step)), 1.0, -state["depth"]), law.friction)
+
+    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        return kept(depth=state["depth"] + self._reached(step, r, lam) * lam[:, 0])
+
+    def seen(self, state: MemoryState, r: Array) -> Array:
+        left = np.array(r, dtype=float)
+        left[:, 0] -= state["depth"]
+        return left
+
+    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        bound = law.normal.domain  # a rigid law holds r - w at its end, up to rounding
+        return energy_of(law, inner)(np.clip(r[:, 0] - state["depth"], bound.lower, bound.upper))
+
+    def dissipated(
+        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+    ) -> Array:
+        return np.asarray(lam[:, 0] * (new["depth"] - old["depth"]))
+
+
+@dataclass(frozen=True, eq=False)
+class Wear(_Series):
+    """Archard's wear: the depth grows with pressure and slip, ``w' = coefficient p |slip rate|``.
+
+    In a step c is the coefficient times the slip increment, which is iterated.  Only pressure wears, not tension.
+
+    Parameters
+    ----------
+    coefficient : Parameter
+        >= 0 (length per length of slip and force per area, 1/pressure).
+    """
+
+    coefficient: Parameter
+    name: ClassVar[str] = "wear"
+    iterates: ClassVar[bool] = True  # type: ignore[misc]
+    minimum: ClassVar[dict[str, float]] = {"coefficient": 0.0}
+
+    def _worn(self, slid: Array, pressure: Array) -> Array:
+        return np.where(pressure > 0.0, self.values()["coefficient"] * slid, 0.0)
+
+    def _compliance(self, step: LocalStep) -> Array:
+        return self._worn(step.sliding, step.pressing)
+
+    def _reached(self, step: LocalStep, r: Array, lam: Array) -> Array:
+        return self._worn(slide(r[:, 1:]), lam[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class ViscousFoundation(_Series):
+    """A foundation that creeps: the law in series with a dashpot, ``w' = p/viscosity``.
+
+    In a step c = tau/viscosity.
+
+    Parameters
+    ----------
+    viscosity : Parameter
+        > 0 (pressure per velocity).
+    """
+
+    viscosity: Parameter
+    name: ClassVar[str] = "viscous-foundation"
+    positive: ClassVar[tuple[str, ...]] = ("viscosity",)
+
+    def _compliance(self, step: LocalStep) -> Array:
+        return np.broadcast_to(step.tau / self.values()["viscosity"], (len(step.before),))
+
+    def _reached(self, step: LocalStep, r: Array, lam: Array) -> Array:
+        return self._compliance(step)

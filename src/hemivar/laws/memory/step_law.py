@@ -1,0 +1,174 @@
+"""Several memories at the same contact points, and the law of a step with them, with rates and with damping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hemivar.basics.arguments import described
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.contact_law import ContactLaw
+from hemivar.laws.friction import Friction
+from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
+from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.transformed import affine, plus
+from hemivar.laws.transformed.exact_table import as_examined
+from hemivar.laws.transformed.slipped import homogeneous
+
+__all__ = ["Chain", "friction_in_increments", "in_increments", "law_of_step"]
+
+
+def friction_in_increments(friction: Friction, rate: float) -> Friction:
+    """Friction that is a law of the slip rate, as a law of the slip increment d of a step: ``h j_tau(a |d|)/a``.
+
+    A profile that is a multiple of the size of the slip, as Tresca's and Coulomb's, sees no rate and stays what it is;
+    else alpha is ``rate`` times that of the law.
+
+    Parameters
+    ----------
+    friction : Friction
+        With resolved parameters; its bound may depend on the state.
+    rate : float
+        a > 0, the factor of the increment in the slip rate: 1/tau for implicit Euler.
+    """
+    if homogeneous(friction.profile):
+        return friction
+    return replace(friction, profile=as_examined(affine(friction.profile, rate)))
+
+
+@dataclass(frozen=True, eq=False)
+class Chain(Memory):
+    """Several memories, one after the other: the first is given the law, every other one the law of the one before.
+
+    A chain of none is no memory.  The entries of its state are those of its parts, with the number of the part in
+    front: ``0.opening``.
+    """
+
+    parts: tuple[Memory, ...]
+    name: ClassVar[str] = "chain"
+
+    def __post_init__(self) -> None:
+        parts = tuple(self.parts)
+        for part in parts:
+            if not isinstance(part, Memory):
+                raise ProblemError(f"a memory of contact points is one such as Secant(), not {described(part)}")
+        for one in ("of_slip", "takes_friction"):
+            names = [part.name for part in parts if getattr(part, one, False)]
+            if len(names) > 1:
+                raise ProblemError(f"the memories {' and '.join(names)} both make the friction law; leave one out")
+        object.__setattr__(self, "parts", parts)
+
+    @property
+    def iterates(self) -> bool:  # type: ignore[override]
+        """Whether the law of the step of any part depends on the solution of the step."""
+        return any(part.iterates for part in self.parts)
+
+    @property
+    def of_slip(self) -> bool:  # type: ignore[override]
+        """Whether a part is given the friction law as stated, and not as one of the slip rate."""
+        return any(part.of_slip for part in self.parts)
+
+    def at(self, points: Array | None) -> Self:
+        return replace(self, parts=tuple(part.at(points) for part in self.parts))
+
+    def take(self, index: IntArray) -> Self:
+        return replace(self, parts=tuple(part.take(index) for part in self.parts))
+
+    def _own(self, state: MemoryState, number: int) -> MemoryState:
+        start = f"{number}."
+        return {key.removeprefix(start): values for key, values in state.items() if key.startswith(start)}
+
+    def _joined(self, states: list[MemoryState]) -> MemoryState:
+        return kept(**{f"{i}.{key}": values for i, state in enumerate(states) for key, values in state.items()})
+
+    def start(self, law: ContactLaw, r: Array) -> MemoryState:
+        return self._joined([part.start(law, r) for part in self.parts])
+
+    def _steps(self, state: MemoryState, step: LocalStep) -> list[LocalStep]:
+        """The step as each part sees it, through those after it."""
+        steps = [step] * len(self.parts)
+        for i in range(len(self.parts) - 1, 0, -1):
+            before = self.parts[i].seen(self._own(state, i), steps[i].before)
+            steps[i - 1] = replace(steps[i], before=before)
+        return steps
+
+    def _given(self, law: ContactLaw, state: MemoryState, steps: list[LocalStep]) -> list[ContactLaw]:
+        """The law that each part is given, and last the law of the step."""
+        laws = [law]
+        for i, part in enumerate(self.parts):
+            laws.append(part.law(laws[-1], self._own(state, i), steps[i]))
+        return laws
+
+    def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
+        return self._given(law, state, self._steps(state, step))[-1]
+
+    def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
+        steps = self._steps(state, step)
+        laws, states = self._given(law, state, steps), [self._own(state, i) for i in range(len(self.parts))]
+        for i in range(len(self.parts) - 1, -1, -1):
+            states[i] = self.parts[i].advance(laws[i], states[i], steps[i], r, lam)
+            r = self.parts[i].seen(states[i], r)
+        return self._joined(states)
+
+    def seen(self, state: MemoryState, r: Array) -> Array:
+        for i in range(len(self.parts) - 1, -1, -1):
+            r = self.parts[i].seen(self._own(state, i), r)
+        return r
+
+    def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
+        energy = energy_of(law, inner)
+        for i, part in enumerate(self.parts):
+            energy = _stored_in(part, law, self._own(state, i), energy)
+        return energy(r[:, 0])
+
+    def dissipated(
+        self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
+    ) -> Array:
+        steps, total = self._steps(old, step), np.zeros(len(r))
+        laws = self._given(law, old, steps)
+        for i in range(len(self.parts) - 1, -1, -1):
+            part, states = self.parts[i], (self._own(old, i), self._own(new, i))
+            total = total + part.dissipated(laws[i], *states, steps[i], r, lam)
+            r = part.seen(states[1], r)
+        return total
+
+
+def _stored_in(part: Memory, law: ContactLaw, state: MemoryState, inner: Energy) -> Energy:
+    return lambda penetration: part.stored(law, state, penetration[:, None], inner)
+
+
+def law_of_step(
+    law: ContactLaw, memory: Memory, state: MemoryState, step: LocalStep, damping: Superpotential | None = None
+) -> ContactLaw:
+    """The law of a time step: friction of the slip rate in increments, the memory, and damping of the normal rate.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        As stated, with resolved parameters.
+    memory : Memory
+        ``Chain(())`` for none.
+    state : mapping
+        Of the memory.
+    damping : Superpotential, optional
+        A law psi of the rate of the penetration; it adds ``psi'(v)`` to the pressure, in contact or not.
+
+    Returns
+    -------
+    ContactLaw
+        Of the penetration and the slip increment.
+    """
+    given = law if memory.of_slip else in_increments(law, step.rate)
+    made = memory.law(given, state, step)
+    if damping is None:
+        return made
+    return ContactLaw(plus(made.normal, affine(damping, step.rate, step.shift)), made.friction)
+
+
+def in_increments(law: ContactLaw, rate: float) -> ContactLaw:
+    """The contact law with friction of the slip rate as friction of the slip increment."""
+    friction = friction_in_increments(law.friction, rate)
+    return law if friction is law.friction else ContactLaw(law.normal, friction)

@@ -1,0 +1,120 @@
+"""What laws made of other laws have in common, and the checks of what they are given."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Self
+
+import numpy as np
+
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws.minimisers import FAR
+from hemivar.laws.scaled import ScaledLaw
+from hemivar.laws.stacked import StackedLaw
+from hemivar.laws.superpotential import Superpotential
+
+__all__ = ["LawOfOne", "TransformedLaw", "by_parts", "falls_between", "numbers", "row"]
+
+
+class TransformedLaw(Superpotential):
+    """A law made of ``parts``, other laws whose parameters are known."""
+
+    @property
+    @abstractmethod
+    def parts(self) -> tuple[Superpotential, ...]:
+        """The laws of which it is made."""
+
+    @property
+    def constants_sampled(self) -> bool:  # type: ignore[override]
+        """Whether the constants of a part come from sampling."""
+        return any(law.constants_sampled for law in self.parts)
+
+    @property
+    def alpha_sampled(self) -> bool:
+        return any(law.alpha_sampled for law in self.parts)
+
+    @property
+    def growth_sampled(self) -> bool:
+        return any(law.growth_sampled for law in self.parts)
+
+    def at(self, points: Array | None) -> Self:
+        rows = self.knots.shape[0]
+        if points is not None and rows not in (1, len(points)):
+            raise ProblemError(f"law '{self.name}' is made for {rows} contact points, but there are {len(points)}")
+        return self
+
+    def scaled(self, factor: Array | float) -> Superpotential:
+        return ScaledLaw(self, np.atleast_1d(np.asarray(factor, dtype=float)))
+
+
+class LawOfOne(TransformedLaw):
+    """A law made of one other, ``base``, whose name it bears; a dataclass whose other fields are numbers (m,)."""
+
+    base: Superpotential
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Name of the law that it is made of."""
+        return self.base.name
+
+    @property
+    def parts(self) -> tuple[Superpotential, ...]:
+        return (self.base,)
+
+    def take(self, index: IntArray) -> Self:
+        base = self.base.take(index) if self.base.knots.shape[0] > 1 else self.base
+        rest = [row(getattr(self, one.name), index) for one in fields(self) if one.name != "base"]  # type: ignore[arg-type]
+        return type(self)(base, *rest)  # type: ignore[call-arg]
+
+
+def numbers(value: Array | float, what: str, *, above: float = -np.inf, least: float = -np.inf) -> Array:
+    """Finite numbers for each contact point, shape (1,) or (m,), > ``above`` and >= ``least``."""
+    found = np.atleast_1d(real_array(value, what))
+    if found.ndim != 1:
+        raise ProblemError(f"{what} has shape {found.shape}; give a number, or one for each contact point")
+    if not (found > above).all():
+        raise ProblemError(
+            f"{what} is {found.min():g}; it must be {'positive' if above == 0.0 else f'above {above:g}'}"
+        )
+    if not (found >= least).all():
+        raise ProblemError(f"{what} is {found.min():g}; it must be at least {least:g}")
+    return found
+
+
+def row(values: Array, index: IntArray) -> Array:
+    """The numbers (1,) or (m,) at some of the contact points."""
+    return values if values.size == 1 else values[index]
+
+
+def by_parts(
+    law: Superpotential, make: Callable[[Superpotential, np.ndarray], Superpotential]
+) -> Superpotential | None:
+    """What ``make(part, index)`` makes of every part of a stacked law, stacked again; None if it is not stacked."""
+    if not isinstance(law, StackedLaw):
+        return None
+    made = tuple(make(part, index) for part, index in zip(law.parts, law.indices, strict=True))
+    return StackedLaw(made, law.indices, name=law.name)
+
+
+def falls_between(law: Superpotential, piece: IntArray, low: Array, high: Array) -> Array:
+    """A bound of -j'' on part of each piece, from its ends: j'' is monotone there; -inf where the part is empty.
+
+    At an infinite end towards which j'' falls, the weak convexity of the law bounds it.
+    """
+    near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
+    other = np.where(np.isfinite(low) & np.isfinite(high), high, near)
+    with np.errstate(all="ignore"):
+        ends = [-law.piece_curvature(piece, np.broadcast_to(end, piece.shape)) for end in (near, other)]
+        bound = np.maximum(*ends)
+        for endless, sign in ((~np.isfinite(low), -1.0), (~np.isfinite(high), 1.0)):
+            if not (endless & (low < high)).any():
+                continue
+            far = -law.piece_curvature(piece, near + sign * FAR * np.maximum(np.abs(near), 1.0))
+            bound = np.where(endless, np.maximum(bound, far), bound)
+            steeper = ~(far <= ends[0] + 1e-9 * (np.abs(far) + np.abs(ends[0])))
+            bound = np.where(endless & steeper, law.weak_convexity, bound)
+    return np.where(low < high, bound, -np.inf)
