@@ -336,17 +336,17 @@ def test_damaged_files_are_refused(old: bytes, new: bytes, words: str) -> None:
     [
         (b"1 3 1 3", b"1 4 1 3", "says 4 nodes"),
         (b"1 3 1 3", b"2 3 1 3", "less than its counts say"),
-        (b"2 1 0 3\n", b"2 1 0 30\n", "fewer nodes than it says"),
-        (b"2 1 0 3\n", b"2 1 0 -3\n", "fewer nodes than it says"),
+        (b"2 1 0 3\n", b"2 1 0 30\n", "less than its counts say"),
+        (b"2 1 0 3\n", b"2 1 0 -3\n", "where a count is due"),
         (b"2 2 1 2\n", b"2 3 1 2\n", "says 3 elements"),
         (b"2 2 1 2\n", b"3 2 1 2\n", "less than its counts say"),
-        (b"1 1 1 1\n", b"1 1 1 -1\n", "fewer than it says"),
+        (b"1 1 1 1\n", b"1 1 1 -1\n", "where a count is due"),
         (b"1 1 1 1\n", b"1 2 1 1\n", "refers to entity 2 of dimension 1"),
         (b"1 1 1 1\n", b"2 1 1 1\n", "elements of type 1 on an entity of dimension 2"),
         (b"0 1 1 0\n", b"0 1 2 0\n", "holds less than its counts say"),
         (b"0 1 1 0\n", b"0 1 0 0\n", "holds more than its counts say"),
         (b"0 1 1 0\n", b"0 -1 1 0\n", "where a count is due"),
-        (b"0 1 1 0\n", b"0 1 x 0\n", "what is not a number where one is due"),
+        (b"0 1 1 0\n", b"0 1 x 0\n", "'x' is not a number"),
     ],
 )
 def test_damaged_files_of_the_new_format_are_refused(old: bytes, new: bytes, words: str) -> None:

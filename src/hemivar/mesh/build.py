@@ -57,9 +57,9 @@ def rectangle(
     """
     if pattern not in ("cross", "right", "left"):
         raise ProblemError(f"pattern '{pattern}' is unknown; choose 'cross', 'right' or 'left'")
-    width, height = _lengths(size, 2, "size")
+    width, height = _lengths(size, 2)
     nx, ny = _counts(cells, 2)
-    x0, y0 = _place(origin, 2, "origin")
+    x0, y0 = _numbers(origin, 2, "origin", "coordinates")
     check_grid((width, height), (nx, ny), (x0, y0), 4 if pattern == "cross" else 2)
     x = x0 + width * np.arange(nx + 1) / nx
     y = y0 + height * np.arange(ny + 1) / ny
@@ -86,9 +86,8 @@ def rectangle(
         "bottom": np.column_stack([bottom[:-1], bottom[1:]]),
         "top": np.column_stack([top[1:], top[:-1]]),
     }
-    parent = _rectangle_parent((width, height), (nx, ny), pattern, (x0, y0))
-    recipe = MeshRecipe(Grid((width, height), (nx, ny), pattern, (x0, y0)))
-    return Mesh.trusted(points, connectivity, boundaries, {}, parent, recipe)
+    grid = Grid((width, height), (nx, ny), pattern, (x0, y0))
+    return Mesh.trusted(points, connectivity, boundaries, {}, _rectangle_parent(grid), MeshRecipe(grid))
 
 
 def box(
@@ -117,7 +116,7 @@ def box(
         If a length or a number of cells is not positive, the mesh does not fit into memory, or the origin is so far
         away that rounding spoils the cells.
     """
-    extent, lowest = _lengths(size, 3, "size"), _place(origin, 3, "origin")
+    extent, lowest = _lengths(size, 3), _numbers(origin, 3, "origin", "coordinates")
     nx, ny, nz = _counts(cells, 3)
     check_grid(extent, (nx, ny, nz), lowest, 6)
     x, y, z = (lowest[k] + extent[k] * np.arange(n + 1) / n for k, n in enumerate((nx, ny, nz)))
@@ -140,9 +139,9 @@ def box(
         "bottom": _split_squares(nodes[0])[:, ::-1],
         "top": _split_squares(nodes[-1]),
     }
-    parent = _box_parent(extent, (nx, ny, nz), lowest)
-    recipe = MeshRecipe(Grid(extent, (nx, ny, nz), "right", lowest))
-    return Mesh.trusted(points.reshape(-1, 3), connectivity.reshape(-1, 4), boundaries, {}, parent, recipe)
+    grid = Grid(extent, (nx, ny, nz), "right", lowest)
+    cut = connectivity.reshape(-1, 4)
+    return Mesh.trusted(points.reshape(-1, 3), cut, boundaries, {}, _box_parent(grid), MeshRecipe(grid))
 
 
 def _split_squares(nodes: IntArray) -> IntArray:
@@ -151,33 +150,26 @@ def _split_squares(nodes: IntArray) -> IntArray:
     return np.stack([np.column_stack([a, b, c]), np.column_stack([a, c, d])], axis=1).reshape(-1, 3)
 
 
-def _box_parent(size: Sequence[float], cells: Sequence[int], origin: Sequence[float]) -> Refinement | None:
+def _box_parent(grid: Grid) -> Refinement | None:
     """What a box is the refinement of, if all its numbers of cells are even."""
-    if any(number % 2 for number in cells):
+    if any(number % 2 for number in grid.cells):
         return None
-    nx, ny, nz = (n // 2 for n in cells)
-    coarse = box((size[0], size[1], size[2]), (nx, ny, nz), (origin[0], origin[1], origin[2]))
+    nx, ny, _ = (n // 2 for n in grid.cells)
     ends = []
     for extra in (0, 1):
-        i, j, k = ((np.arange(n + 1) + extra) // 2 for n in cells)
+        i, j, k = ((np.arange(n + 1) + extra) // 2 for n in grid.cells)
         ends.append((i + (nx + 1) * (j[:, None] + (ny + 1) * k[:, None, None])).ravel())
     ways = list(permutations(range(3)))
     # a point of an eighth lies farther along the axes on whose upper side the eighth is; the others keep their order
     eighths = [[ways.index(tuple(sorted(way, key=lambda a: ~eighth >> a & 1))) for way in ways] for eighth in range(8)]
-    return Refinement(coarse, frozen(np.column_stack(ends)), frozen(_cells_above(cells, eighths)))
+    return Refinement(grid.build(1), frozen(np.column_stack(ends)), frozen(_cells_above(grid.cells, eighths)))
 
 
-def _rectangle_parent(
-    size: Sequence[float],
-    cells: Sequence[int],
-    pattern: Literal["cross", "right", "left"],
-    origin: Sequence[float],
-) -> Refinement | None:
+def _rectangle_parent(grid: Grid) -> Refinement | None:
     """What a rectangle is the refinement of, if both its numbers of cells are even."""
-    if any(number % 2 for number in cells):
+    if any(number % 2 for number in grid.cells):
         return None
-    nx, ny = cells
-    coarse = rectangle((size[0], size[1]), (nx // 2, ny // 2), pattern, (origin[0], origin[1]))
+    (nx, ny), pattern = grid.cells, grid.pattern
     width, centres = nx // 2 + 1, (nx // 2 + 1) * (ny // 2 + 1)
     sides = []
     for extra in (0, 1):
@@ -191,7 +183,7 @@ def _rectangle_parent(
             side[1::2, 1::2] = middle[::2, ::2]
         sides = [np.append(side, more) for side, more in zip(sides, (middle, corner), strict=True)]
     ends = frozen(np.column_stack([side.ravel() for side in sides]))
-    return Refinement(coarse, ends, frozen(_cells_above(cells, _QUARTERS[pattern])))
+    return Refinement(grid.build(1), ends, frozen(_cells_above(grid.cells, _QUARTERS[pattern])))
 
 
 def _cells_above(counts: Sequence[int], table: list[list[int]]) -> IntArray:
@@ -208,22 +200,20 @@ def _cells_above(counts: Sequence[int], table: list[list[int]]) -> IntArray:
     return np.asarray(place[:, None] * len(table[0]) + np.array(table)[part], dtype=np.int64).ravel()
 
 
-def _lengths(values: ArrayLike, count: int, what: str) -> tuple[float, ...]:
-    """Positive lengths, as many as ``count``."""
-    lengths = real_array(values, what)
-    if lengths.shape != (count,):
-        raise ProblemError(f"{what} = {values!r}; give {_NUMBER[count]} lengths")
-    if not (lengths > 0.0).all():
-        raise ProblemError(f"{what} = {values!r}; every length must be positive")
-    return tuple(lengths.tolist())
+def _lengths(size: ArrayLike, axes: int) -> tuple[float, ...]:
+    """Positive lengths along the axes."""
+    lengths = _numbers(size, axes, "size", "lengths")
+    if not all(length > 0.0 for length in lengths):
+        raise ProblemError(f"size = {size!r}; every length must be positive")
+    return lengths
 
 
-def _place(values: ArrayLike, count: int, what: str) -> tuple[float, ...]:
-    """A point, of as many coordinates as ``count``."""
-    place = real_array(values, what)
-    if place.shape != (count,):
-        raise ProblemError(f"{what} = {values!r}; give {_NUMBER[count]} coordinates")
-    return tuple(place.tolist())
+def _numbers(values: ArrayLike, axes: int, what: str, each: str) -> tuple[float, ...]:
+    """One number for each axis."""
+    numbers = real_array(values, what)
+    if numbers.shape != (axes,):
+        raise ProblemError(f"{what} = {values!r}; give {_NUMBER[axes]} {each}")
+    return tuple(numbers.tolist())
 
 
 def _counts(cells: Any, axes: int) -> tuple[int, ...]:

@@ -26,6 +26,7 @@ from hemivar.mesh.checks import (
     is_whole,
 )
 from hemivar.mesh.keys import EDGES, cell_facets, distinct_pairs, frozen, pair_keys, signed_volumes
+from hemivar.mesh.local_refinement import refined_where
 from hemivar.mesh.parts import Parts, parts_of
 from hemivar.mesh.recipe import MeshRecipe
 from hemivar.mesh.refine import Refinement, check_refines, halved
@@ -289,6 +290,25 @@ class Mesh(Portable):
         for _ in range(times):
             mesh = halved(mesh)
         return mesh
+
+    def refined_where(self, cells: object) -> Mesh:
+        """Local refinement: these cells are cut at the midpoints of all their edges, and neighbours as far as needed.
+
+        Nodes keep their numbers; boundaries and regions are carried over.  Shapes do not degrade however often it is
+        done (red refinement with green closures, see :mod:`hemivar.mesh.local_refinement`), and each mesh knows the
+        coarser one of a generation before, so that solvers by multigrid go on with it.
+
+        Parameters
+        ----------
+        cells : bool array (M,), or int array (k,)
+            Which cells.
+
+        Raises
+        ------
+        ProblemError
+            There are no such cells, or the refined mesh does not fit into memory.
+        """
+        return refined_where(self, cells)
 
     def rotated(self, angle: float) -> Mesh:
         """The mesh turned counterclockwise by ``angle`` (radians) about the origin; 2D only."""

@@ -19,14 +19,11 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.msh_numbers import (
     Bytes,
-    Number,
-    Words,
+    Numbers,
     checked_count,
-    entries_at,
     first_rows,
     parameters,
     runs,
-    signed,
 )
 from hemivar.mesh.raw import Block, RawMesh, put_together
 
@@ -100,9 +97,20 @@ class _Reader:
             elif name == "PhysicalNames":
                 self._names(self._text(name))
             elif name in _SECTIONS and self.binary:
-                self._sizes_known(name)
+                source = Bytes(self.data, self.place, self.order, self.word, name, self.version in _NEW)
+                if self._in_blocks(name):
+                    self._sizes_known(name, source)
+                else:
+                    self._old_binary(name, source)
+                self.place = source.place
+                self._end(name)
+            elif name in _SECTIONS and self._in_blocks(name):
+                kind = np.int64 if name == "Elements" else np.float64
+                self._sizes_known(name, Numbers(self._numbers(self._text(name), name, kind), name))
+            elif name == "Elements":
+                self._old_elements(self._numbers(self._text(name), name, np.int64))
             elif name in _SECTIONS:
-                self._plain(name, self._text(name))
+                self._old_nodes(self._numbers(self._text(name), name, np.float64), name == "ParametricNodes")
             else:
                 self._text(name)
         if "Nodes" not in self.seen and "ParametricNodes" not in self.seen:
@@ -197,22 +205,19 @@ class _Reader:
                     f"'{shown(name)}'; leave one"
                 )
 
-    def _plain(self, name: str, text: bytes) -> None:
-        """A section in text."""
-        if name in ("Entities", "PartitionedEntities"):
-            words = iter(text.split())
-            self._entities(name, Words(words, name))
-            if next(words, None) is not None:
-                raise ProblemError(f"${name} holds more than its counts say; save it again")
-            return
-        if name == "Elements":
-            (self._old_elements if self.version in _OLD else self._elements)(self._numbers(text, name, np.int64))
-        elif self.version in _OLD:
-            self._old_nodes(self._numbers(text, name, np.float64), parametric=name == "ParametricNodes")
-        else:
-            self._nodes(self._numbers(text, name, np.float64))
+    def _in_blocks(self, name: str) -> bool:
+        """Whether a section is made of blocks that tell their sizes, the same in text and in binary."""
+        return self.version not in _OLD or name in ("Entities", "PartitionedEntities")
 
-    def _numbers(self, text: bytes, name: str, kind: type[Number]) -> NDArray[Number]:
+    def _sizes_known(self, name: str, source: Numbers | Bytes) -> None:
+        """A section made of blocks."""
+        if name in ("Entities", "PartitionedEntities"):
+            self._entities(name, source)
+        else:
+            self._blocks(name, source)
+        source.finish()
+
+    def _numbers(self, text: bytes, name: str, kind: type[np.int64 | np.float64]) -> NDArray[Any]:
         """All numbers of a text."""
         if b"\0" not in text:
             try:
@@ -237,7 +242,7 @@ class _Reader:
 
     # ---- entities: which physical groups their elements belong to ----------------------------------------------
 
-    def _entities(self, name: str, words: Words | Bytes) -> None:
+    def _entities(self, name: str, words: Numbers | Bytes) -> None:
         partitioned = name == "PartitionedEntities"
         if self.entities is None or partitioned:
             self.entities = {}
@@ -276,27 +281,29 @@ class _Reader:
             part = rows[start : start + many * width].reshape(many, width)
             self._add_nodes(part[:, 0], part[:, 1:4])
 
-    def _nodes(self, number: Array) -> None:
+    def _blocks(self, name: str, source: Numbers | Bytes) -> None:
+        """Nodes or elements of versions 4."""
         new = self.version in _NEW
-        place = 4 if new else 2
-        blocks, count = (checked_count(value, "$Nodes") for value in entries_at(number, 0, 2, "$Nodes"))
+        blocks, count = source.size(), source.size()
+        if new:
+            source.size(), source.size()
         found = 0
         for _ in range(blocks):
-            head = [checked_count(value, "$Nodes", least=-(2**31)) for value in entries_at(number, place, 4, "$Nodes")]
-            dim, many = head[0 if new else 1], head[3]
-            width = 3 + (parameters(dim) if head[2] else 0)
-            place += 4
-            if many < 0 or place + many * (width + 1) > len(number):
-                raise ProblemError("$Nodes holds fewer nodes than it says; it is cut off or damaged: save it again")
-            part = number[place : place + many * (width + 1)]
-            place += len(part)
-            if new:
-                self._add_nodes(part[:many], part[many:].reshape(many, width)[:, :3])
-            else:
-                self._add_nodes(part.reshape(many, width + 1)[:, 0], part.reshape(many, width + 1)[:, 1:4])
+            head = source.integers(3)
+            dim, tag = (head[0], head[1]) if new else (head[1], head[0])
+            many = source.size()
             found += many
-        if found != count or place != len(number):
-            raise ProblemError(f"$Nodes says {count} nodes and does not hold so many; save the mesh again")
+            if name == "Elements":
+                self._add_block(dim, tag, head[2], source.tags(many, 1 + _kind(head[2])[1])[:, 1:])
+                continue
+            width = 3 + (parameters(dim) if head[2] else 0)
+            if new:
+                ids, points = source.tags(many, 1)[:, 0], source.coordinates(many, width)
+            else:
+                ids, points = source.nodes(many, width)
+            self._add_nodes(ids, points[:, :3])
+        if found != count:
+            raise ProblemError(f"${name} says {count} {name.lower()} and holds {found}; save the mesh again")
 
     def _add_nodes(self, ids: NDArray[Any], points: Array) -> None:
         whole = ids.astype(np.int64) if ids.dtype.kind in "iu" or bool((np.abs(ids) < 2.0**53).all()) else None
@@ -326,24 +333,6 @@ class _Reader:
         groups = np.abs(tags[:, 0]) if tags.shape[1] > 0 else none
         self.blocks.append(Block(dim, nodes, groups, tags[:, 1] if tags.shape[1] > 1 else none))
 
-    def _elements(self, number: IntArray) -> None:
-        new = self.version in _NEW
-        place = 4 if new else 2
-        blocks, count = (checked_count(value, "$Elements") for value in entries_at(number, 0, 2, "$Elements"))
-        found = 0
-        for _ in range(blocks):
-            head = [int(value) for value in entries_at(number, place, 4, "$Elements")]
-            dim, tag = (head[0], head[1]) if new else (head[1], head[0])
-            width, many = 1 + _kind(head[2])[1], head[3]
-            place += 4
-            if many < 0 or place + many * width > len(number):
-                raise ProblemError("$Elements holds fewer than it says; it is cut off or damaged: save it again")
-            self._add_block(dim, tag, head[2], number[place : place + many * width].reshape(many, width)[:, 1:])
-            place += many * width
-            found += many
-        if found != count or place != len(number):
-            raise ProblemError(f"$Elements says {count} elements and does not hold so many; save the mesh again")
-
     def _add_block(self, dim: int, tag: int, kind: int, nodes: IntArray) -> None:
         if _kind(kind)[0] != dim:
             raise ProblemError(f"$Elements has elements of type {kind} on an entity of dimension {dim}; save it again")
@@ -355,19 +344,6 @@ class _Reader:
                 )
             groups = self.entities[dim, tag]
         self.blocks.append(Block(dim, nodes, groups))
-
-    # ---- the same in binary ---------------------------------------------------------------------------------------
-
-    def _sizes_known(self, name: str) -> None:
-        source = Bytes(self.data, self.place, self.order, self.word, name)
-        if name in ("Entities", "PartitionedEntities"):
-            self._entities(name, source)
-        elif self.version in _OLD:
-            self._old_binary(name, source)
-        else:
-            self._binary(name, source)
-        self.place = source.place
-        self._end(name)
 
     def _old_binary(self, name: str, source: Bytes) -> None:
         line, source.place = self._line(source.place)
@@ -397,34 +373,6 @@ class _Reader:
             block = source.array(np.dtype(f"{self.order}i4"), many * (1 + tags + nodes)).reshape(many, -1)
             self._add_old(kind_of, block[:, 1 : 1 + tags].astype(np.int64), block[:, 1 + tags :].astype(np.int64))
             left -= many
-
-    def _binary(self, name: str, source: Bytes) -> None:
-        new = self.version in _NEW
-        blocks, count = source.size(), source.size()
-        if new:
-            source.size(), source.size()
-        i4, f8 = np.dtype(f"{self.order}i4"), np.dtype(f"{self.order}f8")
-        tag_kind = np.dtype(f"{self.order}u{self.word}") if new else i4
-        found = 0
-        for _ in range(blocks):
-            head = source.integers(3)
-            dim, tag = (head[0], head[1]) if new else (head[1], head[0])
-            many = source.size()
-            found += many
-            if name == "Elements":
-                nodes = _kind(head[2])[1]
-                part = source.array(tag_kind, many * (1 + nodes)).reshape(many, 1 + nodes)
-                self._add_block(dim, tag, head[2], signed(part[:, 1:]))
-                continue
-            width = 3 + (parameters(dim) if head[2] else 0)
-            if new:
-                ids = signed(source.array(tag_kind, many))
-                self._add_nodes(ids, source.array(f8, many * width).reshape(many, width)[:, :3])
-            else:
-                rows = source.array(np.dtype([("id", i4), ("x", f8, (width,))]), many)
-                self._add_nodes(rows["id"].astype(np.int64), rows["x"][:, :3])
-        if found != count:
-            raise ProblemError(f"${name} says {count} and holds {found}; save the mesh again")
 
 
 def _kind(number: int) -> tuple[int, int]:

@@ -8,54 +8,72 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hemivar.basics.types import BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 
-__all__ = ["Bytes", "Number", "Words", "checked_count", "entries_at", "first_rows", "parameters", "runs", "signed"]
+__all__ = ["Bytes", "Numbers", "checked_count", "first_rows", "parameters", "runs", "signed"]
 
-_N = TypeVar("_N", int, float)
 #: Types of the entries of a section.
 Number = TypeVar("Number", np.int64, np.float64)
 
 
-class Words:
+class Numbers:
     """Numbers of a section in text, one after the other."""
 
-    def __init__(self, words: Iterator[bytes], name: str) -> None:
-        self.words = words
+    def __init__(self, values: NDArray[Any], name: str) -> None:
+        self.values = values
         self.name = name
+        self.place = 0
 
-    def _next(self, count: int, kind: Callable[[bytes], _N]) -> list[_N]:
-        try:
-            return [kind(next(self.words)) for _ in range(count)]
-        except (StopIteration, RuntimeError):
-            raise ProblemError(f"${self.name} holds less than its counts say; save the mesh again") from None
-        except ValueError:
-            raise ProblemError(f"${self.name} holds what is not a number where one is due; save it again") from None
+    def _take(self, count: int) -> NDArray[Any]:
+        if self.place + count > len(self.values):
+            raise ProblemError(f"${self.name} holds less than its counts say; it is cut off or damaged: save it again")
+        self.place += count
+        return self.values[self.place - count : self.place]
 
     def size(self) -> int:
         """A size, the next number."""
-        return checked_count(self._next(1, int)[0], f"${self.name}")
+        return checked_count(self._take(1)[0], f"${self.name}")
 
     def integers(self, count: int) -> list[int]:
         """The next whole numbers."""
-        return self._next(count, int)
+        return [checked_count(value, f"${self.name}", least=-(2**31)) for value in self._take(count)]
 
     def floats(self, count: int) -> list[float]:
         """The next numbers."""
-        return self._next(count, float)
+        values: list[float] = self._take(count).tolist()
+        return values
+
+    def tags(self, rows: int, columns: int) -> NDArray[Any]:
+        """Numbers of nodes and elements, in rows."""
+        return self._take(rows * columns).reshape(rows, columns)
+
+    def coordinates(self, rows: int, columns: int) -> Array:
+        """Coordinates, in rows."""
+        return self.tags(rows, columns)
+
+    def nodes(self, rows: int, columns: int) -> tuple[NDArray[Any], Array]:
+        """Nodes, each by its number and its coordinates."""
+        table = self.tags(rows, 1 + columns)
+        return table[:, 0], table[:, 1:]
+
+    def finish(self) -> None:
+        """Refuse what is left over."""
+        if self.place != len(self.values):
+            raise ProblemError(f"${self.name} holds more than its counts say; save it again")
 
 
 class Bytes:
     """Numbers of a binary section, one after the other."""
 
-    def __init__(self, data: bytes, place: int, order: str, word: int, name: str) -> None:
+    def __init__(self, data: bytes, place: int, order: str, word: int, name: str, long_tags: bool) -> None:
         self.data = data
         self.place = place
         self.name = name
         self._integer = np.dtype(f"{order}i4")
         self._size = np.dtype(f"{order}u{word}")
         self._float = np.dtype(f"{order}f8")
+        self._tag = self._size if long_tags else self._integer
 
     @property
     def left(self) -> int:
@@ -84,6 +102,22 @@ class Bytes:
         """The next numbers."""
         values: list[float] = self.array(self._float, count).tolist()
         return values
+
+    def tags(self, rows: int, columns: int) -> IntArray:
+        """Numbers of nodes and elements, in rows."""
+        return signed(self.array(self._tag, rows * columns)).reshape(rows, columns)
+
+    def coordinates(self, rows: int, columns: int) -> Array:
+        """Coordinates, in rows."""
+        return self.array(self._float, rows * columns).reshape(rows, columns)
+
+    def nodes(self, rows: int, columns: int) -> tuple[IntArray, Array]:
+        """Nodes, each by its number and its coordinates."""
+        table = self.array(np.dtype([("id", self._integer), ("x", self._float, (columns,))]), rows)
+        return table["id"].astype(np.int64), table["x"]
+
+    def finish(self) -> None:
+        """What follows is another section."""
 
 
 def runs(
@@ -129,13 +163,6 @@ def first_rows(keys: NDArray[Number], most: int, name: str) -> int:
 def parameters(dim: float) -> int:
     """Parameters of a node on an entity of this dimension, in the parametric variants."""
     return int(dim) if dim in (1, 2) else 0
-
-
-def entries_at(number: NDArray[Number], place: int, count: int, name: str) -> NDArray[Number]:
-    """So many entries of an array from a place on, which are due there."""
-    if place + count > len(number):
-        raise ProblemError(f"{name} holds less than its counts say; it is cut off or damaged: save the mesh again")
-    return number[place : place + count]
 
 
 def checked_count(value: float, name: str, least: int = 0) -> int:

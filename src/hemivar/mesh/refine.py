@@ -19,7 +19,7 @@ from hemivar.mesh.keys import facet_measures, frozen, signed_volumes
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
-__all__ = ["Refinement", "check_refines", "halved"]
+__all__ = ["Refinement", "check_refines", "halved", "red_tetrahedra"]
 
 #: Part of the size of a mesh by which a node may be off, and of a facet or cell that may be left uncovered.
 _ROUNDING, _COVERED = 1e-12, 1e-6
@@ -124,7 +124,7 @@ def halved(mesh: Mesh) -> Mesh:
         groups = [(v[0], e[0], e[2]), (e[0], v[1], e[1]), (e[2], e[1], v[2]), (e[0], e[1], e[2])]
         cells = np.vstack([np.column_stack(group) for group in groups])
     else:
-        cells = _refined_tetrahedra(points, mesh.cells, count + mesh.cell_edges)
+        cells = red_tetrahedra(points, mesh.cells, count + mesh.cell_edges)
     boundaries = {}
     for name, facets in mesh.boundaries.items():
         f = mesh.facet_nodes(facets, 2).T
@@ -140,11 +140,11 @@ def halved(mesh: Mesh) -> Mesh:
     return mesh.trusted(points, cells, boundaries, regions, parent, recipe)
 
 
-def _refined_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
+def red_tetrahedra(points: Array, cells: IntArray, middles: IntArray) -> IntArray:
     """Eight children of each tetrahedron, positively oriented.
 
     The octahedron inside is cut along the diagonal between the midpoints of 02 and 13, for which tetrahedra are turned
-    if another diagonal is shorter.
+    if another diagonal is shorter.  The k-th child of cell c of M is row ``c + k M``.
     """
     ends = ((2, 4), (1, 3), (0, 5))
     lengths = [np.sum((points[middles[:, a]] - points[middles[:, b]]) ** 2, axis=1) for a, b in ends]
