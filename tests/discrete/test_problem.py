@@ -9,7 +9,18 @@ import scipy.sparse as sp
 from hemivar.discrete import DiscreteProblem, Quadratic
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.laws import ContactLaw, NoFriction, Signorini, SurveyLaw, Tresca
+from hemivar.laws import (
+    Bilateral,
+    Compliance,
+    ContactLaw,
+    CoulombBound,
+    FinitePenetration,
+    Friction,
+    NoFriction,
+    Signorini,
+    SurveyLaw,
+    Tresca,
+)
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import rectangle
 
@@ -150,3 +161,134 @@ def test_energy_forgives_the_rounding_of_displacements_that_cancel() -> None:
     problem = DiscreteProblem.of_arrays(np.eye(2), np.zeros(2), [[0.5, 0.5]], [1.0], [0.0], law)  # type: ignore[arg-type]
     assert problem.energy(np.array([1.0, -1.0 + 1e-14])) == pytest.approx(1.0)
     assert problem.energy(np.array([1.0, -1.0 + 1e-9])) == np.inf
+
+
+def test_three_components_and_no_points() -> None:
+    slips = [[1.0, 2.0], [3.0, 4.0]]
+    problem = DiscreteProblem.of_arrays(**arrays(trace=np.eye(6), slip_offset=slips, points=[[0, 0, 1], [1, 0, 2]]))
+    np.testing.assert_array_equal(problem.contact.offset, [[0.1, 1.0, 2.0], [0.0, 3.0, 4.0]])
+    np.testing.assert_array_equal(problem.contact.points, [[0, 0, 1], [1, 0, 2]])
+    empty = {"trace": np.zeros((0, 6)), "weights": [], "gap": []}
+    for points, components in ((None, 2), (np.zeros((0, 3)), 3), (np.zeros((0, 2)), 2)):
+        alone = DiscreteProblem.of_arrays(**arrays(**empty, points=points, slip_offset=np.zeros((0, 7))))
+        assert alone.contact.offset.shape == (0, components)
+    scalar = discretize(
+        ContactProblem(rectangle((1.0, 1.0), 2), Material.lame(4, 4), supports={"left": Clamped()}, body_force=(0, -1))
+    )
+    field = scalar.field
+    assert field is not None
+    own = DiscreteProblem.of_arrays(
+        scalar.linear.stiffness, scalar.linear.load, np.zeros((0, scalar.unknowns)), [], [], LAW, field=field
+    )
+    assert own.field is field
+    assert own.contact.components == 2
+
+
+def test_a_problem_of_arrays_owns_them() -> None:
+    """What happens to the arrays afterwards does not reach it, and its own cannot be written to."""
+    names = ("load", "weights", "gap", "slip_offset", "points", "frames", "trace", "stiffness")
+    frames = np.stack([np.eye(2), np.eye(2)])
+    given = arrays(points=[[0.0, 1.0], [2.0, 3.0]], frames=frames, slip_offset=[[0.2], [0.3]])
+    given |= {name: np.array(given[name], dtype=float) for name in names}
+    problem = DiscreteProblem.of_arrays(**given)
+    energy = problem.energy(np.ones(6))
+    for name in names:
+        given[name][...] = 77.0
+    contact = problem.contact
+    assert problem.energy(np.ones(6)) == energy
+    np.testing.assert_array_equal(contact.points, [[0.0, 1.0], [2.0, 3.0]])
+    np.testing.assert_array_equal(contact.frames, frames)
+    for array in (problem.linear.load, contact.weights, contact.offset, contact.points, contact.frames):
+        assert array is not None
+        assert not array.flags.writeable
+
+
+def test_with_changes_what_is_given_and_nothing_else() -> None:
+    problem = DiscreteProblem.of_arrays(**arrays(constant=3.0))
+    moved = problem.with_(offset=[[0.5, 0.1], [0.6, 0.2]])  # type: ignore[arg-type]
+    np.testing.assert_array_equal(moved.contact.gap, [0.5, 0.6])
+    assert (moved.bulk, moved.law) == (problem.bulk, problem.law)
+    assert moved.contact.trace is problem.contact.trace
+    loaded = problem.with_(load=2.0 * np.arange(6.0))
+    np.testing.assert_array_equal(loaded.linear.load, 2.0 * np.arange(6.0))
+    assert loaded.linear.constant == 3.0
+    assert loaded.contact is problem.contact
+    bulk = Quadratic(np.eye(6), np.ones(6))
+    assert problem.with_(bulk=bulk).bulk is bulk
+    with pytest.raises(ProblemError, match="give one of load and bulk"):
+        problem.with_(bulk=bulk, load=np.ones(6))
+    with pytest.raises(ProblemError, match="offset has shape"):
+        problem.with_(offset=np.zeros((2, 3)))
+    with pytest.raises(ProblemError, match="trace has 6 columns; it needs one per unknown, 5"):
+        problem.with_(bulk=Quadratic(np.eye(5), np.ones(5)))
+    without = DiscreteProblem.of_arrays(**arrays(trace=np.zeros((0, 6)), weights=[], gap=[]))
+    with pytest.raises(ProblemError, match=r"offset has shape \(0, 3\); it must be \(0, 2\)"):
+        without.with_(offset=np.zeros((0, 3)))
+
+
+def test_the_energy_of_a_bound_that_depends_on_the_state_is_that_of_the_pair() -> None:
+    """Coulomb's bound is 0.5 times the pressure: of the multiplier where one is given, of the normal law where not."""
+    law = ContactLaw(Compliance(2.0), Friction(CoulombBound(0.5)))
+    problem = DiscreteProblem.of_arrays(np.eye(2), np.zeros(2), np.eye(2), [3.0], [0.0], law)
+    u = np.array([0.4, -0.25])
+    bulk, normal = 0.5 * (0.4**2 + 0.25**2), 3.0 * 2.0 * 0.4**2 / 2
+    assert problem.energy(u) == pytest.approx(bulk + normal + 3.0 * 0.5 * (2.0 * 0.4) * 0.25)
+    assert problem.energy(u, np.array([[7.0, 0.0]])) == pytest.approx(bulk + normal + 3.0 * 0.5 * 7.0 * 0.25)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_energy_at_both_ends_of_a_law(side: float) -> None:
+    """A point held on both sides: as far off as the gap and the displacement are rounded, and farther."""
+    law = ContactLaw(Bilateral(), NoFriction())
+    problem = DiscreteProblem.of_arrays([[2.0]], [0.0], [[1.0]], [1.0], [100.0], law)
+    assert problem.energy(np.array([100.0 + side * 1e-11])) == pytest.approx(1e4)
+    assert problem.energy(np.array([100.0 + side * 1e-9])) == np.inf
+    near = problem.with_(offset=np.array([[0.0]]))
+    assert near.energy(np.array([side * 1e-11])) == np.inf
+    assert near.energy(np.zeros(1)) == 0.0
+
+
+def test_what_unknowns_and_multipliers_must_be() -> None:
+    problem = DiscreteProblem.of_arrays(**arrays())
+    for call in (problem.local, problem.energy):
+        with pytest.raises(ProblemError, match=r"unknowns have shape \(5,\); this problem has \(6,\)"):
+            call(np.ones(5))
+    with pytest.raises(ProblemError, match=r"multiplier has shape \(4,\); this problem has \(2, 2\)"):
+        problem.contact_force(np.ones(4))
+    assert repr(problem) == "DiscreteProblem(6 unknowns, 2 contact points of 2 components, law survey)"
+
+
+@pytest.mark.parametrize("end", [0.2, 3.0])
+def test_energy_where_a_law_ends_beyond_touching(end: float) -> None:
+    """A stiffness of 5 up to a largest penetration: there the energy is that of the end, beyond it infinite."""
+    law = ContactLaw(FinitePenetration(5.0, end), NoFriction())
+    problem = DiscreteProblem.of_arrays([[2.0]], [0.0], [[1.0]], [3.0], [0.0], law)
+    at_end = problem.energy(np.array([end]))
+    assert np.isfinite(at_end)
+    assert problem.energy(np.array([end * (1.0 + 1e-13)])) == pytest.approx(at_end, rel=1e-9)
+    assert problem.energy(np.array([end * (1.0 + 1e-11)])) == np.inf
+    assert problem.energy(np.array([0.5 * end])) < at_end
+    assert problem.energy(np.array([-end])) == pytest.approx(end**2)
+
+
+def test_what_counts_as_rounding_is_a_part_of_the_largest_displacement_or_gap() -> None:
+    law = ContactLaw(Signorini(), NoFriction())
+    for gaps, u, forgiven in (
+        ([0.0, 100.0], [1e-11, 0.0], True),
+        ([0.0, 1.0], [1e-11, 0.0], False),
+        ([0.0, 200.0], [1e-11, 100.0], True),
+        ([0.0, 0.0], [1e-11, -100.0], True),
+        ([0.0, 0.0], [1e-11, 0.0], False),
+    ):
+        problem = DiscreteProblem.of_arrays(np.eye(2), np.zeros(2), np.eye(2), [1.0, 1.0], gaps, law)
+        assert np.isfinite(problem.energy(np.array(u))) == forgiven
+
+
+def test_the_slip_offset_of_a_single_point() -> None:
+    one = {"trace": np.eye(6)[:2], "weights": [1.0], "gap": [0.3]}
+    np.testing.assert_array_equal(DiscreteProblem.of_arrays(**arrays(**one)).contact.offset, [[0.3, 0.0]])
+    moved = DiscreteProblem.of_arrays(**arrays(**one, slip_offset=[[0.4]]))
+    np.testing.assert_array_equal(moved.contact.offset, [[0.3, 0.4]])
+    for wrong in ([[0.1, 0.2]], [[0.1], [0.2]]):
+        with pytest.raises(ProblemError, match=r"slip_offset has shape .*; it must be \(1, 1\)"):
+            DiscreteProblem.of_arrays(**arrays(**one, slip_offset=wrong))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.discrete import DiscreteProblem
+from hemivar.discrete import DiscreteProblem, rigid
+from hemivar.discrete.rigid import admitted, rigid_basis
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.laws import Adhesive, Bilateral, Compliance, Signorini, SurveyLaw, Tresca
@@ -206,3 +207,89 @@ def test_no_load_and_an_adhesive_law() -> None:
         assert found.residual.total == 0.0
         assert found.steps == 0
         assert not found.unknowns.any()
+
+
+def test_rigid_motions_by_hand() -> None:
+    """About the middle of the box, the farthest corner moving by one."""
+    nodes = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 0.5]])
+    motions, names = rigid_basis(nodes)
+    assert names == ["(1, 0)", "(0, 1)", ""]
+    half = 0.5 * np.sqrt(5.0)
+    turn = np.array([[0.5, -1.0], [0.5, 1.0], [-0.5, 1.0], [0.0, 0.0]]) / half
+    np.testing.assert_allclose(motions[:, 0].reshape(4, 2), np.tile([1.0, 0.0], (4, 1)))
+    np.testing.assert_allclose(motions[:, 1].reshape(4, 2), np.tile([0.0, 1.0], (4, 1)))
+    np.testing.assert_allclose(motions[:, 2].reshape(4, 2), turn, atol=1e-15)
+    part = rigid_basis(nodes[:1], (np.array([0.0, 0.0]), np.array([2.0, 1.0])))[0]
+    np.testing.assert_allclose(part, motions[:2], atol=1e-15)
+    solid, names = rigid_basis(np.array([[0.0, 0.0, 0.0], [2.0, 4.0, 4.0]]))  # half the diagonal is 3
+    assert names[3:] == [" about the z axis", " about the y axis", " about the x axis"]
+    np.testing.assert_allclose(solid[3:, 3:] * 3.0, [[-2, -2, 0], [1, 0, -2], [0, 1, 2]], atol=1e-15)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_motions_that_move_no_support_are_admitted(size: float) -> None:
+    """A billionth of what the others move counts as rounding."""
+    np.testing.assert_array_equal(admitted(np.zeros((0, 3))), np.eye(3))
+    for small, count in ((0.0, 2), (1e-11, 2), (1e-7, 1)):
+        found = admitted(size * np.array([[1.0, 1.0, 0.0], [0.0, 0.0, small]]))
+        assert found.shape == (3, count)
+        np.testing.assert_allclose(found.T @ found, np.eye(count), atol=1e-14)
+        np.testing.assert_allclose(found.sum(axis=0) - found[2], 0.0, atol=1e-12)
+    assert admitted(size * np.eye(3)).shape == (3, 0)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("support", ["none", "pin"])
+def test_coefficients_say_what_each_part_does(shape: str, support: str) -> None:
+    mesh = SHAPES[shape][0]()
+    name = next(iter(name for name in mesh.boundaries if name.startswith("bottom")))
+    supports = {name: Fixed(x=0.0)} if support == "pin" else {}
+    problem = discretize(ContactProblem(mesh, MATERIAL, {}, supports), check_coercivity=False)  # type: ignore[arg-type]
+    field = problem.field
+    assert field is not None
+    found, dim = field.free_motions, mesh.dim
+    owners = [np.unique(mesh.cells[found.parts.cell == part]) for part in range(found.parts.count)]
+    seen = np.concatenate([group.parts for group in found.groups])
+    assert len(set(seen.tolist())) == len(seen)
+    width = 0
+    for group in found.groups:
+        assert group.columns == slice(width, width + group.coefficients.shape[2])
+        width = group.columns.stop
+        moved = found.motions[:, group.columns].toarray().reshape(-1, dim, width - group.columns.start)
+        apart = np.setdiff1d(np.arange(len(field.nodes)), np.concatenate([owners[part] for part in group.parts]))
+        assert not moved[apart].any()
+        for part, coefficients in zip(group.parts, group.coefficients, strict=True):
+            own = rigid_basis(field.nodes[owners[part]])[0] @ coefficients
+            np.testing.assert_allclose(moved[owners[part]].reshape(own.shape), own, atol=1e-9)
+        counted = np.bincount(np.concatenate(owners), minlength=len(field.nodes))
+        mine = np.unique(np.concatenate([owners[part] for part in group.parts]))
+        np.testing.assert_array_equal(group.hinges, mine[counted[mine] > 1] if found.parts.count > 1 else [])
+    assert width == found.count
+
+
+def test_what_hangs_on_held_parts_is_held_and_what_hangs_on_one_joint_is_not() -> None:
+    """A row of squares joined at corners: the clamped end holds itself alone; both ends hold a triangle of joints."""
+    row = [square(0, 0), square(1, 1), square(2, 0)]
+    for names, count in ((("left0",), 2), (("left0", "right2"), 0)):
+        statement = ContactProblem(joined(*row), MATERIAL, {}, {name: Clamped() for name in names})
+        problem = discretize(statement, check_coercivity=False)
+        assert problem.field is not None
+        found = problem.field.free_motions
+        assert found.count == count == kernel_size(problem)
+        moving = sorted(int(part) for group in found.groups for part in group.parts)
+        assert len(moving) == count
+        assert [group.hinges.size for group in found.groups] == ([2] if count else [])
+
+
+@pytest.mark.parametrize(("largest", "refused"), [(12, False), (11, True)])
+def test_very_many_parts_at_joints_are_refused(largest: int, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four squares of three motions each; what is named is the number of parts and the place of one of them."""
+    monkeypatch.setattr(rigid, "_LARGEST", largest)
+    statement = ContactProblem(SHAPES["chain"][0](), MATERIAL)
+    if not refused:
+        field = discretize(statement, check_coercivity=False).field
+        assert field is not None
+        assert field.free_motions.count == 6
+        return
+    with pytest.raises(ProblemError, match=r"4 parts of the body, one of them around x = \(.*, hang together at nodes"):
+        discretize(statement, check_coercivity=False).field.free_motions  # type: ignore[union-attr]  # noqa: B018

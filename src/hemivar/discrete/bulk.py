@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Protocol, runtime_checkable
@@ -82,19 +83,25 @@ class Quadratic(Portable):
             raise ProblemError(f"stiffness has shape {stiffness.shape}; it must be square")
         if not assembled:
             _check_symmetry(stiffness)
-        load = real_array(self.load, "load", 1, own=not assembled)
-        n = load.shape[0]
-        if stiffness.shape != (n, n):
-            raise ProblemError(
-                f"stiffness has shape {stiffness.shape} but load has {n} entries; give a stiffness of shape ({n}, {n})"
-            )
-        constant = float(real_array(self.constant, "constant", 0, finite=False))
-        if not np.isfinite(constant):
-            raise ProblemError(f"constant = {self.constant}; the constant part of the energy must be finite")
-        for name, value in (("stiffness", stiffness), ("load", load), ("constant", constant)):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "stiffness", stiffness)
+        self._carry(self.load, self.constant, own=not assembled)
         _check_diagonal(self.diagonal)
-        _check_size(self.diagonal, load)
+        _check_size(self.diagonal, self.load)
+
+    def _carry(self, load: Array, constant: float, own: bool) -> None:
+        """Take a load and a constant."""
+        load, n = real_array(load, "load", 1, own=own), self.stiffness.shape[0]
+        if load.shape != (n,):
+            m = load.shape[0]
+            raise ProblemError(
+                f"stiffness has shape {self.stiffness.shape} but load has {m} entries; "
+                f"give a stiffness of shape ({m}, {m})"
+            )
+        number = float(real_array(constant, "constant", 0, finite=False))
+        if not np.isfinite(number):
+            raise ProblemError(f"constant = {constant}; the constant part of the energy must be finite")
+        object.__setattr__(self, "load", load)
+        object.__setattr__(self, "constant", number)
 
     def __repr__(self) -> str:
         return f"Quadratic({self.unknowns} unknowns, {self.stiffness.nnz} entries)"
@@ -133,9 +140,12 @@ class Quadratic(Portable):
         return self.stiffness
 
     def under(self, load: Array, constant: float | None = None) -> Quadratic:
-        """The same body under another load, shape (n,); the stiffness is shared."""
-        load = real_array(load, "load", 1, own=True)
-        return Quadratic(self.stiffness, load, self.constant if constant is None else constant, assembled=True)
+        """The same body under another load, shape (n,); the stiffness is shared, and what is known of it."""
+        _ = self.diagonal, self.row_sums
+        other = copy.copy(self)
+        other._carry(load, self.constant if constant is None else constant, own=True)
+        _check_size(other.diagonal, other.load)
+        return other
 
 
 def _check_diagonal(diagonal: Array) -> None:

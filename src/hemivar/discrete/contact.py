@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -83,7 +85,7 @@ class ContactPoints(Portable):
             if value is None:
                 continue
             array = real_array(value, name, ndim)
-            if m > 0 and array.shape[: ndim - 1] != ((m,) if ndim == 2 else (m, offset.shape[1])):
+            if array.shape[: ndim - 1] != offset.shape[: ndim - 1]:
                 expected = f"({m}, d)" if ndim == 2 else f"({m}, {offset.shape[1]}, d)"
                 raise ProblemError(f"{name} has shape {array.shape}; it must be {expected}")
             object.__setattr__(self, name, array)
@@ -124,9 +126,30 @@ class ContactPoints(Portable):
         """Penetration and slip ``r = B u - offset`` of unknowns (n,), shape (m, c)."""
         return np.asarray(self.trace @ u).reshape(self.offset.shape) - self.offset
 
+    @cached_property
+    def _spread(self) -> sp.csc_array:
+        """``B'``, whose arrays are those of the trace."""
+        return self.trace.T
+
     def force(self, lam: Array) -> Array:
         """Forces ``B'W lam`` on the unknowns, shape (n,), of a multiplier (m, c)."""
-        return np.asarray(self.trace.T @ (self.weights[:, None] * lam).ravel())
+        return np.asarray(self._spread @ (self.weights[:, None] * lam).ravel())
+
+    def with_offset(self, offset: Array) -> ContactPoints:
+        """The same points with another offset, shape (m, c).
+
+        Raises
+        ------
+        ProblemError
+            It has another shape, or a number is not finite.
+        """
+        given = real_array(offset, "offset", 2, own=True)
+        if given.shape != self.offset.shape:
+            raise ProblemError(f"offset has shape {given.shape}; it must be {self.offset.shape}")
+        _ = self._spread  # known to all that share the trace
+        other = copy.copy(self)
+        object.__setattr__(other, "offset", given)
+        return other
 
     def take(self, index: IntArray) -> ContactPoints:
         """The contact points of the given numbers, in their order."""

@@ -30,7 +30,7 @@ import scipy.optimize
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import ContactLaw
 
-__all__ = ["Growth", "Hold", "Verdict", "decide", "growth_along"]
+__all__ = ["Growth", "Held", "Hold", "Verdict", "decide", "growth_along"]
 
 #: Growth this small, against what cancels in it, is none.
 _BALANCE = 1e-9
@@ -79,6 +79,25 @@ class Hold:
     verdict: Verdict
     direction: Array | None = None
     growth: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """That a body was shown to be held, so that it need not be decided again.
+
+    It is known by what it was decided of, the very objects: whatever replaces one of them is decided anew.
+
+    Attributes
+    ----------
+    of : tuple
+        Bulk, trace, weights, law and space of a discrete problem.
+    """
+
+    of: tuple[object, ...]
+
+    def covers(self, of: tuple[object, ...]) -> bool:
+        """Whether it was decided of these."""
+        return len(of) == len(self.of) and all(one is other for one, other in zip(of, self.of, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -364,7 +383,7 @@ def _by_programme(cut: Growth, growth: Growth) -> Hold:
     if endless.any():
         return Hold(Verdict.UNDECIDED)
     shrinking = cut.rates < 0.0
-    lost = float(-cut.rates[shrinking] @ np.abs(cut.cones[shrinking]).sum(axis=2).max(axis=1, initial=0.0))
+    lost = float(-cut.rates[shrinking] @ np.linalg.norm(np.abs(cut.cones[shrinking]).sum(axis=2), axis=1))
     waiting: list[dict[int, float]] = [{}]
     doubt: Hold | None = None
     for _ in range(_BRANCHES):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import copy
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,14 +15,17 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
+from hemivar.discrete.hold import Held
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 
 if TYPE_CHECKING:
-    from hemivar.mechanics.statement import ContactProblem
+    from hemivar.mechanics.scalar import Statement
 
 __all__ = ["DiscreteProblem", "quadratic"]
+
+_ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +46,12 @@ class DiscreteProblem(Portable, Displayed):
         The contact law with parameters resolved at the contact points.
     space : Space or None
         The fields that the unknowns describe.
-    origin : ContactProblem or None
+    origin : ContactProblem, ScalarProblem or None
         What was discretised; the same on a coarser mesh serves multigrid.
     warnings : tuple of str
         Sentences on what results of this problem do not show by themselves; empty for most problems.
+    shown : Held or None
+        That the body was shown to be held, of which bulk, contact points and law; see :attr:`held`.
 
     Raises
     ------
@@ -57,16 +63,14 @@ class DiscreteProblem(Portable, Displayed):
     contact: ContactPoints
     law: ContactLaw
     space: Space | None = None
-    origin: ContactProblem | None = None
+    origin: Statement | None = None
     warnings: tuple[str, ...] = ()
+    shown: Held | None = None
 
     def __post_init__(self) -> None:
-        remedy = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
-        expect(self.bulk, Bulk, "the bulk of a discrete problem", remedy)
-        expect(self.contact, ContactPoints, "the contact of a discrete problem", remedy)
-        n = self.bulk.unknowns
-        if self.contact.unknowns != n:
-            raise ProblemError(f"trace has {self.contact.unknowns} columns; it needs one per unknown, {n}")
+        expect(self.bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
+        expect(self.contact, ContactPoints, "the contact of a discrete problem", _ARRAYS)
+        n = _check_count(self.bulk, self.contact)
         if self.space is not None and self.space.unknowns != n:
             raise ProblemError(f"space has {self.space.unknowns} unknowns but load has {n}; they must agree")
         _check_law(self.law, self.contact)
@@ -169,21 +173,21 @@ class DiscreteProblem(Portable, Displayed):
         ProblemError
             As when the problem was made.
         """
+        if bulk is not None:
+            expect(bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
         if bulk is not None and load is not None:
             raise ProblemError("a bulk brings its own load; give one of load and bulk")
         if load is not None:
             bulk = quadratic(self.bulk, "another load").under(load)
-        contact = self.contact
+        changed = copy.copy(self)
+        if bulk is not None:
+            _check_count(bulk, self.contact)
+            object.__setattr__(changed, "bulk", bulk)
         if offset is not None:
-            contact = replace(contact, offset=real_array(offset, "offset", 2, own=True))
-        changed = replace(
-            self,
-            bulk=self.bulk if bulk is None else bulk,
-            contact=contact,
-            law=self.law if law is None else law,
-        )
-        if offset is not None and contact.components != self.contact.components:
-            raise ProblemError(f"offset has shape {contact.offset.shape}; it must be {self.contact.offset.shape}")
+            object.__setattr__(changed, "contact", self.contact.with_offset(offset))
+        if law is not None and law is not self.law:
+            _check_law(law, changed.contact)
+            object.__setattr__(changed, "law", law)
         return changed
 
     def __repr__(self) -> str:
@@ -201,6 +205,23 @@ class DiscreteProblem(Portable, Displayed):
             The bulk is not quadratic.
         """
         return quadratic(self.bulk)
+
+    @property
+    def held(self) -> bool:
+        """Whether its energy has been shown to grow along every motion that deforms nothing.
+
+        :func:`hemivar.discretize` does so; another load, law or bulk is another question, another gap is not.
+        """
+        return self.shown is not None and self.shown.covers(self._held_by)
+
+    def known_to_be_held(self) -> DiscreteProblem:
+        """The problem, known to be :attr:`held` from now on; for who has shown it."""
+        shown = Held(self._held_by)
+        return DiscreteProblem(self.bulk, self.contact, self.law, self.space, self.origin, self.warnings, shown)
+
+    @property
+    def _held_by(self) -> tuple[object, ...]:
+        return self.bulk, self.contact.trace, self.contact.weights, self.law, self.space
 
     @property
     def unknowns(self) -> int:
@@ -289,6 +310,13 @@ def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:
     if not isinstance(bulk, Quadratic):
         raise ProblemError(f"{what} needs a linear body; the bulk is a {type(bulk).__name__}: give a Quadratic")
     return bulk
+
+
+def _check_count(bulk: Bulk, contact: ContactPoints) -> int:
+    n = bulk.unknowns
+    if contact.unknowns != n:
+        raise ProblemError(f"trace has {contact.unknowns} columns; it needs one per unknown, {n}")
+    return n
 
 
 def _check_law(law: ContactLaw, contact: ContactPoints) -> None:

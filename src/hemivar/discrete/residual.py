@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,15 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
 
-__all__ = ["LoadScale", "Residual", "contact_compliance", "load_scale", "residual", "resting_multiplier"]
+__all__ = [
+    "LoadScale",
+    "Residual",
+    "contact_compliance",
+    "load_scale",
+    "residual",
+    "residuals",
+    "resting_multiplier",
+]
 
 
 @dataclass(frozen=True)
@@ -67,15 +76,8 @@ class Residual:
     noise: float
 
     @staticmethod
-    def of(out_of_balance: Array, inclusion: Array, load: LoadScale, contact_force: Array, moved: Array) -> Residual:
-        """From the vectors of both parts, what they are held against, and the size of what cancels, entry by entry."""
-        return Residual.of_sizes(norm(out_of_balance), norm(inclusion), load, norm(contact_force), norm(moved))
-
-    @staticmethod
-    def of_sizes(
-        out_of_balance: float, inclusion: float, load: LoadScale, contact_force: float, moved: float
-    ) -> Residual:
-        """The same from the norms of these vectors."""
+    def of(out_of_balance: float, inclusion: float, load: LoadScale, contact_force: float, moved: float) -> Residual:
+        """From the norms of both parts, what they are held against, and the size of what cancels, entry by entry."""
         return Residual(out_of_balance, inclusion, load.of(contact_force), 8.0 * float(np.finfo(float).eps) * moved)
 
     @property
@@ -174,20 +176,26 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
     multiplier = real_array(multiplier, "the multiplier", finite=False)
     if displacement.shape != (problem.unknowns,):
         raise ProblemError(f"the displacement has shape {displacement.shape}; the unknowns have {(problem.unknowns,)}")
-    force = problem.contact_force(multiplier)
     compliance = contact_compliance(problem)
-    inclusion = np.zeros(0)
-    if problem.contact_points:
-        r = problem.local(displacement)
-        law = problem.law.frozen(r, multiplier)
-        inclusion = problem.contact.weights * law.graph_distance(r, multiplier, compliance)
-    return Residual.of(
-        out_of_balance=-problem.bulk.gradient(displacement) - force,
-        inclusion=inclusion,
-        load=load_scale(problem, compliance),
-        contact_force=force,
-        moved=_moved(problem.bulk, displacement) + np.abs(_load(problem)),
-    )
+    return residuals(problem, displacement, [multiplier], compliance, load_scale(problem, compliance))[0]
+
+
+def residuals(
+    problem: DiscreteProblem, u: Array, multipliers: Sequence[Array], compliance: Array, scale: LoadScale
+) -> list[Residual]:
+    """Residuals at unknowns (n,) for each of some multipliers (m, d).
+
+    ``compliance (m, 2)`` and ``scale`` are :func:`contact_compliance` and :func:`load_scale` of the problem.
+    """
+    r, balance = problem.contact.local(u), -problem.bulk.gradient(u)
+    moved = norm(_moved(problem.bulk, u) + np.abs(_load(problem)))
+    found = []
+    for lam in multipliers:
+        force, inclusion = problem.contact_force(lam), np.zeros(0)
+        if problem.contact_points:
+            inclusion = problem.contact.weights * problem.law.frozen(r, lam).graph_distance(r, lam, compliance)
+        found.append(Residual.of(norm(balance - force), norm(inclusion), scale, norm(force), moved))
+    return found
 
 
 def _load(problem: DiscreteProblem) -> Array:

@@ -24,7 +24,7 @@ from hemivar.mesh.parts import Parts
 if TYPE_CHECKING:
     from hemivar.discrete.space import Field
 
-__all__ = ["FreeMotions", "MovingGroup", "admitted", "free_motions", "rigid_basis"]
+__all__ = ["FreeMotions", "MovingGroup", "admitted", "free_motions", "no_motions", "rigid_basis"]
 
 #: A motion that moves the supports by less than this, relative to its size, is free.
 _RANK = 1e-9
@@ -117,6 +117,11 @@ def free_motions(field: Field) -> FreeMotions:
         Several hundred parts hang together at nodes only.
     """
     return _of_one(field) if field.mesh.parts.count == 1 else _of_many(field)
+
+
+def no_motions(field: Field) -> FreeMotions:
+    """None at all, for a body that something resists at every place."""
+    return FreeMotions(sp.csc_array((field.prescribed.size, 0)), (), field.mesh.parts)
 
 
 def _stopped(field: Field) -> tuple[IntArray, Array]:

@@ -13,7 +13,8 @@ from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
-from hemivar.discrete.rigid import FreeMotions, free_motions
+from hemivar.discrete.constants import free_constants
+from hemivar.discrete.rigid import FreeMotions, free_motions, no_motions
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
@@ -45,6 +46,10 @@ class Field(Portable):
         What the field is.
     lift : sparse array, shape (n, nodes * components), optional
         A left inverse of the basis, ``lift P = 1``; ``P'`` by default, for which the columns of P must be orthonormal.
+    bedded : bool
+        Whether an elastic bedding of the body, or its inertia in a step in time, resists every motion.
+    constants : bool
+        The energy is one of the gradient of one component: its free motions are the constants.
 
     Raises
     ------
@@ -59,6 +64,8 @@ class Field(Portable):
     components: int = 0
     name: str = "displacement"
     lift: Any = None
+    bedded: bool = False
+    constants: bool = False
 
     def __post_init__(self) -> None:
         expect(self.mesh, Mesh, "the mesh of a field", "hemivar.rectangle, hemivar.box and read_mesh make one")
@@ -98,6 +105,11 @@ class Field(Portable):
         return self.components == self.mesh.dim
 
     @property
+    def knows_motions(self) -> bool:
+        """Whether :attr:`free_motions` are known: those of a displacement, or the constants of a gradient's energy."""
+        return self.moves or self.constants
+
+    @property
     def number_of_nodes(self) -> int:
         """Number of nodes of the field (vertices, and edge midpoints if ``order == 2``)."""
         return len(self.prescribed) // self.components
@@ -109,8 +121,10 @@ class Field(Portable):
 
     @cached_property
     def free_motions(self) -> FreeMotions:
-        """The motions without deformation that supports leave to a displacement."""
-        return free_motions(self)
+        """The motions without energy that supports and bedding leave to a displacement, or to one component."""
+        if self.bedded:
+            return no_motions(self)
+        return free_constants(self) if self.constants else free_motions(self)
 
     def full(self, unknowns: Array) -> Array:
         """Nodal values ``P u + u0`` of a vector of unknowns.

@@ -1,0 +1,134 @@
+"""The quadratic bulk: sums, sizes, what it owns and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from hemivar.discrete import Quadratic, bulk
+from hemivar.errors import ProblemError
+
+K = np.array([[4.0, -1.0, 0.0], [-1.0, 3.0, -2.0], [0.0, -2.0, 5.0]])
+F = np.array([1.0, -2.0, 3.0])
+
+
+def test_energy_and_sizes_by_hand() -> None:
+    body = Quadratic(K, F, 7.0)
+    u = np.array([1.0, 2.0, -1.0])
+    # u'K u = 4 + 12 + 5 - 2 * 2 + 2 * 2 * 2, f'u = 1 - 4 - 3
+    assert body.value(u) == 0.5 * 25.0 + 6.0 + 7.0
+    np.testing.assert_array_equal(body.gradient(u), [1.0, 9.0, -12.0])
+    np.testing.assert_array_equal(body.diagonal, [4.0, 3.0, 5.0])
+    np.testing.assert_array_equal(body.row_sums, [5.0, 6.0, 7.0])
+    assert repr(body) == "Quadratic(3 unknowns, 7 entries)"
+    assert Quadratic(K, F).constant == 0.0
+
+
+@pytest.mark.parametrize("portion", [1, 2, 3, 4])
+def test_sums_of_rows_do_not_depend_on_how_many_are_summed_in_one_go(
+    portion: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bulk, "_PORTION", portion)
+    np.testing.assert_array_equal(Quadratic(K, F).row_sums, [5.0, 6.0, 7.0])
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_a_body_of_arrays_owns_them(sparse: bool) -> None:
+    """Later changes of what was given do not reach it."""
+    matrix, load = sp.csr_array(K) if sparse else K.copy(), F.copy()
+    body = Quadratic(matrix, load)
+    load[:] = 9.0
+    if sparse:
+        matrix.data[:] = 9.0
+    else:
+        matrix[:] = 9.0
+    np.testing.assert_array_equal(body.load, F)
+    np.testing.assert_array_equal(body.stiffness.toarray(), K)
+    other = np.array([5.0, 6.0, 7.0])
+    under = body.under(other)
+    other[:] = 0.0
+    np.testing.assert_array_equal(under.load, [5.0, 6.0, 7.0])
+    assert not under.load.flags.writeable
+
+
+def test_the_same_body_under_another_load() -> None:
+    body = Quadratic(K, F, 7.0)
+    assert body.under(2.0 * F).stiffness is body.stiffness
+    assert body.under(2.0 * F).constant == 7.0
+    assert body.under(2.0 * F, 0.0).constant == 0.0
+    np.testing.assert_array_equal(body.under(2.0 * F).load, 2.0 * F)
+    with pytest.raises(ProblemError, match="load has 2 entries"):
+        body.under(np.ones(2))
+    with pytest.raises(ProblemError, match=r"load\[1\] = nan"):
+        body.under(np.array([0.0, np.nan, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [
+        (np.ones((3, 2)), r"shape \(3, 2\); it must be square"),
+        (np.eye(2), r"shape \(2, 2\) but load has 3 entries; give a stiffness of shape \(3, 3\)"),
+        (np.diag([1.0, 0.0, 1.0]), r"stiffness\[1, 1\] = 0; .*positive diagonal"),
+        (np.diag([-1.0, 2.0, 3.0]), r"stiffness\[0, 0\] = -1"),
+        (K + np.triu(K, 1) * 1e-8, "max |K - K'| = 2e-08"),
+    ],
+)
+def test_what_a_stiffness_may_not_be(matrix: np.ndarray, words: str) -> None:
+    with pytest.raises(ProblemError, match=words.replace("|", r"\|")):
+        Quadratic(matrix, F)
+
+
+def test_what_is_unsymmetric_by_rounding_is_symmetric() -> None:
+    """Relative to the largest entry: 1e-10 of it may be missing."""
+    for size in (1e-6, 1.0, 1e6):
+        Quadratic(size * (K + np.triu(K, 1) * 1e-11), F)
+        with pytest.raises(ProblemError, match="not symmetric"):
+            Quadratic(size * (K + np.triu(K, 1) * 1e-9), F)
+
+
+@pytest.mark.parametrize("constant", [np.nan, np.inf, -np.inf])
+def test_the_constant_part_of_the_energy_is_finite(constant: float) -> None:
+    with pytest.raises(ProblemError, match="the constant part of the energy must be finite"):
+        Quadratic(K, F, constant)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "load", "words"),
+    [
+        (1.0, 1e-134, None),
+        (1e-100, 1e-180, None),  # f^2 / k = 1e-260, though f^2 k is nothing
+        (1e100, 1e180, None),
+        (1e-200, 1e30, None),
+        (1e200, 1e-30, None),
+        (1.0, 0.0, None),
+        (1e300, 0.0, None),
+        (1.0, 1e-136, "underflow"),
+        (1.0, 1e136, "overflow"),
+        (1e-200, 1e40, "overflow"),
+        (1e200, 1e-40, "underflow"),
+    ],
+)
+def test_loads_are_refused_whose_work_is_no_number(stiffness: float, load: float, words: str | None) -> None:
+    """The work of the load on the displacement that it causes, f^2 / k, and not the load alone."""
+    if words is None:
+        Quadratic([[stiffness]], [load])  # type: ignore[arg-type]
+        return
+    with pytest.raises(ProblemError, match=f"energies of that size {words}"):
+        Quadratic([[stiffness]], [load])  # type: ignore[arg-type]
+
+
+def test_an_assembled_matrix_is_taken_as_it_is() -> None:
+    matrix = sp.csr_array(K)
+    body = Quadratic(matrix, F, assembled=True)
+    assert body.stiffness is matrix
+    with pytest.raises(ProblemError, match="positive diagonal"):
+        Quadratic(sp.csr_array(-K), F, assembled=True)
+    with pytest.raises(ProblemError, match=r"load\[0\] = inf"):
+        Quadratic(matrix, np.array([np.inf, 0.0, 0.0]), assembled=True)
+
+
+def test_a_body_without_unknowns() -> None:
+    nothing = Quadratic(np.zeros((0, 0)), np.zeros(0), 2.0)
+    assert (nothing.unknowns, nothing.value(np.zeros(0))) == (0, 2.0)
+    assert nothing.row_sums.shape == (0,)
