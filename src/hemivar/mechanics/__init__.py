@@ -1,16 +1,24 @@
 """The statement: bodies, materials, supports, loads, obstacles and foundations."""
 
+from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
 from hemivar.mechanics.material import Material, PlaneState
+from hemivar.mechanics.moduli import Branch
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
+from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem, Side, Statement
 from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
+from hemivar.mechanics.thermal import Heat, HeatContact
 
 __all__ = [
+    "Bedding",
+    "Branch",
     "Clamped",
     "Contact",
     "ContactProblem",
     "Cylinder",
     "Fixed",
+    "Heat",
+    "HeatContact",
     "Material",
     "Normals",
     "Obstacle",
@@ -20,8 +28,13 @@ __all__ = [
     "Pressure",
     "Quadrature",
     "Roller",
+    "ScalarContact",
+    "ScalarKind",
+    "ScalarProblem",
+    "Side",
     "SignedDistance",
     "Sphere",
+    "Statement",
     "Support",
     "Traction",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,19 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.mechanics.instants import at_time, depends_on_time
 
-__all__ = ["Clamped", "Fixed", "Prescribed", "Pressure", "Roller", "Support", "Traction", "VectorData"]
+__all__ = [
+    "Clamped",
+    "Fixed",
+    "Prescribed",
+    "Pressure",
+    "Roller",
+    "ScalarData",
+    "Support",
+    "Traction",
+    "VectorData",
+]
 
 VectorData = Sequence[float] | Array | Callable[[Array], Any]
 ScalarData = float | Callable[[Array], Any]
@@ -40,7 +51,8 @@ class Fixed(Portable):
     Attributes
     ----------
     x, y, z : float, callable or None
-        Value of the component, or a function of points, shape (k, d), that returns shape (k,).
+        Value of the component, or a function of points, shape (k, d), that returns shape (k,); it may depend on time,
+        ``f(x, t)``.
     """
 
     x: ScalarData | None = None
@@ -63,7 +75,8 @@ class Prescribed(Portable):
     Attributes
     ----------
     value : vector, shape (d,), or callable
-        A callable gets points, shape (k, d), and returns displacements, shape (k, d).
+        A callable gets points, shape (k, d), and returns displacements, shape (k, d); it may depend on time,
+        ``f(x, t)``.
     """
 
     value: VectorData
@@ -79,7 +92,7 @@ class Pressure(Portable):
     Attributes
     ----------
     value : float or callable
-        A callable gets points, shape (k, d), and returns shape (k,).
+        A callable gets points, shape (k, d), and returns shape (k,); it may depend on time, ``f(x, t)``.
     """
 
     value: ScalarData
@@ -126,6 +139,7 @@ def evaluate_vector(value: Any, points: Array, name: str) -> Array:
         if array.shape != (shape[1],):
             raise ProblemError(f"{name} has shape {array.shape}; it needs {shape[1]} components")
         return np.broadcast_to(array, shape)
+    _refuse_timeless(value, name)
     return _checked_result(value(points), shape, points, name, (shape[1],))
 
 
@@ -137,7 +151,15 @@ def evaluate_scalar(value: Any, points: Array, name: str) -> Array:
         if array.ndim != 0:
             raise ProblemError(f"{name} has shape {array.shape}; it must be one number or a callable")
         return np.full(shape, float(array))
+    _refuse_timeless(value, name)
     return _checked_result(value(points), shape, points, name, ())
+
+
+def _refuse_timeless(value: Any, name: str) -> None:
+    if depends_on_time(value):
+        raise ProblemError(
+            f"{name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
+        )
 
 
 def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str, constant: tuple[int, ...]) -> Array:
@@ -154,3 +176,32 @@ def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str
         bad = int(np.flatnonzero(~finite)[0])
         raise ProblemError(f"{name}: the callable returned {result[bad]} at x = {points[bad].tolist()}")
     return result
+
+
+def traction_value(traction: Traction) -> Any:
+    """The value of a traction or of a pressure."""
+    return traction.value if isinstance(traction, Pressure) else traction
+
+
+def prescribed_values(support: Support) -> list[Any]:
+    """The displacements that a support prescribes; none for those that hold at zero."""
+    match support:
+        case Prescribed():
+            return [support.value]
+        case Fixed():
+            return [value for value in (support.x, support.y, support.z) if value is not None]
+    return []
+
+
+def condition_at_time(condition: Any, t: float) -> Any:
+    """A support, a pressure or a traction at a time; itself if it does not depend on time."""
+    match condition:
+        case Prescribed() | Pressure():
+            bound = at_time(condition.value, t)
+            return condition if bound is condition.value else replace(condition, value=bound)
+        case Fixed():
+            changed = {axis: at_time(getattr(condition, axis), t) for axis in ("x", "y", "z")}
+            return replace(condition, **changed)
+        case Clamped() | Roller():
+            return condition
+    return at_time(condition, t)

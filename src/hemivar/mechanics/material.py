@@ -1,11 +1,10 @@
-"""Linearly elastic materials."""
+"""Materials: linearly elastic, with density, viscosity and branches that relax where time matters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,14 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar
+from hemivar.mechanics.instants import refuse_time
+from hemivar.mechanics.moduli import Branch, Moduli, Number, isotropic_matrices, moduli
 
-__all__ = ["Anisotropic", "ByRegion", "Isotropic", "Material", "PlaneState"]
+__all__ = ["Anisotropic", "Isotropic", "Material", "PlaneState", "no_matrices"]
 
 #: The largest lam / mu that leaves digits for mu.
 _STIFF = 1e13
-
-Number = float | Callable[[Array], Any]
 
 
 class PlaneState(StrEnum):
@@ -40,10 +39,31 @@ class Material(Portable):
 
     Stresses and strains in matrices are ordered xx, yy, xy in 2D and xx, yy, zz, yz, xz, xy in 3D, shear
     strains are engineering ones, ``gamma_xy = 2 eps_xy``.
+
+    A body that moves in time has a stress ``sigma = A eps + V eps' + sum_i h_i`` with a viscosity V (Kelvin and Voigt)
+    and branches ``h_i' + h_i / T_i = A_i eps'`` (Maxwell, Prony), and a mass. Each of the makers takes them by keyword:
+
+    density : float or callable, optional
+        Mass per volume, positive; needed where inertia counts.
+    viscosity : pair of float or callable, or array (v, v) or callable, optional
+        V by two constants of Lame's kind, or as a matrix; it may be semidefinite or zero.
+    branches : sequence of Branch
+        In plane stress V and the springs of branches given by constants are taken each in its own plane form, which is
+        exact where they are proportional to the elasticity.
+
+    What does not depend on time takes no notice of them.
     """
 
     @staticmethod
-    def lame(lam: Number, mu: Number, plane: PlaneState | str = PlaneState.STRAIN) -> Material:
+    def lame(
+        lam: Number,
+        mu: Number,
+        plane: PlaneState | str = PlaneState.STRAIN,
+        *,
+        density: Number | None = None,
+        viscosity: Any = None,
+        branches: Sequence[Branch] = (),
+    ) -> Material:
         """Isotropic material ``sigma = lam tr(eps) I + 2 mu eps``.
 
         Parameters
@@ -52,11 +72,22 @@ class Material(Portable):
             Lame's constants; a callable gets points, shape (k, d), and returns shape (k,).
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``.
+        density, viscosity, branches
+            See :class:`Material`.
         """
-        return Isotropic(lam, mu, plane, technical=False)  # type: ignore[arg-type]
+        more = {"density": density, "viscosity": viscosity, "branches": branches}
+        return Isotropic(lam, mu, plane, technical=False, **more)  # type: ignore[arg-type]
 
     @staticmethod
-    def young(E: Number, nu: Number, plane: PlaneState | str = PlaneState.STRAIN) -> Material:
+    def young(
+        E: Number,
+        nu: Number,
+        plane: PlaneState | str = PlaneState.STRAIN,
+        *,
+        density: Number | None = None,
+        viscosity: Any = None,
+        branches: Sequence[Branch] = (),
+    ) -> Material:
         """Isotropic material by Young's modulus ``E > 0`` and Poisson's ratio ``-1 < nu < 0.5``.
 
         Parameters
@@ -65,11 +96,21 @@ class Material(Portable):
             A callable gets points, shape (k, d), and returns shape (k,).
         plane : PlaneState or str
             For 2D: ``"strain"`` (default) or ``"stress"``; plane strain is what 3D bodies long in z do.
+        density, viscosity, branches
+            See :class:`Material`; the viscosity is given by two constants of Lame's kind here too.
         """
-        return Isotropic(E, nu, plane, technical=True)  # type: ignore[arg-type]
+        more = {"density": density, "viscosity": viscosity, "branches": branches}
+        return Isotropic(E, nu, plane, technical=True, **more)  # type: ignore[arg-type]
 
     @staticmethod
-    def tensor(C: Any, out_of_plane: Any = None) -> Material:
+    def tensor(
+        C: Any,
+        out_of_plane: Any = None,
+        *,
+        density: Number | None = None,
+        viscosity: Any = None,
+        branches: Sequence[Branch] = (),
+    ) -> Material:
         """General (anisotropic) material ``sigma = C eps``.
 
         Parameters
@@ -80,12 +121,20 @@ class Material(Portable):
         out_of_plane : array, shape (3,), or None
             In 2D the row ``c`` of ``sigma_zz = c . (eps_xx, eps_yy, gamma_xy)``. ``None`` means
             ``sigma_zz = 0`` (plane stress); it matters for von Mises stresses only.
+        density, viscosity, branches
+            See :class:`Material`.
         """
-        return Anisotropic(C, out_of_plane)
+        more = {"density": density, "viscosity": viscosity, "branches": branches}
+        return Anisotropic(C, out_of_plane, **more)  # type: ignore[arg-type]
 
     @staticmethod
     def by_region(materials: Mapping[str, Material]) -> Material:
-        """Different materials in the named regions of the mesh, which must cover it without overlap."""
+        """Different materials in the named regions of the mesh, which must cover it without overlap.
+
+        Each brings its own density, viscosity and branches: a density all of them or none, the others as it comes.
+        """
+        from hemivar.mechanics.composed_material import ByRegion
+
         return ByRegion(materials)
 
     @property
@@ -120,9 +169,154 @@ class Material(Portable):
         """The stress ``sigma_zz`` of a plane model, shape (k,), at points with strains of shape (k, 2, 2)."""
         raise NotImplementedError
 
+    # ---- what matters in time -------------------------------------------------------------------------------
+
+    @property
+    def inert(self) -> bool:
+        """Whether it has a density."""
+        return False
+
+    @property
+    def viscous(self) -> bool:
+        """Whether it has a viscosity, be it in a part of the body only."""
+        return False
+
+    @property
+    def relaxation_times(self) -> tuple[float, ...]:
+        """The different relaxation times of the branches, shortest first; branches of the same time are one."""
+        return ()
+
+    def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
+        """Mass per volume at points, shape (k,); None if there is none.
+
+        Raises
+        ------
+        ProblemError
+            If it is not positive at some point.
+        """
+        return None
+
+    def viscosity_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices V of the viscosity at points, shape (k, v, v); zero where there is none.
+
+        Raises
+        ------
+        ProblemError
+            If V is not positive semidefinite at some point.
+        """
+        return no_matrices(points)
+
+    def branch_tensor(self, number: int, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices of the branches of one of the :attr:`relaxation_times` at points, shape (k, v, v).
+
+        Raises
+        ------
+        ProblemError
+            If one is not positive semidefinite at some point.
+        """
+        raise IndexError(number)
+
+    def homogeneous_in(self, viscous: bool, numbers: Sequence[int] = ()) -> bool:
+        """Whether the viscosity, if asked for, and the branches of some numbers are the same everywhere."""
+        return True
+
+    def effective(self, viscous: float = 0.0, branches: Sequence[float] = ()) -> Material:
+        """The elastic material ``A + viscous V + sum_i branches_i A_i``, which a step in time is made of.
+
+        Parameters
+        ----------
+        viscous : float
+            Not negative.
+        branches : sequence of float
+            One for each of the :attr:`relaxation_times`, not negative; none leaves them all out.
+        """
+        from hemivar.mechanics.composed_material import Combination
+
+        if not branches:
+            branches = (0.0,) * len(self.relaxation_times)
+        return Combination(self, 1.0, viscous, tuple(branches)) if viscous or any(branches) else self
+
+
+def no_matrices(points: Array) -> Array:
+    """Matrices that are zero, at points (k, d), shape (k, v, v)."""
+    size = points.shape[1] * (points.shape[1] + 1) // 2
+    return np.broadcast_to(np.zeros((size, size)), (len(points), size, size))
+
 
 @dataclass(frozen=True, eq=False)
-class Isotropic(Material):
+class _Simple(Material):
+    """A material of one kind: what it has of density, viscosity and branches.
+
+    Attributes
+    ----------
+    density : float, callable or None
+    viscosity : Moduli or None
+    branches : tuple of Branch
+    """
+
+    density: Number | None = field(default=None, kw_only=True)
+    viscosity: Moduli | None = field(default=None, kw_only=True)
+    branches: tuple[Branch, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        refuse_time(self.density, "density")
+        if self.density is not None and not callable(self.density):
+            given = check_finite(self.density, "density")
+            if given.ndim != 0:
+                raise ProblemError(f"density has shape {given.shape}; it must be one number or a callable")
+            object.__setattr__(self, "density", float(given))
+            _check_density(np.atleast_1d(given), np.zeros((1, 2)), "")
+        if self.viscosity is not None:
+            object.__setattr__(self, "viscosity", moduli(self.viscosity, "viscosity"))
+        branches = (self.branches,) if isinstance(self.branches, Branch) else self.branches
+        if not isinstance(branches, Sequence) or not all(isinstance(branch, Branch) for branch in branches):
+            raise ProblemError(
+                f"branches is {described(self.branches)}; give a list of Branch(lame=(lam, mu), time=T) or the like"
+            )
+        object.__setattr__(self, "branches", tuple(branches))
+
+    @property
+    def _in_plane_stress(self) -> bool:
+        return False
+
+    @property
+    def inert(self) -> bool:
+        return self.density is not None
+
+    @property
+    def viscous(self) -> bool:
+        return self.viscosity is not None
+
+    @property
+    def relaxation_times(self) -> tuple[float, ...]:
+        return tuple(sorted({branch.time for branch in self.branches}))
+
+    def _springs(self, number: int) -> list[Moduli]:
+        time = self.relaxation_times[number]
+        return [branch.moduli for branch in self.branches if branch.time == time]
+
+    def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
+        if self.density is None:
+            return None
+        density = evaluate_scalar(self.density, points, "density")
+        _check_density(density, points, None)
+        return density
+
+    def viscosity_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return no_matrices(points) if self.viscosity is None else self.viscosity.at(points, self._in_plane_stress)
+
+    def branch_tensor(self, number: int, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        springs = [spring.at(points, self._in_plane_stress) for spring in self._springs(number)]
+        return springs[0] if len(springs) == 1 else np.sum(springs, axis=0)
+
+    def homogeneous_in(self, viscous: bool, numbers: Sequence[int] = ()) -> bool:
+        parts = [spring for number in numbers for spring in self._springs(number)]
+        parts += [self.viscosity] if viscous and self.viscosity is not None else []
+        return all(part.homogeneous for part in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Isotropic(_Simple):
     """What :meth:`Material.lame` and :meth:`Material.young` make.
 
     Attributes
@@ -143,8 +337,15 @@ class Isotropic(Material):
             object.__setattr__(self, "plane", PlaneState(self.plane))
         except ValueError as error:
             raise ProblemError(f"plane = {self.plane!r}; choose 'strain' or 'stress'") from error
+        for name, value in zip(self.names, (self.first, self.second), strict=True):
+            refuse_time(value, f"material constant {name}")
         if self.homogeneous:
             self._parameters(np.zeros((1, 2)), "")
+        super().__post_init__()
+
+    @property
+    def _in_plane_stress(self) -> bool:
+        return self.plane is PlaneState.STRESS
 
     @property
     def homogeneous(self) -> bool:
@@ -191,12 +392,8 @@ class Isotropic(Material):
             if dim == 3:
                 raise ProblemError("plane stress is a model for 2D meshes; leave 'plane' out for a 3D body")
             lam = 2 * lam * mu / (lam + 2 * mu)
-        size = dim * (dim + 1) // 2
-        matrix = np.zeros((len(at), size, size))
-        matrix[:, :dim, :dim] = lam[:, None, None]
-        for k in range(size):
-            matrix[:, k, k] += 2 * mu if k < dim else mu
-        return np.broadcast_to(matrix[0], (len(points), size, size)) if constant else matrix
+        matrix = isotropic_matrices(lam, mu, dim)
+        return np.broadcast_to(matrix[0], (len(points), *matrix.shape[1:])) if constant else matrix
 
     def out_of_plane_stress(
         self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
@@ -208,7 +405,7 @@ class Isotropic(Material):
 
 
 @dataclass(frozen=True, eq=False)
-class Anisotropic(Material):
+class Anisotropic(_Simple):
     """What :meth:`Material.tensor` makes.
 
     Attributes
@@ -223,6 +420,7 @@ class Anisotropic(Material):
     out_of_plane: Any
 
     def __post_init__(self) -> None:
+        refuse_time(self.matrix, "the elasticity matrix")
         if not callable(self.matrix):
             matrix = np.array(real_array(self.matrix, "the elasticity matrix", finite=False))
             if matrix.shape not in ((3, 3), (6, 6)):
@@ -238,6 +436,7 @@ class Anisotropic(Material):
                 raise ProblemError(f"out_of_plane = {self.out_of_plane!r}; it must be three finite numbers")
             row.setflags(write=False)
             object.__setattr__(self, "out_of_plane", row)
+        super().__post_init__()
 
     @property
     def homogeneous(self) -> bool:
@@ -267,64 +466,16 @@ class Anisotropic(Material):
         return np.asarray(row[0] * strain[:, 0, 0] + row[1] * strain[:, 1, 1] + 2 * row[2] * strain[:, 0, 1])
 
 
-@dataclass(frozen=True, eq=False)
-class ByRegion(Material):
-    """What :meth:`Material.by_region` makes.
-
-    Attributes
-    ----------
-    parts : mapping of region to Material
-    """
-
-    parts: Mapping[str, Material]
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.parts, Mapping):
-            raise ProblemError(f"by_region takes a mapping of region names to materials, not {described(self.parts)}")
-        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
-        if not self.parts:
-            raise ProblemError("Material.by_region needs at least one region")
-        for name, part in self.parts.items():
-            if not isinstance(part, Material):
-                raise ProblemError(f"region '{name}': {part!r} is not a Material; use Material.lame(...) or the like")
-
-    def _masks(self, points: Array, regions: Mapping[str, BoolArray] | None) -> dict[str, BoolArray]:
-        available = dict(regions or {})
-        for name in self.parts:
-            if name not in available:
-                raise ProblemError(
-                    f"the material names region '{name}', which the mesh does not have; it has: "
-                    f"{', '.join(sorted(available)) or 'none'}"
-                )
-        covered = np.zeros(len(points), dtype=int)
-        for name in self.parts:
-            covered += available[name]
-        if np.any(covered != 1):
-            bad = int(np.flatnonzero(covered != 1)[0])
-            what = "no region" if covered[bad] == 0 else "more than one region"
-            raise ProblemError(
-                f"the point {points[bad].tolist()} lies in {what} that the material names; the regions "
-                f"must cover the body without overlap"
-            )
-        return {name: np.asarray(available[name], dtype=bool) for name in self.parts}
-
-    def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        size = points.shape[1] * (points.shape[1] + 1) // 2
-        result = np.empty((len(points), size, size))
-        for name, mask in self._masks(points, regions).items():
-            if mask.any():
-                inner = {key: value[mask] for key, value in (regions or {}).items()}
-                result[mask] = self.parts[name].stiffness_tensor(points[mask], inner)
-        return result
-
-    def out_of_plane_stress(
-        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
-    ) -> Array:
-        result = np.empty(len(points))
-        for name, mask in self._masks(points, regions).items():
-            inner = {key: value[mask] for key, value in (regions or {}).items()}
-            result[mask] = self.parts[name].out_of_plane_stress(points[mask], strain[mask], inner)
-        return result
+def _check_density(density: Array, points: Array, where: str | None) -> None:
+    if not (density > 0.0).all():
+        bad = int(np.flatnonzero(~(density > 0.0))[0])
+        place = f" at x = {points[bad].tolist()}" if where is None else where
+        raise ProblemError(f"density = {density[bad]:g}{place}; it must be positive")
+    if not ((density < LARGEST) & (density > 1.0 / LARGEST)).all():
+        bad = int(np.argmax(np.abs(np.log(density))))
+        raise ProblemError(
+            f"density = {density[bad]:g}; it must lie between {1.0 / LARGEST:.0e} and {LARGEST:.0e}: take other units"
+        )
 
 
 def _require(ok: Any, points: Array, value: Array, name: str, what: str, where: str | None) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Mapping
+import copy
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -11,26 +11,33 @@ from typing import Any, get_args
 
 import numpy as np
 
-from hemivar.basics.arguments import described
+from hemivar.basics.arguments import described, suggest
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
+from hemivar.laws.memory import Memory
+from hemivar.mechanics.bedding import Bedding, bedding_of
 from hemivar.mechanics.conditions import (
     LARGEST,
     Clamped,
     Fixed,
     Prescribed,
     Pressure,
+    ScalarData,
     Support,
     Traction,
     VectorData,
     check_finite,
+    condition_at_time,
     plain_data,
+    prescribed_values,
+    traction_value,
 )
+from hemivar.mechanics.instants import at_time, depends_on_time, law_at_time, law_depends_on_time
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.obstacles import Normals, Obstacle
+from hemivar.mechanics.obstacles import Normals, Obstacle, SignedDistance
 from hemivar.mesh.keys import facet_keys
 from hemivar.mesh.mesh import Mesh
 
@@ -59,7 +66,8 @@ class Contact(Portable):
         Law of the slip ``u_tau``; none by default.
     gap : float or callable
         Distance between body and foundation along the outward normal; a callable gets points, shape (k, d),
-        and returns shape (k,). Negative values mean initial interpenetration.
+        and returns shape (k,). Negative values mean initial interpenetration. It may depend on time, ``gap(x, t)``,
+        and so may the parameters of both laws.
     obstacle : Obstacle or None
         A rigid surface in place of the gap: :class:`Plane`, :class:`Sphere`, :class:`Cylinder` or
         :class:`SignedDistance`. Gaps are those of the undeformed body; where it overlaps the obstacle they are negative
@@ -68,11 +76,18 @@ class Contact(Portable):
     normals : Normals or None
         Contact normals of the obstacle (``"obstacle"``, the default with an obstacle) or of the body (``"body"``, the
         default, and all there is, without one).
+    damping : Superpotential or None
+        Law of the rate of the penetration, ``r_nu'``, whose pressure adds to that of the normal law; what does not
+        depend on time refuses it.
+    memory : tuple of Memory
+        What the contact points remember, one after the other: wear, a bond, the largest opening so far (see
+        ``hemivar.laws.memory``); what does not depend on time refuses it.
 
     Raises
     ------
     ProblemError
-        If gap and obstacle are both given, or normals of an obstacle that is not.
+        If gap and obstacle are both given, or normals of an obstacle that is not; if damping is no law, or memory no
+        memory.
     """
 
     normal: Superpotential
@@ -80,11 +95,31 @@ class Contact(Portable):
     gap: float | Callable[[Array], Any] = 0.0
     obstacle: Obstacle | None = None
     normals: Normals | None = None
+    damping: Superpotential | None = None
+    memory: tuple[Memory, ...] = ()
 
     def __post_init__(self) -> None:
         _ = self.law
+        self._check_evolving()
         object.__setattr__(self, "gap", plain_data(self.gap, "gap", vector=False, most=LARGEST))
         self._check_obstacle()
+
+    def _check_evolving(self) -> None:
+        if self.damping is not None:
+            if not isinstance(self.damping, Superpotential):
+                raise ProblemError(
+                    f"damping is {described(self.damping)}; give a law of the rate of the penetration, such as "
+                    "Compliance(2.0)"
+                )
+            _ = ContactLaw(self.damping)
+        memory = self.memory if isinstance(self.memory, Sequence) else (self.memory,)
+        for one in memory:
+            if not isinstance(one, Memory):
+                raise ProblemError(
+                    f"memory holds {described(one)}; give what contact points may remember, a list of Secant(), "
+                    "Wear(...) and the like"
+                )
+        object.__setattr__(self, "memory", tuple(memory))
 
     def _check_obstacle(self) -> None:
         if self.obstacle is None:
@@ -99,6 +134,11 @@ class Contact(Portable):
             )
         if callable(self.gap) or self.gap != 0.0:
             raise ProblemError("gap and obstacle are both given; the gap follows from the obstacle: leave one out")
+        if isinstance(self.obstacle, SignedDistance) and depends_on_time(self.obstacle.function):
+            raise ProblemError(
+                "the signed distance of an obstacle depends on time, which it cannot; for a foundation that moves "
+                "state a gap that depends on t"
+            )
         try:
             object.__setattr__(self, "normals", Normals(self.normals or Normals.OBSTACLE))
         except ValueError:
@@ -109,10 +149,37 @@ class Contact(Portable):
         """Normal and friction law together."""
         return ContactLaw(self.normal, self.friction)
 
+    @property
+    def time_dependent(self) -> frozenset[str]:
+        """What depends on time: "gap", "law", or both."""
+        laws = any(law_depends_on_time(law) for law in (self.normal, self.friction, self.damping))
+        return frozenset((["gap"] if depends_on_time(self.gap) else []) + (["law"] if laws else []))
+
+    def at_time(self, t: float) -> Contact:
+        """The contact at a time; itself if it does not depend on time."""
+        if not self.time_dependent:
+            return self
+        return replace(
+            self,
+            normal=law_at_time(self.normal, t),
+            friction=law_at_time(self.friction, t),
+            gap=at_time(self.gap, t),
+            damping=law_at_time(self.damping, t),
+        )
+
+    @property
+    def evolves(self) -> bool:
+        """Whether it has damping or memory, which mean something in time only."""
+        return self.damping is not None or bool(self.memory)
+
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem(Portable, Displayed):
     """An elastic body, its supports and loads, and the foundations it may touch.
+
+    Loads, prescribed displacements, gaps and the parameters of laws may depend on time: as functions of place and time,
+    ``f(x, t)``, or as formulas with t. :meth:`at_time` gives the problem at one time, which is what
+    :func:`discretize` takes.
 
     Attributes
     ----------
@@ -130,6 +197,9 @@ class ContactProblem(Portable, Displayed):
         Polynomial degree of the elements, 1 or 2.
     quadrature : Quadrature
         Where the contact laws are evaluated.
+    bedding : float, callable or Bedding
+        An elastic bedding of the whole body, a force ``-bedding u`` per volume (Winkler), not negative; a callable gets
+        points, shape (k, d), and returns shape (k,).
 
     Raises
     ------
@@ -147,6 +217,7 @@ class ContactProblem(Portable, Displayed):
     title: str = ""
     order: int = 1
     quadrature: Quadrature = Quadrature.NODAL
+    bedding: ScalarData | Bedding = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):
@@ -181,6 +252,8 @@ class ContactProblem(Portable, Displayed):
                 self._check_name(name, boundary)
         self._check_values()
         object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
+        bedding = bedding_of(self.bedding)
+        object.__setattr__(self, "bedding", bedding if bedding.factor else bedding.own)
         forces = {
             name: value if isinstance(value, Pressure) else plain_data(value, f"tractions['{name}']")
             for name, value in self.tractions.items()
@@ -199,16 +272,65 @@ class ContactProblem(Portable, Displayed):
         """The same problem on another mesh, which must have the same boundary names."""
         return replace(self, mesh=mesh)
 
+    @property
+    def time_dependent(self) -> frozenset[str]:
+        """What depends on time: some of "load", "supports", "gap" and "law"."""
+        loads = [self.body_force, *(traction_value(traction) for traction in self.tractions.values())]
+        found = {part for contact in self.contact.values() for part in contact.time_dependent}
+        if any(depends_on_time(load) for load in loads):
+            found.add("load")
+        if any(depends_on_time(value) for support in self.supports.values() for value in prescribed_values(support)):
+            found.add("supports")
+        return frozenset(found)
+
+    def at_time(self, t: float) -> ContactProblem:
+        """The problem at a time: itself if nothing depends on time.
+
+        Raises
+        ------
+        ProblemError
+            The time is not a finite number.
+        """
+        if isinstance(t, bool) or not isinstance(t, int | float | np.number) or not np.isfinite(t):
+            raise ProblemError(f"the time is {t!r}; give a finite number")
+        if not self.time_dependent:
+            return self
+        t = float(t)
+        bound = copy.copy(self)  # what holds of the statement holds at every time, and is not checked again
+        for name, value in (
+            ("body_force", at_time(self.body_force, t)),
+            ("tractions", {name: condition_at_time(value, t) for name, value in self.tractions.items()}),
+            ("supports", {name: condition_at_time(value, t) for name, value in self.supports.items()}),
+            ("contact", {name: contact.at_time(t) for name, contact in self.contact.items()}),
+        ):
+            object.__setattr__(bound, name, MappingProxyType(value) if isinstance(value, dict) else value)
+        return bound
+
+    def effective(self, viscous: float = 0.0, branches: Sequence[float] = (), inertia: float = 0.0) -> ContactProblem:
+        """The static problem of a step in time: with ``K + viscous C + inertia M + sum_i branches_i K_i`` for K.
+
+        Loads, supports and contact stay as they are.
+
+        Parameters
+        ----------
+        viscous, inertia : float
+            Not negative; inertia needs a density.
+        branches : sequence of float
+            One for each of the relaxation times of the material; none leaves them out.
+        """
+        bedding = bedding_of(self.bedding)
+        if inertia:
+            if bedding.factor:
+                raise ProblemError("this problem is that of a step in time already; take the one that was stated")
+            bedding = Bedding(bedding.own, self.material, inertia)
+        return replace(self, material=self.material.effective(viscous, branches), bedding=bedding)
+
     def _check_name(self, what: str, name: str) -> None:
         known = list(self.mesh.boundaries)
         if name in known:
             return
-        close = difflib.get_close_matches(str(name), known, n=1)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
-        raise ProblemError(
-            f"{what} names boundary '{name}', which the mesh does not have{hint} "
-            f"(boundaries: {', '.join(known) or 'none'})"
-        )
+        near = suggest(str(name), known, "boundaries")
+        raise ProblemError(f"{what} names boundary '{name}', which the mesh does not have{near}")
 
     def _check_values(self) -> None:
         dim = self.mesh.dim

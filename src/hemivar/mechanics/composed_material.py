@@ -1,0 +1,185 @@
+"""Materials made of others: one in each region, and sums of the parts of one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from hemivar.basics.arguments import described
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.mechanics.material import Material, no_matrices
+
+__all__ = ["ByRegion", "Combination"]
+
+
+@dataclass(frozen=True, eq=False)
+class ByRegion(Material):
+    """What :meth:`Material.by_region` makes.
+
+    Attributes
+    ----------
+    parts : mapping of region to Material
+    """
+
+    parts: Mapping[str, Material]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.parts, Mapping):
+            raise ProblemError(f"by_region takes a mapping of region names to materials, not {described(self.parts)}")
+        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
+        if not self.parts:
+            raise ProblemError("Material.by_region needs at least one region")
+        for name, part in self.parts.items():
+            if not isinstance(part, Material):
+                raise ProblemError(f"region '{name}': {part!r} is not a Material; use Material.lame(...) or the like")
+        light = [name for name, part in self.parts.items() if not part.inert]
+        if 0 < len(light) < len(self.parts):
+            raise ProblemError(
+                f"the material of region '{light[0]}' has no density, those of other regions have one; give a density "
+                "in every region or in none"
+            )
+
+    def _masks(self, points: Array, regions: Mapping[str, BoolArray] | None) -> dict[str, BoolArray]:
+        available = dict(regions or {})
+        for name in self.parts:
+            if name not in available:
+                raise ProblemError(
+                    f"the material names region '{name}', which the mesh does not have; it has: "
+                    f"{', '.join(sorted(available)) or 'none'}"
+                )
+        covered = np.zeros(len(points), dtype=int)
+        for name in self.parts:
+            covered += available[name]
+        if np.any(covered != 1):
+            bad = int(np.flatnonzero(covered != 1)[0])
+            what = "no region" if covered[bad] == 0 else "more than one region"
+            raise ProblemError(
+                f"the point {points[bad].tolist()} lies in {what} that the material names; the regions "
+                f"must cover the body without overlap"
+            )
+        return {name: np.asarray(available[name], dtype=bool) for name in self.parts}
+
+    def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        size = points.shape[1] * (points.shape[1] + 1) // 2
+        result = np.empty((len(points), size, size))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].stiffness_tensor(points[mask], inner)
+        return result
+
+    def out_of_plane_stress(
+        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
+    ) -> Array:
+        result = np.empty(len(points))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].out_of_plane_stress(points[mask], strain[mask], inner)
+        return result
+
+    @property
+    def inert(self) -> bool:
+        return all(part.inert for part in self.parts.values())
+
+    @property
+    def viscous(self) -> bool:
+        return any(part.viscous for part in self.parts.values())
+
+    @property
+    def relaxation_times(self) -> tuple[float, ...]:
+        return tuple(sorted({time for part in self.parts.values() for time in part.relaxation_times}))
+
+    def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
+        if not self.inert:
+            return None
+        result = np.empty(len(points))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].density_at(points[mask], inner)
+        return result
+
+    def viscosity_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.array(no_matrices(points))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].viscosity_tensor(points[mask], inner)
+        return result
+
+    def branch_tensor(self, number: int, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        time = self.relaxation_times[number]
+        result = np.array(no_matrices(points))
+        for name, mask, inner in self._split(points, regions):
+            part = self.parts[name]
+            if time in part.relaxation_times:
+                result[mask] = part.branch_tensor(part.relaxation_times.index(time), points[mask], inner)
+        return result
+
+    def homogeneous_in(self, viscous: bool, numbers: Sequence[int] = ()) -> bool:
+        return False
+
+    def _split(
+        self, points: Array, regions: Mapping[str, BoolArray] | None
+    ) -> Iterator[tuple[str, BoolArray, dict[str, BoolArray]]]:
+        """The parts that have points: name, which points, and the regions there."""
+        for name, mask in self._masks(points, regions).items():
+            if mask.any():
+                yield name, mask, {key: value[mask] for key, value in (regions or {}).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Combination(Material):
+    """An elastic material that is made of the elasticity, the viscosity and the branches of another one.
+
+    Its matrices are ``of_elasticity A + of_viscosity V + sum_i of_branches_i A_i``; see :meth:`Material.effective`.
+
+    Attributes
+    ----------
+    material : Material
+    of_elasticity, of_viscosity : float
+    of_branches : tuple of float
+        One for each of the relaxation times of the material.
+
+    Raises
+    ------
+    ProblemError
+        If a number is negative or not finite, or there are not as many shares as relaxation times.
+    """
+
+    material: Material
+    of_elasticity: float
+    of_viscosity: float
+    of_branches: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        times = len(self.material.relaxation_times)
+        if len(self.of_branches) != times:
+            raise ProblemError(
+                f"{len(self.of_branches)} shares of branches are given; the material has {times} of them"
+            )
+        numbers = np.array([self.of_elasticity, self.of_viscosity, *self.of_branches], dtype=float)
+        if not (np.isfinite(numbers).all() and (numbers >= 0.0).all()):
+            raise ProblemError(f"the shares {numbers.tolist()} of a material must be finite and not negative")
+
+    @property
+    def _numbers(self) -> list[int]:
+        return [number for number, share in enumerate(self.of_branches) if share]
+
+    @property
+    def homogeneous(self) -> bool:
+        elastic = self.material.homogeneous or not self.of_elasticity
+        return elastic and self.material.homogeneous_in(bool(self.of_viscosity), self._numbers)
+
+    def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        at = points[:1] if self.homogeneous else points
+        total = np.array(no_matrices(at))
+        if self.of_elasticity:
+            total += self.of_elasticity * self.material.stiffness_tensor(at, regions)
+        if self.of_viscosity:
+            total += self.of_viscosity * self.material.viscosity_tensor(at, regions)
+        for number in self._numbers:
+            total += self.of_branches[number] * self.material.branch_tensor(number, at, regions)
+        return np.broadcast_to(total[0], (len(points), *total.shape[1:])) if len(at) < len(points) else total
+
+    def out_of_plane_stress(
+        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
+    ) -> Array:
+        return self.material.out_of_plane_stress(points, strain, regions)

@@ -1,0 +1,107 @@
+"""Quantities that depend on time, and what they are at one time.
+
+A formula depends on time if ``t`` occurs in it, a Python function if it takes two arguments, ``(x, t)``.  At one time
+it is a function of the place alone, as statics knows it.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.formula import Formula, FormulaArray
+from hemivar.laws import CoulombBound, Friction, Superpotential
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.named import ParameterLaw
+
+__all__ = ["Instant", "at_time", "depends_on_time", "law_at_time", "law_depends_on_time", "refuse_time"]
+
+
+def depends_on_time(value: object) -> bool:
+    """Whether a quantity of a statement, a number, an array, a formula or a function, depends on time."""
+    if isinstance(value, Formula | FormulaArray):
+        return "t" in value.variables
+    if not callable(value) or isinstance(value, Instant):
+        return False
+    try:
+        parameters = list(inspect.signature(value).parameters.values())
+    except (TypeError, ValueError):  # some functions of compiled modules tell nothing of themselves
+        return False
+    places = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    taken = [one for one in parameters if one.kind in places]
+    return len(taken) > 1 and (taken[1].default is inspect.Parameter.empty or taken[1].name == "t")
+
+
+@dataclass(frozen=True)
+class Instant(Portable):
+    """A quantity that depends on time, at one time: a function of points, shape (k, d).
+
+    Attributes
+    ----------
+    value : Formula, FormulaArray or callable
+        Of points and time.
+    time : float
+    """
+
+    value: Any
+    time: float
+
+    def __call__(self, points: Array) -> Any:
+        return self.value(points, self.time)
+
+
+def at_time(value: Any, t: float) -> Any:
+    """A quantity at a time: itself if it does not depend on time."""
+    return Instant(value, t) if depends_on_time(value) else value
+
+
+def refuse_time(value: object, name: str) -> None:
+    """Refuse a quantity that depends on time where only the place counts.
+
+    Raises
+    ------
+    ProblemError
+    """
+    if depends_on_time(value):
+        raise ProblemError(f"{name} depends on time, which it cannot; give a number, or a function of x alone")
+
+
+# ---- laws -------------------------------------------------------------------------------------------------
+
+
+def _parts(law: object) -> Iterator[tuple[str, object, bool]]:
+    """What a law is made of: name, value, and whether it is a parameter, which may be a function of place and time."""
+    if not is_dataclass(law):
+        return
+    parameters = isinstance(law, ParameterLaw | CoulombBound)
+    for one in fields(law):
+        if one.init and not one.name.startswith("_"):
+            yield one.name, getattr(law, one.name), parameters or (isinstance(law, Friction) and one.name == "bound")
+
+
+def law_depends_on_time(law: object) -> bool:
+    """Whether a parameter of a law, or of what it is made of, depends on time."""
+    for _, value, parameter in _parts(law):
+        if isinstance(value, Superpotential | StateBound):
+            if law_depends_on_time(value):
+                return True
+        elif parameter and depends_on_time(value):
+            return True
+    return False
+
+
+def law_at_time(law: Any, t: float) -> Any:
+    """A law, a friction law or a friction bound at a time: itself if it does not depend on time."""
+    changed: dict[str, object] = {}
+    for name, value, parameter in _parts(law):
+        if isinstance(value, Superpotential | StateBound):
+            if law_depends_on_time(value):
+                changed[name] = law_at_time(value, t)
+        elif parameter and depends_on_time(value):
+            changed[name] = at_time(value, t)
+    return replace(law, **changed) if changed else law

@@ -1,0 +1,240 @@
+"""Matrices between strain and stress: of elasticity, of viscosity, and of the branches that relax."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.instants import refuse_time
+
+__all__ = ["Branch", "Moduli", "Number", "isotropic_matrices", "moduli"]
+
+Number = float | Callable[[Array], Any]
+
+#: Part of its largest entry by which rounding may take a matrix below zero.
+_ROUNDING = 1e-12
+
+
+def isotropic_matrices(lam: Array, mu: Array, dim: int) -> Array:
+    """Matrices ``lam tr(eps) I + 2 mu eps`` of constants (k,), shape (k, v, v), v = d (d + 1) / 2."""
+    size = dim * (dim + 1) // 2
+    matrix = np.zeros((len(lam), size, size))
+    matrix[:, :dim, :dim] = lam[:, None, None]
+    for k in range(size):
+        matrix[:, k, k] += 2 * mu if k < dim else mu
+    return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Moduli(Portable):
+    """A positive semidefinite matrix between strain, or its rate, and stress.
+
+    Attributes
+    ----------
+    constants : pair of float or callable, or None
+        Lame's constants, or Young's modulus and Poisson's ratio if ``technical``.
+    matrix : array, shape (v, v), callable or None
+        In place of the constants.
+    technical : bool
+    name : str
+        What it is, for messages.
+    """
+
+    constants: tuple[Number, Number] | None
+    matrix: Any
+    technical: bool
+    name: str
+
+    def __post_init__(self) -> None:
+        for value in (self.matrix, *(self.constants or ())):
+            refuse_time(value, f"{self.name} of a material")
+        if self.constants is None and not callable(self.matrix):
+            matrix = np.array(real_array(self.matrix, f"the {self.name} matrix", finite=False))
+            if matrix.shape not in ((3, 3), (6, 6)):
+                raise ProblemError(
+                    f"the {self.name} matrix has shape {matrix.shape}; it must be (3, 3) in 2D or (6, 6) in 3D"
+                )
+            matrix.setflags(write=False)
+            object.__setattr__(self, "matrix", matrix)
+        if self.homogeneous:
+            if self.constants is None:
+                self._refuse_indefinite(self.matrix[None], np.zeros((1, 2)), "")
+            else:
+                self._lame(np.zeros((1, 2)), 2, "")
+
+    @property
+    def homogeneous(self) -> bool:
+        """Whether it is the same everywhere."""
+        parts = (self.matrix,) if self.constants is None else self.constants
+        return not any(callable(part) for part in parts)
+
+    def at(self, points: Array, plane_stress: bool = False) -> Array:
+        """The matrices at points (k, d), shape (k, v, v); a broadcast view if they are the same everywhere.
+
+        In plane stress two constants give the matrix that leaves no stress out of the plane.
+        """
+        dim = points.shape[1]
+        size = dim * (dim + 1) // 2
+        constant = self.homogeneous
+        if self.constants is None:
+            matrix = self._given(points, size)
+        else:
+            at = points[:1] if constant else points
+            lam, mu = self._lame(at, 3 if plane_stress else dim, "" if constant else None)
+            if plane_stress:
+                whole = lam + 2 * mu
+                lam = 2 * lam * mu / np.where(whole > 0.0, whole, 1.0)
+            matrix = isotropic_matrices(lam, mu, dim)
+        return np.broadcast_to(matrix[0], (len(points), size, size)) if len(matrix) < len(points) else matrix
+
+    def _given(self, points: Array, size: int) -> Array:
+        value = self.matrix(points) if callable(self.matrix) else self.matrix
+        matrix = real_array(value, f"the {self.name} matrix", finite=False)
+        if matrix.shape not in ((size, size), (len(points), size, size)):
+            raise ProblemError(
+                f"the {self.name} matrix has shape {matrix.shape}; a {points.shape[1]}D mesh needs ({size}, {size})"
+            )
+        one = matrix.ndim == 2
+        matrix = matrix[None] if one else matrix
+        if callable(self.matrix):
+            self._refuse_indefinite(matrix, points, "" if one else None)
+        return matrix
+
+    def _lame(self, points: Array, dim: int, where: str | None) -> tuple[Array, Array]:
+        """Lame's constants at points, positive semidefinite in so many dimensions up to rounding."""
+        assert self.constants is not None
+        names = ("young", "poisson") if self.technical else ("lam", "mu")
+        first, second = (
+            evaluate_scalar(value, points, f"{self.name}, {name}")
+            for value, name in zip(self.constants, names, strict=True)
+        )
+        self._require((np.abs(first) < LARGEST) & (np.abs(second) < LARGEST), points, first, names[0],
+                      f"must be smaller than {LARGEST:.0e}: take another unit of force", where)  # fmt: skip
+        if self.technical:
+            self._require(first >= 0.0, points, first, "young", "must not be negative", where)
+            inside = (second > -1.0) & (second < 0.5)
+            self._require(inside, points, second, "poisson", "must lie between -1 and 0.5", where)
+            mu = first / (2 * (1 + second))
+            return 2 * mu * second / (1 - 2 * second), mu
+        self._require(second >= 0.0, points, second, "mu", "must not be negative", where)
+        bulk = dim * first + 2 * second
+        least = "-mu" if dim == 2 else "-2 mu / 3"
+        allowed = bulk >= -_ROUNDING * (np.abs(first) + second)
+        self._require(allowed, points, first, "lam", f"must be at least {least}", where)
+        return first, second
+
+    def _require(self, ok: BoolArray, points: Array, value: Array, name: str, what: str, where: str | None) -> None:
+        if not np.all(ok):
+            bad = int(np.flatnonzero(~ok)[0])
+            place = f" at x = {points[bad].tolist()}" if where is None else where
+            raise ProblemError(f"{self.name}: {name} = {value[bad]:g}{place}; it {what}")
+
+    def _refuse_indefinite(self, matrices: Array, points: Array, where: str | None) -> None:
+        def place(mask: BoolArray) -> str:
+            return f" at x = {points[int(np.flatnonzero(mask)[0])].tolist()}" if where is None else where
+
+        scale = np.abs(matrices).max(axis=(1, 2))
+        bad = ~(scale < LARGEST)
+        if bad.any():
+            raise ProblemError(
+                f"the {self.name} matrix has entries{place(bad)} that are not finite, or beyond {LARGEST:.0e}; give "
+                "finite numbers, or take another unit of force"
+            )
+        bad = np.abs(matrices - matrices.transpose(0, 2, 1)).max(axis=(1, 2)) > _ROUNDING * scale
+        if bad.any():
+            raise ProblemError(f"the {self.name} matrix is not symmetric{place(bad)}; pass (C + C') / 2")
+        lowest = np.linalg.eigvalsh(matrices)[:, 0]
+        bad = lowest < -_ROUNDING * scale
+        if bad.any():
+            raise ProblemError(
+                f"the {self.name} matrix is not positive semidefinite{place(bad)} (lowest eigenvalue "
+                f"{lowest[bad][0]:g}): it would give energy; give one without negative eigenvalues"
+            )
+
+
+def moduli(value: Any, name: str) -> Moduli:
+    """Two constants of Lame's, or a matrix or a callable that returns matrices."""
+    if isinstance(value, Moduli):
+        return value
+    pair = isinstance(value, Sequence) and len(value) == 2 and not any(isinstance(v, Sequence) for v in value)
+    if pair or (isinstance(value, np.ndarray) and value.shape == (2,)):
+        return Moduli(_pair(value, name, ("lam", "mu")), None, False, name)
+    if not callable(value) and np.ndim(value) != 2:
+        raise ProblemError(
+            f"{name} = {value!r}; give two constants of Lame's, ({name}=(lam, mu)), or a matrix: zero is (0, 0)"
+        )
+    return Moduli(None, value, False, name)
+
+
+def _pair(values: Any, name: str, names: tuple[str, str]) -> tuple[Number, Number]:
+    first, second = (
+        value if callable(value) else float(evaluate_scalar(value, np.zeros((1, 2)), f"{name}, {which}")[0])
+        for value, which in zip(values, names, strict=True)
+    )
+    return first, second
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Branch(Portable):
+    """A spring and a dashpot in series beside the elastic body: a term of a Prony series.
+
+    Its stress ``h`` follows ``h' + h / time = A_i eps'``, A_i the elasticity of its spring, so that it answers a
+    sudden strain by ``A_i eps`` and forgets it with the relaxation time.
+
+    Attributes
+    ----------
+    lame : pair of float or callable, or None
+        Lame's constants of the spring; (-2/3 m, m) relaxes shear only.
+    young, poisson : float, callable or None
+        Young's modulus and Poisson's ratio in place of Lame's constants.
+    tensor : array, shape (v, v), callable or None
+        An elasticity matrix in place of the constants, as in :meth:`Material.tensor`.
+    time : float
+        The relaxation time.
+
+    Raises
+    ------
+    ProblemError
+        Not one of the ways is given, the spring is not positive semidefinite, or the time is not positive.
+    """
+
+    lame: tuple[Number, Number] | None = None
+    young: Number | None = None
+    poisson: Number | None = None
+    tensor: Any = None
+    time: float
+
+    def __post_init__(self) -> None:
+        ways = [way for way in ("lame", "young", "tensor") if getattr(self, way) is not None]
+        if len(ways) != 1 or (self.poisson is None) != (self.young is None):
+            given = " and ".join([*ways, *(["poisson"] if self.poisson is not None else [])]) or "nothing"
+            raise ProblemError(f"a branch is given by {given}; give lame, or young and poisson, or tensor")
+        time = self.time
+        if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not 0.0 < time < np.inf:
+            raise ProblemError(f"the relaxation time of a branch is {time!r}; it must be a positive number")
+        object.__setattr__(self, "time", float(time))
+        spring = self.moduli
+        if self.tensor is not None:
+            object.__setattr__(self, "tensor", spring.matrix)
+        elif self.lame is not None:
+            object.__setattr__(self, "lame", spring.constants)
+
+    @property
+    def moduli(self) -> Moduli:
+        """The elasticity of the spring."""
+        name = "branch"
+        if self.tensor is not None:
+            return Moduli(None, self.tensor, False, name)
+        if self.young is not None:
+            return Moduli(_pair((self.young, self.poisson), name, ("young", "poisson")), None, True, name)
+        if not isinstance(self.lame, Sequence | np.ndarray) or len(self.lame) != 2:
+            raise ProblemError(f"a branch has lame = {self.lame!r}; give two constants, (lam, mu)")
+        return Moduli(_pair(self.lame, name, ("lam", "mu")), None, False, name)

@@ -1,0 +1,126 @@
+"""Quantities per volume (per area of a plane mesh): numbers, functions of the place, or either by region."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.arguments import suggest
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar, plain_data
+from hemivar.mechanics.instants import refuse_time
+
+__all__ = ["PerVolume", "Regional", "at_place", "checked_per_volume", "constant_of"]
+
+#: A quantity that may be given by region.
+Regional = ScalarData | Mapping[str, ScalarData]
+
+
+def checked_per_volume(value: Any, name: str, regions: list[str]) -> Regional:
+    """A quantity that is not negative: a number, a function of the place, or a mapping of region name to one of these.
+
+    Raises
+    ------
+    ProblemError
+        A number is negative or not finite, a region is not there, or something depends on time.
+    """
+    if isinstance(value, Mapping):
+        if not value:
+            raise ProblemError(f"{name} is an empty mapping; give a number for each region of the mesh")
+        for region in value:
+            if region not in regions:
+                near = suggest(str(region), regions, "regions")
+                raise ProblemError(f"{name} names region '{region}', which the mesh does not have{near}")
+        parts = {region: _plain(one, f"{name} of region '{region}'") for region, one in value.items()}
+        return MappingProxyType(parts)
+    return _plain(value, name)
+
+
+def _plain(value: Any, name: str) -> ScalarData:
+    refuse_time(value, name)
+    plain: ScalarData = plain_data(value, name, vector=False, most=LARGEST)
+    if not callable(plain) and plain < 0.0:
+        raise ProblemError(f"{name} = {plain:g}; it must not be negative")
+    return plain
+
+
+def constant_of(value: Regional) -> float | None:
+    """The quantity where it is the same everywhere, else None."""
+    return None if callable(value) or isinstance(value, Mapping) else float(value)
+
+
+def at_place(value: Regional, name: str, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+    """A quantity at points (k, d), shape (k,).
+
+    Raises
+    ------
+    ProblemError
+        It is negative somewhere, or its regions do not cover the points.
+    """
+    if not isinstance(value, Mapping):
+        return _at(value, name, points)
+    found, covered = np.zeros(len(points)), np.zeros(len(points), dtype=int)
+    for region, one in value.items():
+        mask = (regions or {})[region]
+        covered += mask
+        if mask.any():
+            found[mask] = _at(one, f"{name} of region '{region}'", points[mask])
+    if (covered != 1).any():
+        bad = int(np.flatnonzero(covered != 1)[0])
+        where = "no region" if covered[bad] == 0 else "more than one region"
+        raise ProblemError(
+            f"the point {points[bad].tolist()} lies in {where} that the {name} names; the regions must cover the mesh "
+            "without overlap"
+        )
+    return found
+
+
+def _at(value: ScalarData, name: str, points: Array) -> Array:
+    found = evaluate_scalar(value, points, name)
+    if not (found >= 0.0).all():
+        bad = int(np.argmin(found))
+        raise ProblemError(f"{name} = {found[bad]:g} at x = {points[bad].tolist()}; it must not be negative")
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class PerVolume(Portable):
+    """A sum of multiples of quantities per volume, as a mass matrix is made of.
+
+    Attributes
+    ----------
+    parts : tuple of (factor, quantity, name)
+        Factors are not negative; parts of factor zero are left out.
+    """
+
+    parts: tuple[tuple[float, Regional, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        kept = tuple(part for part in self.parts if part[0] and (constant_of(part[1]) != 0.0))
+        object.__setattr__(self, "parts", kept)
+
+    @property
+    def none(self) -> bool:
+        """Whether there is nothing at all."""
+        return not self.parts
+
+    @property
+    def constant(self) -> float | None:
+        """The sum where it is the same everywhere; None where it varies."""
+        constants = [constant_of(value) for _, value, _ in self.parts]
+        if any(one is None for one in constants):
+            return None
+        return float(sum(factor * one for (factor, _, _), one in zip(self.parts, constants, strict=True) if one))
+
+    def at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """The sum at points (k, d), shape (k,)."""
+        total = np.zeros(len(points))
+        for factor, value, name in self.parts:
+            total += factor * at_place(value, name, points, regions)
+        return total

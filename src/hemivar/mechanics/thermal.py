@@ -1,0 +1,283 @@
+"""Heat in a body: what conducts and stores it, what it does to the stress, and what contact and friction do to it.
+
+capacity th' - div(conductivity grad th) + T0 beta : eps(u') = source                   in the body,
+sigma = (elastic and viscous stress) - beta (th - stress_free),
+heat flow out of the body  h (th - th_R) - share |lam_tau . r_tau'|                     on a contact boundary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.arguments import described, number, suggest
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.laws import NoContact, PiecewiseQuadratic, Superpotential
+from hemivar.laws.consistency import check_own
+from hemivar.mechanics.coefficient import Coefficient
+from hemivar.mechanics.conditions import LARGEST, ScalarData, plain_data
+from hemivar.mechanics.instants import law_depends_on_time
+from hemivar.mechanics.per_volume import Regional, checked_per_volume
+from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem
+from hemivar.mechanics.statement import ContactProblem, Quadrature
+
+__all__ = ["Heat", "HeatContact", "Touching"]
+
+Conductance = float | Callable[[Array, Array], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class HeatContact(Portable):
+    """The exchange of heat along one boundary, with a foundation or with the surroundings.
+
+    Attributes
+    ----------
+    conductance : float or callable
+        h: heat per area, time and degree. A callable gets penetration and pressure of the contact points, each (m,),
+        and returns (m,); :meth:`touching` makes one that conducts where there is contact only.
+    temperature : float or callable
+        th_R of the foundation; a callable gets points (k, d), and the time if it takes two arguments.
+    share : float
+        Part of the heat made by friction that goes into the body, between 0 and 1.
+    exchange : Superpotential or None
+        In place of the conductance a law of ``th - th_R``, maybe not monotone: heat flow out of the body per area.
+
+    Raises
+    ------
+    ProblemError
+        A number is negative or not finite, the share is outside of [0, 1], conductance and exchange are both given.
+    """
+
+    conductance: Conductance = 0.0
+    temperature: ScalarData = 0.0
+    share: float = 0.0
+    exchange: Superpotential | None = None
+
+    def __post_init__(self) -> None:
+        if not callable(self.conductance):
+            if isinstance(self.conductance, str):
+                raise ProblemError(
+                    f"the conductance is {described(self.conductance)}; give a number, or a function of penetration "
+                    "and pressure"
+                )
+            given = number(self.conductance, "the conductance of a contact", "give heat per area, time and degree")
+            if not 0.0 <= given < LARGEST:
+                raise ProblemError(f"conductance = {given:g}; it must be a finite number that is not negative")
+            object.__setattr__(self, "conductance", given)
+        share = number(self.share, "the share of the heat of friction", "give a number between 0 and 1")
+        if not 0.0 <= share <= 1.0:
+            raise ProblemError(
+                f"share = {share:g}; the part of the heat of friction that the body takes lies between 0 and 1"
+            )
+        object.__setattr__(self, "share", share)
+        object.__setattr__(
+            self, "temperature", plain_data(self.temperature, "temperature of a foundation", vector=False, most=LARGEST)
+        )
+        if self.exchange is not None:
+            if not isinstance(self.exchange, Superpotential):
+                raise ProblemError(
+                    f"exchange is {described(self.exchange)}; give a law of the difference of temperatures, such as "
+                    "Compliance(2.0), or leave it out"
+                )
+            if callable(self.conductance) or self.conductance:
+                raise ProblemError("conductance and exchange are both given; give one of the two")
+            if law_depends_on_time(self.exchange):
+                raise ProblemError(
+                    "the law of an exchange of heat depends on time, which it cannot; let temperature do"
+                )
+            check_own(self.exchange)
+
+    @staticmethod
+    def touching(closed: float, per_pressure: float = 0.0, exponent: float = 1.0) -> Touching:
+        """A conductance ``closed + per_pressure p^exponent`` where the body is pressed on, and none elsewhere."""
+        return Touching(closed, per_pressure, exponent)
+
+    @property
+    def law(self) -> Superpotential:
+        """The law of ``th - th_R`` where it does not depend on the state; that of no exchange where it does."""
+        if self.exchange is not None:
+            return self.exchange
+        if callable(self.conductance) or not self.conductance:
+            return NoContact()
+        h, zero = np.full(2, self.conductance), np.zeros(1)
+        return PiecewiseQuadratic(zero, h, zero, name="conductance")
+
+    @property
+    def depends_on_state(self) -> bool:
+        """Whether the conductance depends on penetration or pressure."""
+        return callable(self.conductance)
+
+    def conductances(self, penetration: Array, pressure: Array) -> Array:
+        """h at contact points, shape (m,).
+
+        Raises
+        ------
+        ProblemError
+            A function returns another shape, or what is negative or not finite.
+        """
+        if not callable(self.conductance):
+            return np.full(penetration.shape, self.conductance)
+        found = real_array(self.conductance(penetration, pressure), "the conductance", finite=False)
+        if found.shape not in ((), penetration.shape):
+            raise ProblemError(f"the conductance has shape {found.shape} at {penetration.size} points; return one each")
+        if not ((found >= 0.0) & (found < LARGEST)).all():
+            raise ProblemError(f"the conductance is {float(np.min(found)):g} at some point; it must not be negative")
+        return np.broadcast_to(found, penetration.shape)
+
+
+@dataclass(frozen=True)
+class Touching(Portable):
+    """A conductance that is there where the body is pressed on: ``closed + per_pressure p^exponent`` for p > 0.
+
+    Attributes
+    ----------
+    closed, per_pressure, exponent : float
+        Not negative; the exponent positive.
+    """
+
+    closed: float
+    per_pressure: float = 0.0
+    exponent: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("closed", "per_pressure", "exponent"):
+            given = number(getattr(self, name), f"{name} of a conductance")
+            if not 0.0 <= given < LARGEST or (name == "exponent" and given == 0.0):
+                raise ProblemError(f"{name} = {given:g} of a conductance; it must not be negative")
+            object.__setattr__(self, name, given)
+
+    def __call__(self, penetration: Array, pressure: Array) -> Array:
+        pressed = np.maximum(pressure, 0.0)
+        return np.where(pressure > 0.0, self.closed + self.per_pressure * pressed**self.exponent, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Heat(Portable):
+    """Heat in a body of an evolution, coupled with its motion in every step.
+
+    Attributes
+    ----------
+    conductivity : float, tensor (d, d), callable, or mapping of region name to one of these
+    capacity : float, callable, or mapping of region name to one of these
+        Heat per volume and degree, positive.
+    expansion : float, callable, mapping or None
+        Strain per degree, the same in all directions; beta follows from it and the elasticity.
+    thermal_stress : float, callable, mapping or None
+        In place of the expansion beta itself: pressure per degree of a body that cannot expand.
+    coupling : float
+        T0, the absolute temperature that deformation makes heat at: ``T0 beta tr eps'`` is taken from the body; zero
+        (the default) leaves this out.
+    stress_free : float
+        Temperature at which there is no thermal stress.
+    temperature : float, callable, or array (nodes,)
+        At the start.
+    supports, fluxes : mapping of boundary name to float or callable
+        Prescribed temperatures; heat flow into the body per area.
+    source : float or callable
+        Heat per volume and time.
+    contact : mapping of boundary name to HeatContact
+    rtol : float
+        How far temperatures of a step may change at last when motion and heat are computed in turns, as a part of the
+        largest difference from the stress-free temperature.
+
+    Raises
+    ------
+    ProblemError
+        Expansion and thermal stress are both given, or something is negative, not finite or of the wrong kind.
+    """
+
+    conductivity: Coefficient
+    capacity: Regional
+    expansion: Regional | None = None
+    thermal_stress: Regional | None = None
+    coupling: float = 0.0
+    stress_free: float = 0.0
+    temperature: Any = 0.0
+    supports: Mapping[str, ScalarData] = field(default_factory=dict)
+    fluxes: Mapping[str, ScalarData] = field(default_factory=dict)
+    source: ScalarData = 0.0
+    contact: Mapping[str, HeatContact] = field(default_factory=dict)
+    rtol: float = 1e-9
+
+    def __post_init__(self) -> None:
+        if self.expansion is not None and self.thermal_stress is not None:
+            raise ProblemError(
+                "expansion and thermal_stress are both given; give one, for beta follows from the expansion and the "
+                "elasticity"
+            )
+        for name, least in (("coupling", 0.0), ("stress_free", -LARGEST)):
+            given = number(getattr(self, name), f"{name} of Heat")
+            if not least <= given < LARGEST:
+                raise ProblemError(f"{name} = {given:g} of Heat; give a finite number{' >= 0' if not least else ''}")
+            object.__setattr__(self, name, given)
+        if not 0.0 < number(self.rtol, "rtol of Heat") < 1.0:
+            raise ProblemError(f"rtol = {self.rtol:g} of Heat; it must lie between 0 and 1")
+        if not isinstance(self.contact, Mapping):
+            raise ProblemError(f"contact of Heat is {described(self.contact)}; give a HeatContact for each boundary")
+        for name, one in self.contact.items():
+            if not isinstance(one, HeatContact):
+                raise ProblemError(
+                    f"contact['{name}'] of Heat is {described(one)}; give HeatContact(conductance=..., temperature=...)"
+                )
+        object.__setattr__(self, "contact", MappingProxyType(dict(self.contact)))
+
+    @property
+    def stresses(self) -> bool:
+        """Whether temperature makes stress."""
+        return self.expansion is not None or self.thermal_stress is not None
+
+    @property
+    def fed_back(self) -> bool:
+        """Whether the motion says something to the heat."""
+        return bool(self.coupling and self.stresses) or any(
+            one.share > 0.0 or one.depends_on_state for one in self.contact.values()
+        )
+
+    def conduction(self, problem: ContactProblem) -> ScalarProblem:
+        """The heat in the body of a problem, without what its motion does to it.
+
+        Raises
+        ------
+        ProblemError
+            A name is unknown to the mesh, something is of the wrong kind or range, or the two do not go together.
+        """
+        mesh = problem.mesh
+        for name in self.contact:
+            if name not in mesh.boundaries:
+                near = suggest(str(name), list(mesh.boundaries), "boundaries")
+                raise ProblemError(f"contact of Heat names boundary '{name}', which the mesh does not have{near}")
+        if problem.quadrature is Quadrature.MIDPOINT:
+            raise ProblemError("heat is exchanged at nodes, and this problem has contact at midpoints; take NODAL")
+        for name, one in self.contact.items():
+            if name not in problem.contact and (one.share or one.depends_on_state):
+                what = "a share of the heat of friction" if one.share else "a conductance that depends on contact"
+                raise ProblemError(
+                    f"contact['{name}'] of Heat has {what}, but the body has no contact there; name a boundary of its "
+                    "contact, or give a conductance that is a number"
+                )
+        for name in ("expansion", "thermal_stress"):
+            value = getattr(self, name)
+            if value is not None:
+                checked_per_volume(value, name, list(mesh.regions))
+        exchanged = {name: ScalarContact(one.law, one.temperature) for name, one in self.contact.items()}
+        if isinstance(self.capacity, int | float) and not self.capacity > 0.0:
+            raise ProblemError(f"capacity = {self.capacity:g} of Heat; it must be positive")
+        return ScalarProblem(
+            mesh,
+            self.conductivity,
+            contact=exchanged,
+            supports=self.supports,
+            fluxes=self.fluxes,
+            source=self.source,
+            kind=ScalarKind.HEAT,
+            title=problem.title,
+            order=problem.order,
+            capacity=self.capacity,
+        )
