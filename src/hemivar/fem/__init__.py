@@ -4,11 +4,14 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.fields import nodal_average, strain, stress, v_norm, von_mises
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.reactions import support_reactions
+from hemivar.fem.scalar_energy import discretize_scalar, gradient
 from hemivar.fem.transfer import interpolate, interpolation_matrix
 
 __all__ = [
     "LoadLine",
     "discretize",
+    "discretize_scalar",
+    "gradient",
     "interpolate",
     "interpolation_matrix",
     "nodal_average",

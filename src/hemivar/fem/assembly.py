@@ -139,6 +139,25 @@ class EdgeBlocks:
                 product[:, c] += np.bincount(rows[edge], weights=force[:, c], minlength=len(field))
         return product
 
+    def columns(self, dofs: IntArray) -> sp.csr_array:
+        """The columns of some (distinct) components ``node d + c``, shape (N d, k)."""
+        count, dim = self.diagonal.shape[:2]
+        place = np.full(count * dim, -1, dtype=np.int64)
+        place[dofs] = np.arange(len(dofs))
+        wanted = np.zeros(count, dtype=bool)
+        wanted[dofs // dim] = True
+        low, high = self.edges.T
+        before, behind = np.flatnonzero(wanted[high]), np.flatnonzero(wanted[low])
+        nodes = np.flatnonzero(wanted)
+        row = np.concatenate([nodes, low[before], high[behind]])
+        column = np.concatenate([nodes, high[before], low[behind]])
+        blocks = np.concatenate([self.diagonal[nodes], self.upper[before], self.upper[behind].transpose(0, 2, 1)])
+        axis = np.arange(dim)
+        rows = np.broadcast_to(row[:, None, None] * dim + axis[:, None], blocks.shape)
+        columns = place[np.broadcast_to(column[:, None, None] * dim + axis, blocks.shape)]
+        keep = columns >= 0
+        return sp.csr_array((blocks[keep], (rows[keep], columns[keep])), shape=(count * dim, len(dofs)))
+
     def turn(self, directions: Array) -> None:
         """Go over to other components at every node, in place.
 

@@ -12,27 +12,31 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
-from hemivar.fem.assembly import linear_stiffness, load_vector, stiffness_matrix
+from hemivar.fem.assembly import load_vector
 from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.fem.locking import locking_warning
-from hemivar.fem.unknowns import nodal_conditions, reduced
+from hemivar.fem.mass import body_blocks, body_matrix, resists
+from hemivar.fem.scalar_energy import discretize_scalar
+from hemivar.fem.unknowns import in_time, nodal_conditions, pattern_of, reduced, spread
+from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.obstacles import refuse_inside
+from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
-__all__ = ["discretize", "friction_warning"]
+__all__ = ["discretize", "friction_warning", "refuse_evolution"]
 
 #: Contact points named in a warning.
 _SHOWN = 8
 
 
-def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> DiscreteProblem:
-    """Discretise a contact problem by finite elements.
+def discretize(problem: Statement, *, check_coercivity: bool = True, evolving: bool = False) -> DiscreteProblem:
+    """Discretise a contact problem by finite elements; a scalar one by :func:`hemivar.fem.discretize_scalar`.
 
     The displacement is ``U = P u + u0`` with orthonormal columns in ``P``: at the nodes of a contact
     boundary (nodal quadrature) they are the normal and the tangents, so that the trace selects unknowns; at
     inclined rollers the free tangents; elsewhere the Cartesian axes. ``K = P' Kf P``, ``f = P'(F - Kf u0)``;
-    gap and slip offset take up ``u0``.
+    gap and slip offset take up ``u0``. A bedding of the body is part of K, and a body with one has no free motions.
 
     With nodal quadrature, contact point j is a node; its normal is the normalised sum of the adjacent facet
     normals times facet measures, its weight the integral of its shape function over the contact boundary.
@@ -50,10 +54,13 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
 
     Parameters
     ----------
-    problem : ContactProblem
+    problem : ContactProblem or ScalarProblem
     check_coercivity : bool
         Refuse problems whose energy is not bounded below or not held along a rigid motion. ``False`` lets
         them pass: a local equilibrium may exist all the same.
+    evolving : bool
+        The problem is part of one in time, where somebody else takes care of damping and memory of the contact points,
+        which otherwise are refused.
 
     Returns
     -------
@@ -64,12 +71,18 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
     ProblemError
         If supports contradict each other, data have the wrong shape or are not finite, the material is not
         positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
-        depend on one another, or the body is free to move.
+        depend on one another, the body is free to move, or something depends on time.
     """
     if isinstance(problem, DiscreteProblem):
         raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
+    if isinstance(problem, ScalarProblem):
+        return discretize_scalar(problem, check_coercivity=check_coercivity)
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    problem = expect(problem, ContactProblem, "what to discretize", remedy)
+    return _discretize(expect(problem, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
+
+
+def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool) -> DiscreteProblem:
+    refuse_evolution(problem, evolving)
     mesh, order = problem.mesh, problem.order
     conditions = nodal_conditions(problem)
     supports, basis = conditions.supports, conditions.basis
@@ -77,20 +90,24 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         raise SupportError("the supports leave the body no freedom; refine the mesh or remove supports")
 
     full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
-    prescribed = conditions.prescribed
+    prescribed, bedding = conditions.prescribed, bedding_of(problem.bedding)
     reaction = np.zeros_like(prescribed)
     if order == 1:
-        blocks = linear_stiffness(mesh, problem.material)
+        blocks = body_blocks(mesh, problem.material, bedding)
+        bedded = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
         if prescribed.any():
             reaction = blocks.times(supports.value).ravel()
         blocks.turn(conditions.directions)
         stiffness = blocks.matrix(conditions.free)
         del blocks
     else:
-        full_stiffness = stiffness_matrix(mesh, problem.material, order)
+        full_stiffness = body_matrix(mesh, problem.material, bedding, order)
+        bedded = resists(mesh, order, bedding, full_stiffness.diagonal().reshape(-1, mesh.dim))
         if prescribed.any():
             reaction = full_stiffness @ prescribed
         stiffness = reduced(full_stiffness, basis)
+        if in_time(problem):
+            stiffness = spread(stiffness, pattern_of(mesh, order, basis))
     load = basis.T @ (full_load - reaction)
     constant = float(prescribed @ (0.5 * reaction - full_load))
 
@@ -107,15 +124,38 @@ def discretize(problem: ContactProblem, *, check_coercivity: bool = True) -> Dis
         Quadratic(stiffness, load, constant + energy, assembled=True),
         contact,
         law,
-        Space((Field(mesh, order, basis, prescribed),)),
+        Space((Field(mesh, order, basis, prescribed, bedded=bedded),)),
         problem,
         tuple(sentence for sentence in (locking_warning(problem), left_out) if sentence is not None),
     )
     if check_coercivity:
         for warning in discrete.warnings:
             logging.getLogger("hemivar").info("%s", warning)
-        refuse_free_motion(discrete, full_load)
+        return refuse_free_motion(discrete, full_load)
     return discrete
+
+
+def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:
+    """Refuse a statement that depends on time, and, unless it is part of an evolution, damping and memory.
+
+    Raises
+    ------
+    ProblemError
+    """
+    words = {"load": "a load", "supports": "a support", "gap": "a gap", "law": "a law"}
+    depends = [word for part, word in words.items() if part in problem.time_dependent]
+    if depends:
+        raise ProblemError(
+            f"{' and '.join(depends)} of the problem depend{'s' if len(depends) == 1 else ''} on time; take the "
+            "problem at one time, problem.at_time(0.0), or go through time (a table [time] in a problem file)"
+        )
+    for name, contact in problem.contact.items():
+        if contact.evolves and not evolving:
+            what = "damping" if contact.damping is not None else "memory"
+            raise ProblemError(
+                f"contact '{name}' has {what}, which means something in time only; leave it out, or go through time (a "
+                "table [time] in a problem file)"
+            )
 
 
 def friction_warning(where: Array) -> str | None:

@@ -17,7 +17,7 @@ from hemivar.errors import SupportError
 __all__ = ["describe", "free_growth", "geometric_slack", "refuse", "refuse_free_motion"]
 
 
-def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> None:
+def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> DiscreteProblem:
     """Refuse a body whose energy does not grow along each motion without deformation.
 
     Parameters
@@ -27,19 +27,25 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> N
     load : array (nodes * d,), optional
         The nodal load before the supports took effect; that of the unknowns by default.
 
+    Returns
+    -------
+    DiscreteProblem
+        The problem, known to be held where its motions are known.
+
     Raises
     ------
     SupportError
         Naming the part, the motion, and what would hold it.
     """
-    if problem.field is None or not problem.field.moves:
-        return
+    if problem.field is None or not problem.field.knows_motions:
+        return problem
     motions = problem.field.free_motions
     for group, growth in zip(motions.groups, free_growth(problem, motions, load), strict=True):
         hold = decide(growth)
         if hold.verdict is not Verdict.HELD:
             assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
             raise _refusal(problem, motions, group, hold)
+    return problem.known_to_be_held()
 
 
 def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | None = None) -> list[Growth]:
@@ -112,7 +118,9 @@ def refuse(hold: Hold, motion: str, who: str = "the body", remedy: str = _REMEDY
 
 
 def describe(coefficients: Array) -> str:
-    """A rigid motion, 3 or 6 coefficients of :func:`rigid_basis`, in words."""
+    """A rigid motion, 3 or 6 coefficients of :func:`rigid_basis`, or a constant, one coefficient, in words."""
+    if len(coefficients) == 1:
+        return "(adding a constant)"
     dim = 2 if len(coefficients) == 3 else 3
     names = rigid_basis(np.eye(dim), (np.zeros(dim), np.ones(dim)))[1]
     coefficients = np.where(np.abs(coefficients) < 1e-6 * np.abs(coefficients).max(), 0.0, coefficients)

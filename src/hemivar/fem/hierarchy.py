@@ -72,7 +72,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     if field is None or statement is None or field.order != 1 or field.mesh.parent is None:
         return None
     parent = field.mesh.parent
-    coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False)
+    coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False, evolving=True)
     assert coarse.field is not None
     nodal = sp.csr_array(sp.kron(parent.interpolation, sp.eye_array(field.components), format="csr"))
     prolongation = sp.csr_array(field.lift @ nodal @ coarse.field.basis)

@@ -9,7 +9,7 @@ import numpy as np
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.mechanics import ContactProblem, Fixed, Prescribed
+from hemivar.mechanics import Fixed, Prescribed, ScalarProblem, Statement
 from hemivar.mechanics.conditions import Support
 
 __all__ = ["LoadLine"]
@@ -45,13 +45,18 @@ class LoadLine:
             )
 
     @classmethod
-    def of(cls, problem: ContactProblem) -> LoadLine:
+    def of(cls, problem: Statement) -> LoadLine:
         """The line from the body at rest to the problem: forces and prescribed displacements grow together."""
         loaded = discretize(problem)
-        supports = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
-        if all(supports[name] is support for name, support in problem.supports.items()):
+        if isinstance(problem, ScalarProblem):
+            if not any(callable(value) or value for value in problem.supports.values()):
+                return cls(loaded)
+            supports = dict.fromkeys(problem.supports, 0.0)
+            return cls(loaded, discretize(replace(problem, supports=supports, source=0.0, fluxes={})))
+        held = {name: _at_rest(support, problem.mesh.dim) for name, support in problem.supports.items()}
+        if all(held[name] is support for name, support in problem.supports.items()):
             return cls(loaded)
-        return cls(loaded, discretize(replace(problem, supports=supports, body_force=0.0, tractions={})))
+        return cls(loaded, discretize(replace(problem, supports=held, body_force=0.0, tractions={})))
 
     def at(self, factor: float) -> DiscreteProblem:
         """The problem at load factor ``factor``; matrices are shared."""

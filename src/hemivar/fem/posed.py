@@ -6,17 +6,17 @@ from hemivar.basics.arguments import described
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.scalar import Statement
 
 __all__ = ["posed"]
 
 
-def posed(problem: DiscreteProblem | ContactProblem, function: str) -> DiscreteProblem:
+def posed(problem: DiscreteProblem | Statement, function: str) -> DiscreteProblem:
     """The problem, discretised if it is not yet.
 
     Parameters
     ----------
-    problem : DiscreteProblem or ContactProblem
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
     function : str
         Who asks, for messages.
 
@@ -27,7 +27,7 @@ def posed(problem: DiscreteProblem | ContactProblem, function: str) -> DiscreteP
     """
     if isinstance(problem, DiscreteProblem):
         return problem
-    if isinstance(problem, ContactProblem):
+    if isinstance(problem, Statement):
         return discretize(problem)
     raise ProblemError(
         f"{function}: the problem is {described(problem)}; give a ContactProblem, what hemivar.discretize makes of it, "

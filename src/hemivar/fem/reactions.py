@@ -11,7 +11,11 @@ from hemivar.errors import ProblemError
 from hemivar.fem.assembly import load_vector, quadrature_rule, tensors
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
+from hemivar.fem.mass import cell_masses
+from hemivar.fem.scalar_energy import scalar_reactions
 from hemivar.fem.supports import stated_supports, sum_by
+from hemivar.mechanics.bedding import bedding_of
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["internal_forces", "nodal_contact_forces", "support_reactions"]
@@ -24,8 +28,9 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     """Force of each support on the body, in the coordinates of the mesh.
 
     It is the residual of the equations that the supports took away, ``K U - F`` less the contact forces, with K, U and
-    F of all nodes.  Loads, contact forces and reactions of a solution add up to zero.  Force of the foundation at
-    contact nodes that the supports hold entirely, which are no contact points, is part of the reactions.
+    F of all nodes.  Loads, contact forces, reactions and the force of a bedding add up to zero in a solution.  Force of
+    the foundation at contact nodes that the supports hold entirely, which are no contact points, is part of the
+    reactions.
 
     A node of several supports is booked direction by direction, in the order in which the supports are stated: each
     takes the force along what it fixes and none before it has fixed.
@@ -49,6 +54,8 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     stated, field = problem.origin, problem.field
     if stated is None or field is None:
         raise ProblemError("this problem was made of arrays: its supports are not known; state it and discretize it")
+    if isinstance(stated, ScalarProblem):
+        return scalar_reactions(problem, displacement, multiplier)
     supports = stated_supports(stated)
     held = supports.count > 0
     mesh, order = stated.mesh, stated.order
@@ -89,7 +96,9 @@ def nodal_contact_forces(problem: DiscreteProblem, multiplier: Array) -> Array:
 
 
 def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
-    """Forces that some cells exert on the nodes against a displacement, shape (nodes, d): their part of ``K U``."""
+    """Forces that some cells exert on the nodes against a displacement, shape (nodes, d): their part of ``K U``.
+
+    That of a bedding is counted."""
     mesh, order, material = problem.mesh, problem.order, problem.material
     rule = 2 * (order - 1) if material.homogeneous else 2 * order
     barycentric, weights = quadrature_rule(mesh.dim, max(rule, 1))
@@ -105,4 +114,7 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
         elastic = tensor[:, min(q, tensor.shape[1] - 1)][:, index[:, :, None, None], index]
         stress = np.einsum("kijmn,kmn->kij", np.broadcast_to(elastic, (len(cells), *elastic.shape[1:])), strain)
         forces += np.einsum("k,kij,klj->kli", weight * volumes, stress, shapes)
+    bedding = bedding_of(problem.bedding)
+    if not bedding.none:
+        forces += cell_masses(mesh, order, bedding, cells) @ values
     return sum_by(nodes.ravel(), forces.reshape(-1, mesh.dim), len(displacement))

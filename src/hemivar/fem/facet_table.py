@@ -1,0 +1,149 @@
+"""Facets of a mesh with the cells on their sides, and the geometry of the cells, all cells in the order of their nodes.
+
+With the nodes of every cell and every facet sorted, vertex a of facet i (opposite to vertex i of a cell) is the a-th of
+the other vertices of the cell, whatever cell one comes from.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.mesh.keys import facet_keys
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["FacetTable", "facet_table", "facet_vertices"]
+
+
+def facet_vertices(dim: int) -> IntArray:
+    """Local vertices (d + 1, d) of the facets of a cell: facet i has all but vertex i."""
+    every = range(dim + 1)
+    return np.array([[a for a in every if a != i] for i in every])
+
+
+@dataclass(frozen=True, eq=False)
+class FacetTable:
+    """Facets and cells.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    cells : int array, shape (M, d + 1)
+        Nodes of the cells, sorted; cells keep their numbers.
+    facets : int array, shape (F, d)
+        Nodes of the facets, sorted.
+    cell_facets : int array, shape (M, d + 1)
+        Facet opposite to each vertex.
+    signs : array, shape (M, d + 1)
+        +1 where the cell is the first of the facet, whose outward normal is that of the facet; -1 where it is the
+        second.
+    owners : int array, shape (F, 2)
+        The cells of each facet, the first and the second; -1 in place of a second one on the boundary.
+    jacobian : array, shape (M, d, d)
+        B of ``x = B x^ + x_0``.
+    gradients : array, shape (M, d + 1, d)
+        Of the barycentric coordinates.
+    sizes : array, shape (M,)
+        ``J = |det B|``.
+    """
+
+    mesh: Mesh
+    cells: IntArray
+    facets: IntArray
+    cell_facets: IntArray
+    signs: Array
+    owners: IntArray
+    jacobian: Array
+    gradients: Array
+    sizes: Array
+
+    @property
+    def dim(self) -> int:
+        """Space dimension d."""
+        return self.mesh.dim
+
+    @property
+    def volumes(self) -> Array:
+        """Areas or volumes of the cells, shape (M,)."""
+        return self.sizes / math.factorial(self.dim)
+
+    @property
+    def inverse(self) -> Array:
+        """Inverses of the Jacobians, shape (M, d, d): the gradients of all barycentric coordinates but the first."""
+        return self.gradients[:, 1:]
+
+    @cached_property
+    def area_normals(self) -> Array:
+        """Normals of the facets times their measures, shape (F, d), outward from the first cell."""
+        cell = self.owners[:, 0]
+        local = np.argmax(self.cell_facets[cell] == np.arange(len(self.facets))[:, None], axis=1)
+        return np.asarray(-self.dim * self.volumes[cell, None] * self.gradients[cell, local])
+
+    @cached_property
+    def measures(self) -> Array:
+        """Lengths or areas of the facets, shape (F,)."""
+        return np.asarray(np.linalg.norm(self.area_normals, axis=1))
+
+    @property
+    def normals(self) -> Array:
+        """Unit normals of the facets, shape (F, d), outward from the first cell."""
+        return np.asarray(self.area_normals / self.measures[:, None])
+
+    @property
+    def interior(self) -> BoolArray:
+        """Which facets have two cells, shape (F,)."""
+        return np.asarray(self.owners[:, 1] >= 0)
+
+    @cached_property
+    def _keys(self) -> IntArray:
+        return facet_keys(self.facets, self.mesh.number_of_nodes)
+
+    def numbers(self, facets: IntArray) -> IntArray:
+        """Numbers (k,) of facets given by their nodes (k, d), in any order."""
+        return np.asarray(np.searchsorted(self._keys, facet_keys(facets, self.mesh.number_of_nodes)))
+
+    def of_cells(self, moments: Array) -> Array:
+        """Moments on the facets of the cells, outward, (M, d + 1, d, d), of those on the facets (F, d, d)."""
+        return np.asarray(self.signs[:, :, None, None] * moments[self.cell_facets])
+
+
+def facet_table(mesh: Mesh) -> FacetTable:
+    """The facets of a mesh.
+
+    Raises
+    ------
+    ProblemError
+        The mesh is one in space of more than two million nodes.
+    """
+    dim = mesh.dim
+    cells = np.sort(np.asarray(mesh.cells, dtype=np.int64), axis=1)
+    every = cells[:, facet_vertices(dim)].reshape(-1, dim)
+    keys = facet_keys(every, mesh.number_of_nodes)
+    order = np.argsort(keys, kind="stable")
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = keys[order[1:]] != keys[order[:-1]]
+    number = np.empty(len(order), dtype=np.int64)
+    number[order] = np.cumsum(new) - 1
+    signs = np.empty(len(order))
+    signs[order] = np.where(new, 1.0, -1.0)
+    owners = np.full((int(new.sum()), 2), -1, dtype=np.int64)
+    owners[number[order], np.where(new, 0, 1)] = order // (dim + 1)
+    corner = mesh.points[cells]
+    jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
+    inverse = np.linalg.inv(jacobian)
+    gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
+    return FacetTable(
+        mesh,
+        cells,
+        every[order[new]],
+        number.reshape(-1, dim + 1),
+        signs.reshape(-1, dim + 1),
+        owners,
+        jacobian,
+        gradients,
+        math.factorial(dim) * np.asarray(mesh.volumes),
+    )

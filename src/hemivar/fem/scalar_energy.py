@@ -1,0 +1,459 @@
+"""From the statement of a scalar problem to its discrete energy: one unknown at each free node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.space import Field, Space
+from hemivar.errors import ProblemError, SupportError
+from hemivar.fem.assembly import EdgeBlocks, quadrature_rule, region_masks
+from hemivar.fem.contact_points import shares
+from hemivar.fem.elements import barycentric_gradients, scaled_gradients, shape_derivatives, shape_values
+from hemivar.fem.free_motion import refuse_free_motion
+from hemivar.fem.mass import cell_masses, resists
+from hemivar.fem.supports import in_words
+from hemivar.fem.unknowns import pattern_of_nodes, spread
+from hemivar.laws import ContactLaw, Friction, NoContact
+from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar
+from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Shares, Side
+from hemivar.mesh.keys import EDGES
+
+__all__ = [
+    "contact_of",
+    "discretize_scalar",
+    "full_matrix",
+    "gradient",
+    "gradient_norm_problem",
+    "held_values",
+    "least_coefficient",
+    "scalar_load",
+    "scalar_reactions",
+]
+
+#: In how many portions the cells are gone through.
+_PORTIONS = 16
+#: What rounding may put a held node beyond the end of a law by, of the largest level or value there.
+_ROUNDED = 1e-12
+
+
+def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) -> DiscreteProblem:
+    """Finite element energy of a scalar problem.
+
+    Linear elements, or quadratic ones without contact over an area.  Laws act at the nodes, with the lumped weights of
+    boundary or area: contact over an area has one contact point for each of its free nodes.  A law of the penetration
+    has one local component.  If any law is friction, contact points have two: friction acts on the second one, laws
+    of the penetration on the first, and the other one is not there.
+
+    Parameters
+    ----------
+    problem : ScalarProblem
+    check_coercivity : bool
+        Refuse problems whose energy is not bounded below along a constant.
+
+    Raises
+    ------
+    ProblemError
+        Supports contradict each other or fix everything, data are not finite, two contacts meet at a node that do not
+        belong together, or nothing holds a part.
+    """
+    if problem.time_dependent:
+        raise ProblemError(
+            f"{', '.join(sorted(problem.time_dependent))} of the problem depend on time; take it at one time, "
+            "problem.at_time(0.0)"
+        )
+    mesh, order = problem.mesh, problem.order
+    nodes = mesh.nodes(order)
+    held, value = held_values(problem, nodes)
+    free = ~held
+    count = int(free.sum())
+    if not count:
+        raise SupportError("the supports leave the problem no freedom; refine the mesh or remove supports")
+    basis = sp.csr_array((np.ones(count), (np.flatnonzero(free), np.arange(count))), shape=(len(nodes), count))
+    full = scalar_load(problem)
+    prescribed = np.where(held, value, 0.0)
+    reaction = np.zeros(len(nodes))
+    bedding = problem.mass_of_step
+    if order == 1:
+        blocks = _linear_blocks(problem)
+        bedded = resists(mesh, order, bedding, blocks.diagonal[:, 0])
+        if prescribed.any():
+            reaction = blocks.times(prescribed[:, None]).ravel()
+        stiffness = blocks.matrix(free[:, None])
+    else:
+        matrix = _form(problem)
+        bedded = resists(mesh, order, bedding, matrix.diagonal()[:, None])
+        if prescribed.any():
+            reaction = np.asarray(matrix @ prescribed)
+        stiffness = sp.csr_array(matrix[free][:, free])
+        stiffness.sort_indices()
+        if problem.inert or problem.resisted:  # then it has more matrices, on one sparsity
+            stiffness = spread(stiffness, pattern_of_nodes(mesh, order, basis))
+    contact, law, energy = contact_of(problem, nodes, basis, prescribed)
+    field = Field(mesh, order, basis, prescribed, 1, problem.kind.unknown, bedded=bedded, constants=True)
+    discrete = DiscreteProblem(
+        Quadratic(
+            stiffness,
+            basis.T @ (full - reaction),
+            float(prescribed @ (0.5 * reaction - full)) + energy,
+            assembled=True,
+        ),
+        contact,
+        law,
+        Space((field,)),
+        problem,
+    )
+    if check_coercivity:
+        return refuse_free_motion(discrete, full)
+    return discrete
+
+
+# ---- supports ---------------------------------------------------------------------------------------------
+
+
+def held_values(problem: ScalarProblem, nodes: Array) -> tuple[BoolArray, Array]:
+    """Which nodes supports hold, shape (N,), and at which value."""
+    held, value = np.zeros(len(nodes), dtype=bool), np.zeros(len(nodes))
+    owner = np.full(len(nodes), -1)
+    for number, (name, given) in enumerate(problem.supports.items()):
+        at = np.unique(problem.mesh.facet_nodes(problem.mesh.boundaries[name], problem.order))
+        wanted = evaluate_scalar(given, nodes[at], f"supports['{name}']")
+        both = held[at]
+        size = max(float(np.abs(wanted).max(initial=0.0)), float(np.abs(value).max(initial=0.0)))
+        wrong = both & (np.abs(wanted - value[at]) > 1e-9 * size)
+        if wrong.any():
+            bad = int(np.flatnonzero(wrong)[0])
+            other = list(problem.supports)[owner[at[bad]]]
+            raise SupportError(
+                f"supports '{other}' and '{name}' prescribe different values at node {at[bad]}, "
+                f"x = {in_words(nodes[at[bad]])}: {value[at[bad]]:.6g} and {wanted[bad]:.6g}; make them agree there"
+            )
+        new = at[~both]
+        held[new], value[new], owner[new] = True, wanted[~both], number
+    return held, value
+
+
+# ---- matrices and loads -----------------------------------------------------------------------------------
+
+
+def _at_rule(problem: ScalarProblem, degree: int, cells: slice | IntArray = slice(None)) -> tuple[Array, Array, Array]:
+    """Coefficients (k, q, d, d) at the points of a rule, or (1, 1, d, d); its barycentric points and weights."""
+    mesh = problem.mesh
+    barycentric, weights = quadrature_rule(mesh.dim, degree)
+    if problem.homogeneous:
+        return problem.coefficients(mesh.points[:1])[None], barycentric, weights
+    points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells[cells]])
+    masks = {name: np.repeat(mask[cells], len(weights)) for name, mask in region_masks(mesh).items()}
+    tensors = problem.coefficients(points.reshape(-1, mesh.dim), masks)
+    return tensors.reshape(len(points), len(weights), mesh.dim, mesh.dim), barycentric, weights
+
+
+def _linear_blocks(problem: ScalarProblem) -> EdgeBlocks:
+    """``int A grad u . grad v + bedding u v`` of linear elements, by nodes and edges; no matrix per element."""
+    mesh = problem.mesh
+    edges, dim = len(mesh.edges), mesh.dim
+    upper, mass, own = np.zeros(edges), np.zeros(edges), np.zeros(mesh.number_of_nodes)
+    bedding = problem.mass_of_step
+    step = max(mesh.number_of_cells // _PORTIONS + 1, 1 << 14)
+    for start in range(0, mesh.number_of_cells, step):
+        part = slice(start, start + step)
+        place = mesh.cell_edges[part].T.ravel()
+        sides = scaled_gradients(mesh, part, np.sqrt(mesh.volumes[part]))
+        tensors, _, weights = _at_rule(problem, 2, part)
+        mean = tensors[:, 0] if problem.homogeneous else np.einsum("q,mqij->mij", weights, tensors)
+        flux = np.einsum("mij,ajm->aim", np.broadcast_to(mean, (sides.shape[2], dim, dim)), sides)
+        values = np.concatenate([np.einsum("im,im->m", sides[a], flux[b]) for a, b in EDGES[dim]])
+        upper += np.bincount(place, weights=values, minlength=edges)
+        if not bedding.none:
+            parts = cell_masses(mesh, 1, bedding, part)
+            values = np.concatenate([parts[:, a, b] for a, b in EDGES[dim]])
+            mass += np.bincount(place, weights=values, minlength=edges)
+            diagonal = np.einsum("maa->ma", parts)
+            own += np.bincount(mesh.cells[part].ravel(), weights=diagonal.ravel(), minlength=len(own))
+    for end in mesh.edges.T:  # rows of the stiffness sum to zero
+        own -= np.bincount(end, weights=upper, minlength=len(own))
+    return EdgeBlocks(own[:, None, None], (upper + mass)[:, None, None], mesh.edges)
+
+
+def full_matrix(problem: ScalarProblem, only_mass: bool = False) -> sp.csr_array:
+    """``int A grad u . grad v + mass u v`` for all nodes; the mass is :attr:`ScalarProblem.mass_of_step`.
+
+    Parameters
+    ----------
+    problem : ScalarProblem
+    only_mass : bool
+        Without the first term.
+    """
+    if not only_mass:
+        return _linear_blocks(problem).matrix() if problem.order == 1 else _form(problem)
+    mesh, order = problem.mesh, problem.order
+    blocks, nodes = cell_masses(mesh, order, problem.mass_of_step), mesh.cell_nodes(order)
+    rows = np.broadcast_to(nodes[:, :, None], blocks.shape).ravel()
+    columns = np.broadcast_to(nodes[:, None, :], blocks.shape).ravel()
+    size = len(mesh.nodes(order))
+    return sp.csr_array((blocks.ravel(), (rows, columns)), shape=(size, size))
+
+
+def _form(problem: ScalarProblem) -> sp.csr_array:
+    """The same matrix of quadratic elements, for all nodes."""
+    mesh, order = problem.mesh, problem.order
+    tensors, barycentric, weights = _at_rule(problem, 2 * (order - 1) if problem.homogeneous else 2 * order)
+    gradients, nodes = barycentric_gradients(mesh), mesh.cell_nodes(order)
+    blocks = np.zeros((*nodes.shape, nodes.shape[1]))
+    for q, (place, weight) in enumerate(zip(barycentric, weights, strict=True)):
+        shapes = np.einsum("la,kad->kld", shape_derivatives(order, place), gradients)
+        at = np.broadcast_to(tensors[:, min(q, tensors.shape[1] - 1)], (len(nodes), mesh.dim, mesh.dim))
+        blocks += np.einsum("k,kld,kde,kme->klm", weight * mesh.volumes, shapes, at, shapes, optimize=True)
+    bedding = problem.mass_of_step
+    if not bedding.none:
+        blocks += cell_masses(mesh, order, bedding)
+    rows = np.broadcast_to(nodes[:, :, None], blocks.shape).ravel()
+    columns = np.broadcast_to(nodes[:, None, :], blocks.shape).ravel()
+    size = len(mesh.nodes(order))
+    matrix = sp.csr_array((blocks.ravel(), (rows, columns)), shape=(size, size))
+    return sp.csr_array(0.5 * (matrix + matrix.T))
+
+
+def scalar_load(problem: ScalarProblem) -> Array:
+    """``int source v + int_boundary flux v`` of the shape functions, shape (nodes,)."""
+    mesh, order = problem.mesh, problem.order
+    load = np.zeros(len(mesh.nodes(order)))
+    if callable(problem.source) or problem.source != 0.0:
+        _add(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, problem.source, "source")
+    for name, flux in problem.fluxes.items():
+        facets = mesh.boundaries[name]
+        _, measures = mesh.facet_normals(facets)
+        members = mesh.facet_nodes(facets, order)
+        _add(load, mesh.points, facets, members, measures, order, 5, flux, f"fluxes['{name}']")
+    return load
+
+
+def _add(
+    load: Array,
+    points: Array,
+    simplices: IntArray,
+    nodes: IntArray,
+    measures: Array,
+    order: int,
+    degree: int,
+    density: ScalarData,
+    what: str,
+) -> None:
+    """Add the integrals of a density times the shape functions over simplices."""
+    barycentric, weights = quadrature_rule(simplices.shape[1] - 1, degree if callable(density) else order)
+    shapes = shape_values(order, barycentric)
+    step = max(len(simplices) // _PORTIONS + 1, 1 << 14)
+    for start in range(0, len(simplices), step):
+        part = slice(start, start + step)
+        at = np.full((len(simplices[part]), len(weights)), 0.0 if callable(density) else density)
+        if callable(density):
+            places = np.einsum("qk,mkd->mqd", barycentric, points[simplices[part]])
+            at = evaluate_scalar(density, places.reshape(-1, points.shape[1]), what).reshape(at.shape)
+        local = np.einsum("q,qk,mq,m->mk", weights, shapes, at, measures[part], optimize=True)
+        load += np.bincount(nodes[part].ravel(), weights=local.ravel(), minlength=len(load))
+
+
+# ---- contact ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """The nodes of one contact, with their weights."""
+
+    name: str
+    contact: ScalarContact
+    nodes: IntArray
+    weights: Array
+
+
+def _places(problem: ScalarProblem, count: int) -> list[_Place]:
+    """Boundaries, then areas; a node of two boundaries, or of two areas, belongs to the first of them entirely."""
+    mesh, order = problem.mesh, problem.order
+    found: list[_Place] = []
+
+    def add(name: str, contact: ScalarContact, members: IntArray, parts: Array, rivals: slice) -> None:
+        summed = np.bincount(members.ravel(), weights=parts.ravel(), minlength=count)
+        for k in range(rivals.start, len(found)):
+            own = found[k].nodes
+            found[k] = replace(found[k], weights=found[k].weights + summed[own])
+            summed[own] = 0.0
+        nodes = np.flatnonzero(summed)
+        if not len(nodes):
+            raise ProblemError(f"every node of contact '{name}' belongs to another one; join the two")
+        found.append(_Place(name, contact, nodes, np.asarray(summed[nodes], dtype=float)))
+
+    for name, contact in problem.contact.items():
+        facets = mesh.boundaries[name]
+        share, measures = shares(order, mesh.dim), mesh.facet_normals(facets)[1]
+        add(name, contact, mesh.facet_nodes(facets, order), np.outer(measures, share), slice(0, None))
+    boundaries, share = len(found), np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
+    whole = isinstance(problem.area, ScalarContact)
+    for name, contact in problem.areas.items():
+        cells = slice(None) if whole else mesh.regions[name]
+        add(name, contact, mesh.cells[cells], np.outer(mesh.volumes[cells], share), slice(boundaries, None))
+    return found
+
+
+def _refuse_shared(problem: ScalarProblem, places: list[_Place], nodes: Array, free: BoolArray) -> None:
+    """Refuse contact over an area at free nodes of a contact boundary: two laws would act on one unknown."""
+    number = len(problem.contact)
+    for first in places[:number]:
+        for second in places[number:]:
+            shared = np.intersect1d(first.nodes, second.nodes)
+            shared = shared[free[shared]]
+            if len(shared):
+                raise ProblemError(
+                    f"contact on boundary '{first.name}' and contact over '{second.name}' meet at {len(shared)} nodes, "
+                    f"the first at x = {in_words(nodes[shared[0]])}; a node bears one law: state the contact over a "
+                    f"region that leaves the cells at '{first.name}' out"
+                )
+
+
+def contact_of(
+    problem: ScalarProblem, nodes: Array, basis: sp.csr_array, prescribed: Array
+) -> tuple[ContactPoints, ContactLaw, float]:
+    """Contact points in terms of the unknowns, their law, and the energy of those that supports hold."""
+    places = _places(problem, len(nodes))
+    moving = np.diff(basis.indptr) > 0
+    _refuse_shared(problem, places, nodes, moving)
+    components = 2 if any(place.contact.rubs for place in places) else 1
+    names = tuple(place.name for place in places)
+    unknown = np.cumsum(moving) - 1
+    energy = 0.0
+    parts: list[tuple[ContactLaw, int]] = []
+    kept: list[tuple[IntArray, Array, Array, Array, IntArray]] = []
+    for place in places:
+        contact, at = place.contact, nodes[place.nodes]
+        where = f"level of contact '{place.name}'"
+        level = evaluate_scalar(contact.level, at, where)
+        if not (np.abs(level) < LARGEST).all():
+            raise ProblemError(f"{where}: {level[np.argmax(np.abs(level))]:g} is beyond the range of numbers")
+        sign = 1.0 if contact.side is Side.ABOVE else -1.0
+        if isinstance(contact.law, Friction):
+            law = ContactLaw(NoContact(), contact.law).at(at)
+        else:
+            law = ContactLaw(contact.law).at(at)
+        free = moving[place.nodes]
+        energy += _held_energy(place, law, sign, level, prescribed, at, ~free)
+        index = np.flatnonzero(free)
+        if not len(index):
+            continue
+        column = int(contact.rubs)
+        offset = np.zeros((len(index), components))
+        offset[:, column] = sign * level[index]
+        rows = np.arange(len(index)) * components + column
+        kept.append((place.nodes[index], place.weights[index], offset, np.full(len(index), sign), rows))
+        parts.append((law.take(index), len(index)))
+    if not kept:
+        none = np.zeros(0, dtype=np.int64)
+        empty = ContactPoints(
+            sp.csr_array((0, basis.shape[1])), np.zeros(0), np.zeros((0, components)), nodes[:0], None, none, none,
+            none, names, np.zeros(0, dtype=bool),
+        )  # fmt: skip
+        return empty, ContactLaw(NoContact()).at(None), energy
+    counts = [count for _, count in parts]
+    start = np.concatenate([[0], np.cumsum(counts)[:-1]]) * components
+    at_node = np.concatenate([one[0] for one in kept])
+    rows = np.concatenate([one[4] + first for one, first in zip(kept, start, strict=True)])
+    shape = (len(at_node) * components, basis.shape[1])
+    trace = sp.csr_array((np.concatenate([one[3] for one in kept]), (rows, unknown[at_node])), shape=shape)
+    numbers = [k for k, place in enumerate(places) if moving[place.nodes].any()]
+    made = ContactPoints(
+        trace,
+        np.concatenate([one[1] for one in kept]),
+        np.concatenate([one[2] for one in kept]),
+        nodes[at_node],
+        node=at_node,
+        boundary=np.repeat(numbers, counts),
+        names=names,
+    )
+    return made, ContactLaw.concatenate(parts), energy
+
+
+def _held_energy(
+    place: _Place, law: ContactLaw, sign: float, level: Array, prescribed: Array, at: Array, held: BoolArray
+) -> float:
+    """Energy of the contact points that supports hold; refused where their law forbids what they are held at."""
+    index = np.flatnonzero(held)
+    if not len(index):
+        return 0.0
+    own = law.take(index)
+    u = prescribed[place.nodes[index]]
+    r = sign * (u - level[index])
+    rounding = _ROUNDED * np.maximum(np.abs(u), np.abs(level[index])).max()
+    one = own.tangential if place.contact.rubs else own.normal
+    inside = np.clip(r, one.domain.lower, one.domain.upper)
+    r = np.where(np.abs(inside - r) <= rounding, inside, r)
+    values = np.broadcast_to(one.value(r), r.shape)
+    if not np.isfinite(values).all():
+        bad = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise SupportError(
+            f"the supports hold the contact point x = {in_words(at[index[bad]])} at u = {u[bad]:.6g}, which the law of "
+            f"contact '{place.name}' forbids (its level there is {level[index[bad]]:.6g}); change support or level"
+        )
+    return float(place.weights[index] @ values)
+
+
+# ---- what follows from a solution ---------------------------------------------------------------------------
+
+
+def least_coefficient(problem: ScalarProblem) -> float:
+    """m_A: the smallest eigenvalue of A, at the quadrature points of the stiffness matrix."""
+    tensors, _, _ = _at_rule(problem, 2 * problem.order)
+    return float(np.linalg.eigvalsh(tensors.reshape(-1, *tensors.shape[2:]))[:, 0].min())
+
+
+def gradient_norm_problem(problem: ScalarProblem) -> ScalarProblem:
+    """The problem whose stiffness is that of ``int grad u . grad v``, the norm of V."""
+    return replace(problem, coefficient=1.0, bedding=0.0, density=None, viscosity=None, capacity=None, shares=Shares())
+
+
+def gradient(problem: ScalarProblem, values: Array) -> tuple[Array, Array]:
+    """Gradient of nodal values (nodes, 1) in the middle of each cell, and the flux ``A grad u`` there, each (M, d)."""
+    mesh, order = problem.mesh, problem.order
+    middle = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
+    shapes = np.einsum("la,kad->kld", shape_derivatives(order, middle), barycentric_gradients(mesh))
+    slope = np.einsum("kld,kl->kd", shapes, values.ravel()[mesh.cell_nodes(order)])
+    if problem.homogeneous:
+        tensors = problem.coefficients(mesh.points[:1])
+    else:
+        tensors = problem.coefficients(mesh.points[mesh.cells].mean(axis=1), region_masks(mesh))
+    return slope, np.einsum("kij,kj->ki", np.broadcast_to(tensors, (len(slope), *tensors.shape[1:])), slope)
+
+
+def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array) -> dict[str, Array]:
+    """Force (heat flow) of each support on the domain, by name, shape (1,): see :func:`support_reactions`.
+
+    A node of several supports is booked under the first of them.
+    """
+    stated, field = problem.origin, problem.field
+    assert isinstance(stated, ScalarProblem)
+    assert field is not None
+    matrix = full_matrix(stated)
+    full = scalar_load(stated)
+    moved = np.asarray(matrix @ field.prescribed)
+    given = quadratic(problem.bulk, "the reaction of a support").load
+    size = float(np.abs(full).sum() + np.abs(moved).sum())
+    if float(np.abs(field.basis.T @ (full - moved) - given).sum()) > 1e-9 * size:
+        raise ProblemError(
+            "reactions are known under the stated load only, and this problem has another one; state that load"
+        )
+    force = np.asarray(matrix @ values.ravel()) - full
+    contact = problem.contact
+    if contact.count:
+        push = contact.weights[:, None] * multiplier
+        force += np.asarray(field.lift.T @ (contact.trace.T @ push.ravel()))
+    booked = np.zeros(len(force), dtype=bool)
+    found = {}
+    for name in stated.supports:
+        at = np.unique(stated.mesh.facet_nodes(stated.mesh.boundaries[name], stated.order))
+        at = at[~booked[at]]
+        booked[at] = True
+        found[name] = np.array([float(force[at].sum())])
+    return found

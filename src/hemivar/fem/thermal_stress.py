@@ -1,0 +1,78 @@
+"""What temperatures do to the stress of a body."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import quadrature_rule, region_masks
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
+from hemivar.mechanics.per_volume import at_place
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.thermal import Heat
+
+__all__ = ["cell_thermal_stress", "stress_per_degree", "thermal_matrix"]
+
+
+def stress_per_degree(problem: ContactProblem, heat: Heat, points: Array, regions: dict[str, BoolArray]) -> Array:
+    """beta at points (k, d), shape (k, d, d): what a degree takes from the stress.
+
+    Of an expansion a in all directions ``beta = C : a 1``; in plane strain the third direction cannot expand, in plane
+    stress it does.
+    """
+    dim = points.shape[1]
+    if heat.thermal_stress is not None:
+        return at_place(heat.thermal_stress, "thermal_stress", points, regions)[:, None, None] * np.eye(dim)
+    if heat.expansion is None:
+        return np.zeros((len(points), dim, dim))
+    expansion = at_place(heat.expansion, "expansion", points, regions)
+    material, voigt = problem.material, voigt_index(dim)
+    held = material.stiffness_tensor(points, regions)[:, :, :dim].sum(axis=2)
+    if dim == 2:  # sigma_zz is linear in the strain, and C symmetric
+        for k in range(held.shape[1]):
+            unit = np.zeros((len(points), dim, dim))
+            i, j = np.argwhere(voigt == k)[0]
+            unit[:, i, j] = unit[:, j, i] = 1.0 if i == j else 0.5
+            held = held + np.eye(held.shape[1])[k] * material.out_of_plane_stress(points, unit, regions)[:, None]
+    return np.asarray(expansion[:, None, None] * held[:, voigt])
+
+
+def thermal_matrix(problem: ContactProblem, heat: Heat) -> sp.csr_array:
+    """The matrix G with ``v'G th = int th beta : eps(v)``, shape (nodes * d, nodes).
+
+    Raises
+    ------
+    ProblemError
+        An expansion is negative or not finite somewhere.
+    """
+    mesh, order, dim = problem.mesh, problem.order, problem.mesh.dim
+    nodes = mesh.cell_nodes(order)
+    count, size = len(mesh.nodes(order)), nodes.shape[1]
+    if not heat.stresses:
+        return sp.csr_array((count * dim, count))
+    barycentric, weights = quadrature_rule(dim, 2 * order + 1)
+    gradients, masks = barycentric_gradients(mesh), region_masks(mesh)
+    values = shape_values(order, barycentric)
+    blocks = np.zeros((len(nodes), size, dim, size))
+    for q, place in enumerate(barycentric):
+        points = np.einsum("k,mkd->md", place, mesh.points[mesh.cells])
+        beta = stress_per_degree(problem, heat, points, masks)
+        if not np.isfinite(beta).all():
+            raise ProblemError("the thermal stress per degree is not finite somewhere; check expansion and elasticity")
+        slopes = np.einsum("la,mad->mld", shape_derivatives(order, place), gradients)
+        pull = np.einsum("mce,mke->mkc", beta, slopes) * (weights[q] * mesh.volumes)[:, None, None]
+        blocks += pull[:, :, :, None] * values[q]
+    rows = np.broadcast_to((nodes[:, :, None] * dim + np.arange(dim))[:, :, :, None], blocks.shape)
+    columns = np.broadcast_to(nodes[:, None, None, :], blocks.shape)
+    return sp.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(count * dim, count))
+
+
+def cell_thermal_stress(problem: ContactProblem, heat: Heat, temperature: Array) -> Array:
+    """``beta (th - stress_free)`` in the middle of each cell, shape (M, d, d), of temperatures (nodes,)."""
+    mesh, order = problem.mesh, problem.order
+    middle = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
+    here = temperature[mesh.cell_nodes(order)] @ shape_values(order, middle[None])[0] - heat.stress_free
+    points = mesh.points[mesh.cells].mean(axis=1)
+    return np.asarray(stress_per_degree(problem, heat, points, region_masks(mesh)) * here[:, None, None])

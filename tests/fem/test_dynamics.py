@@ -1,0 +1,511 @@
+"""Matrices of a body in time: mass, viscosity, branches, the bedding, and what moved supports take of them."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import skfem
+from skfem.helpers import ddot, dot, sym_grad, trace
+
+from hemivar.certify import smallness
+from hemivar.certify.smallness import trace_constants
+from hemivar.discrete import DiscreteProblem
+from hemivar.errors import ProblemError, SupportError
+from hemivar.fem import discretize
+from hemivar.fem.assembly import _library_mesh, _library_numbering, stiffness_matrix
+from hemivar.fem.dynamics import body_matrices
+from hemivar.fem.hierarchy import coarser
+from hemivar.fem.mass import mass_matrix
+from hemivar.fem.reactions import support_reactions
+from hemivar.laws import Compliance, Softening, Tresca
+from hemivar.laws.memory import Secant
+from hemivar.mechanics import Branch, Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Roller
+from hemivar.mechanics.bedding import Bedding
+from hemivar.mesh import Mesh, box, rectangle
+from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Status, solve
+
+from ..mesh.meshes import cube, distorted
+
+MESHES: dict[str, Callable[[], Mesh]] = {
+    "cross": lambda: distorted(rectangle((2, 1), (6, 3), "cross")),
+    "turned": lambda: rectangle((1, 1), 5).rotated(0.4),
+    "cube": lambda: distorted(cube(3)),
+}
+ELEMENTS = {
+    (2, 1): skfem.ElementTriP1,
+    (2, 2): skfem.ElementTriP2,
+    (3, 1): skfem.ElementTetP1,
+    (3, 2): skfem.ElementTetP2,
+}
+
+
+def assembled(mesh: Mesh, order: int, lam: object, mu: object, density: object, degree: int = 8) -> sp.csr_array:
+    """``int lam tr eps(u) tr eps(v) + 2 mu eps(u) : eps(v) + density u . v`` by scikit-fem alone, in our numbering."""
+    library = _library_mesh(mesh)
+    basis = skfem.Basis(library, skfem.ElementVector(ELEMENTS[mesh.dim, order]()), intorder=degree)
+
+    def at(value: object, x: np.ndarray) -> object:
+        return value(np.moveaxis(x, 0, -1)) if callable(value) else value
+
+    @skfem.BilinearForm
+    def form(u, v, w):
+        e, d = sym_grad(u), sym_grad(v)
+        elastic = at(lam, w.x) * trace(e) * trace(d) + 2 * at(mu, w.x) * ddot(e, d)
+        return elastic + at(density, w.x) * dot(u, v)
+
+    matrix = form.assemble(basis).tocoo()
+    number = _library_numbering(mesh, library, basis, order)
+    return sp.csr_array((matrix.data, (number[matrix.row], number[matrix.col])), shape=matrix.shape)
+
+
+def density(x: np.ndarray) -> np.ndarray:
+    return np.asarray(2.0 + 0.3 * x[..., 0] - 0.2 * x[..., 1])
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("varying", [False, True], ids=["constant", "varying"])
+@pytest.mark.parametrize("name", MESHES)
+def test_mass_equals_the_library(name: str, varying: bool, order: int) -> None:
+    mesh = MESHES[name]()
+    given = density if varying else 2.5
+    M = mass_matrix(mesh, Bedding(given), order)
+    reference = assembled(mesh, order, 0.0, 0.0, given)
+    assert abs(M - reference).max() < 1e-13 * abs(reference).max()
+    assert abs(M - M.T).max() < 1e-16
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("name", MESHES)
+def test_mass_of_a_body(name: str, order: int) -> None:
+    """Unit translations: the mass, which for a density that is linear is that at the middle of each cell."""
+    mesh = MESHES[name]()
+    M = mass_matrix(mesh, Bedding(0.0, Material.lame(1, 1, density=density), 1.0), order)
+    mass = float(mesh.volumes @ density(mesh.points[mesh.cells].mean(axis=1)))
+    for c in range(mesh.dim):
+        for e in range(mesh.dim):
+            u, v = (np.tile(np.eye(mesh.dim)[k], len(mesh.nodes(order))) for k in (c, e))
+            assert abs(u @ (M @ v) - (mass if c == e else 0.0)) < 1e-13 * mass
+
+
+def two_regions(mesh: Mesh) -> Mesh:
+    left = mesh.points[mesh.cells].mean(axis=1)[:, 0] < 0.5
+    return replace(mesh, regions={"left": np.flatnonzero(left), "right": np.flatnonzero(~left)})
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_mass_by_region(order: int) -> None:
+    mesh = two_regions(rectangle((1.5, 1.0), (6, 4)))
+    material = Material.by_region(
+        {"left": Material.lame(1, 1, density=2.0), "right": Material.lame(1, 1, density=lambda x: 1 + x[:, 1])}
+    )
+    M = mass_matrix(mesh, Bedding(0.0, material, 3.0), order)
+    up = np.tile([0.0, 1.0], len(mesh.nodes(order)))
+    assert abs(up @ (M @ up) - 3.0 * (0.5 * 2.0 + 1.0 * 1.5)) < 1e-13
+
+
+def test_many_cells_go_by_portions() -> None:
+    mesh = rectangle(cells=(130, 70))
+    assert mesh.number_of_cells > 1 << 14
+    reference = assembled(mesh, 1, 0.0, 0.0, density, 4)
+    assert abs(mass_matrix(mesh, Bedding(density)) - reference).max() < 1e-13 * abs(reference).max()
+
+
+def moving(mesh: Mesh, order: int = 1, **changes: object) -> ContactProblem:
+    """A body with everything that time asks for: supports that move, oblique rollers, contact."""
+    parts: dict[str, object] = {
+        "material": Material.lame(
+            3.0,
+            lambda x: 2.0 + 0.1 * x[:, 0],
+            density=density,
+            viscosity=(0.3, 0.4),
+            branches=[Branch(lame=(2.0, lambda x: 1.0 + 0.2 * x[:, 1]), time=0.5), Branch(lame=(0.0, 1.0), time=0.1)],
+        ),
+        "contact": {"bottom": Contact(Compliance(2.0), Tresca(0.1))},
+        "supports": {"top": Prescribed(lambda x: 0.01 + 0.02 * x), "left": Fixed(x=lambda x: 0.01 + 0.02 * x[:, 0])},
+        "order": order,
+    }
+    return ContactProblem(mesh=mesh, **parts | changes)  # type: ignore[arg-type]
+
+
+def three_dimensional_or_second_order() -> list[object]:
+    return [
+        pytest.param(lambda: distorted(rectangle((2, 1), (6, 3), "cross")), 1, id="plane"),
+        pytest.param(lambda: rectangle((2, 1), (4, 2)).rotated(0.3), 1, id="turned"),
+        pytest.param(lambda: distorted(rectangle((2, 1), (4, 2))), 2, id="second order"),
+        pytest.param(lambda: rectangle((2, 1), (4, 2)).rotated(0.3), 2, id="turned, second order"),
+        pytest.param(lambda: distorted(cube(3)), 1, id="space"),
+    ]
+
+
+@pytest.mark.parametrize(("make", "order"), three_dimensional_or_second_order())
+def test_matrices_are_those_of_the_full_body(make: Callable[[], Mesh], order: int) -> None:
+    """``U = P u + E z`` in matrices of all nodal components, by scikit-fem alone."""
+    problem = moving(make(), order)
+    discrete = discretize(problem)
+    matrices = body_matrices(problem)
+    field = discrete.field
+    assert field is not None
+    mesh = problem.mesh
+    E = sp.eye_array(field.prescribed.size, format="csc")[:, matrices.moved]
+    assert not np.delete(field.prescribed, matrices.moved).any()
+    assert np.isin(np.flatnonzero(field.prescribed), matrices.moved).all()
+    mu, mu_short = (lambda x: 2.0 + 0.1 * x[..., 0]), (lambda x: 1.0 + 0.2 * x[..., 1])
+    expected = {
+        "stiffness": (matrices.stiffness, assembled(mesh, order, 3.0, mu, 0.0)),
+        "viscosity": (matrices.viscosity, assembled(mesh, order, 0.3, 0.4, 0.0)),
+        "mass": (matrices.mass, assembled(mesh, order, 0.0, 0.0, density)),
+        "short": (matrices.branches[0][1], assembled(mesh, order, 0.0, 1.0, 0.0)),
+        "long": (matrices.branches[1][1], assembled(mesh, order, 2.0, mu_short, 0.0)),
+    }
+    assert [time for time, _ in matrices.branches] == [0.1, 0.5]
+    for name, (part, full) in expected.items():
+        assert part is not None
+        scale = abs(full).max()
+        for mine, theirs in (
+            (part.matrix, field.basis.T @ full @ field.basis),
+            (part.coupling, field.basis.T @ full @ E),
+            (part.held, E.T @ full @ E),
+        ):
+            assert abs(mine - theirs).max() < 1e-13 * scale, name
+        rng = np.random.default_rng(2)
+        u, z = rng.standard_normal(discrete.unknowns), rng.standard_normal(len(matrices.moved))
+        U = field.basis @ u + E @ z
+        assert abs(part.energy(u, z) - 0.5 * U @ (full @ U)) < 1e-12 * scale * (U @ U)
+        np.testing.assert_allclose(part.times(u, z), field.basis.T @ (full @ U), atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize(("make", "order"), three_dimensional_or_second_order())
+def test_all_matrices_share_one_sparsity(make: Callable[[], Mesh], order: int) -> None:
+    problem = moving(make(), order)
+    discrete = discretize(problem)
+    matrices = body_matrices(problem, discrete)
+    K = discrete.linear.stiffness
+    assert matrices.stiffness.matrix is K
+    assert matrices.viscosity is not None
+    assert matrices.mass is not None
+    parts = [matrices.viscosity, matrices.mass, *(part for _, part in matrices.branches)]
+    step = matrices.effective(1.0, (2.0, 3.0), 4.0)
+    for part in (*parts, step):
+        assert part.matrix.indices is K.indices
+        assert part.matrix.indptr is K.indptr
+    alone = body_matrices(problem).stiffness.matrix
+    assert np.array_equal(alone.indices, K.indices)
+    assert np.array_equal(alone.indptr, K.indptr)
+    assert abs(alone - K).max() == 0.0
+
+
+@pytest.mark.parametrize(("make", "order"), three_dimensional_or_second_order())
+def test_the_effective_body_is_the_sum_of_the_matrices(make: Callable[[], Mesh], order: int) -> None:
+    problem = moving(make(), order, bedding=0.7)
+    matrices = body_matrices(problem)
+    a, g, b = 7.0, (0.3, 0.6), 11.0
+    discrete = discretize(problem.effective(a, g, b))
+    K = discrete.linear.stiffness
+    assert matrices.viscosity is not None
+    assert matrices.mass is not None
+    parts = [(1.0, matrices.stiffness), (a, matrices.viscosity), (b, matrices.mass)]
+    parts += [(share, part) for share, (_, part) in zip(g, matrices.branches, strict=True)]
+    whole = sum(factor * part.matrix.toarray() for factor, part in parts)
+    scale = np.abs(whole).max()
+    assert np.abs(K.toarray() - whole).max() < 1e-14 * scale
+    step = matrices.effective(a, g, b)
+    assert np.array_equal(step.matrix.indices, K.indices)
+    assert np.array_equal(step.matrix.indptr, K.indptr)
+    assert np.abs(step.matrix.toarray() - whole).max() < 1e-14 * scale
+    assert np.abs(step.coupling.toarray() - sum(factor * part.coupling.toarray() for factor, part in parts)).max() < (
+        1e-14 * scale
+    )
+    assert np.abs(step.held.toarray() - sum(factor * part.held.toarray() for factor, part in parts)).max() < (
+        1e-14 * scale
+    )
+    field = discrete.field
+    assert field is not None
+    assert field.bedded
+    assert field.free_motions.count == 0
+    z = field.prescribed[matrices.moved]
+    np.testing.assert_allclose(discrete.linear.load, -(step.coupling @ z), atol=1e-13 * scale)
+    assert abs(discrete.linear.constant - 0.5 * z @ (step.held @ z)) < 1e-13 * scale
+
+
+@pytest.mark.parametrize("make", [lambda: rectangle((2, 1), (4, 2)).refined(), lambda: cube(2).refined()])
+def test_the_coarser_level_is_rediscretised(make: Callable[[], Mesh]) -> None:
+    problem = moving(make())
+    step = problem.effective(3.0, (0.5, 0.25), 10.0)
+    below = coarser(discretize(step))
+    assert below is not None
+    assert problem.mesh.parent is not None
+    coarse = body_matrices(problem.on(problem.mesh.parent.mesh)).effective(3.0, (0.5, 0.25), 10.0)
+    K = below.problem.linear.stiffness
+    assert abs(K - coarse.matrix).max() < 1e-14 * abs(K).max()
+    assert below.problem.field is not None
+    assert below.problem.field.bedded
+    assert np.array_equal(K.indices, coarse.matrix.indices)
+
+
+def test_supports_that_do_not_move_couple_to_nothing() -> None:
+    problem = moving(rectangle(), supports={"left": Clamped(), "top": Roller(), "right": Fixed(x=0.0)})
+    matrices = body_matrices(problem)
+    assert matrices.moved.size == 0
+    assert matrices.stiffness.coupling.shape == (matrices.stiffness.matrix.shape[0], 0)
+    assert matrices.stiffness.held.shape == (0, 0)
+
+
+def test_an_oblique_roller_beside_a_support_that_moves() -> None:
+    """At the corner the displacement along y follows from that along x; both count as moved."""
+    mesh = rectangle((1, 1), 3).rotated(0.3)
+    problem = moving(mesh, supports={"top": Roller(), "left": Fixed(x=0.1)}, contact={})
+    discrete = discretize(problem, check_coercivity=False)
+    assert discrete.field is not None
+    moved = body_matrices(problem).moved
+    assert np.isin(np.flatnonzero(discrete.field.prescribed), moved).all()
+    assert len(moved) == 5  # x of the four nodes of the left side, and y of its upper one
+
+
+def test_what_a_body_does_not_have_is_none() -> None:
+    matrices = body_matrices(moving(rectangle(), material=Material.lame(1.0, 1.0)))
+    assert matrices.viscosity is None
+    assert matrices.mass is None
+    assert matrices.branches == ()
+    with pytest.raises(ProblemError, match="no inertia"):
+        moving(rectangle(), material=Material.lame(1.0, 1.0)).effective(inertia=1.0)
+
+
+def test_statics_is_not_touched() -> None:
+    """A material for time has the same static solution, and the same stiffness entry by entry."""
+    for order in (1, 2):
+        full = moving(rectangle((2, 1), (4, 2)), order)
+        plain = replace(full, material=Material.lame(3.0, lambda x: 2.0 + 0.1 * x[:, 0]))
+        one, other = discretize(full), discretize(plain)
+        assert abs(one.linear.stiffness - other.linear.stiffness).max() == 0.0
+        np.testing.assert_array_equal(one.linear.load, other.linear.load)
+
+
+# ---- bedding ------------------------------------------------------------------------------------------------
+
+
+def floating(mesh: Mesh, **changes: object) -> ContactProblem:
+    """A body that nothing but its bedding holds, over a foundation that softens and pulls at it."""
+    dim = mesh.dim
+    parts: dict[str, object] = {
+        "material": Material.lame(40.0, 40.0),
+        "contact": {"bottom": Contact(Softening(10.0, 0.05, 2.0), Tresca(0.05))},
+        "body_force": (0.3, -0.5, -0.8)[-dim:],
+        "bedding": 3.0,
+    }
+    return ContactProblem(mesh=mesh, **parts | changes)  # type: ignore[arg-type]
+
+
+def test_uniform_displacement_of_a_bedded_body() -> None:
+    """Without contact the body moves by force over bedding, and does not deform."""
+    for order in (1, 2):
+        problem = floating(rectangle((2, 1), (4, 2)), contact={}, order=order, bedding=lambda x: np.full(len(x), 3.0))
+        solution = solve(discretize(problem))
+        np.testing.assert_allclose(
+            solution.displacement, np.tile([-0.5 / 3, -0.8 / 3], (len(solution.displacement), 1))
+        )
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: rectangle((1, 1), 8, "cross").refined(), lambda: box(cells=2).refined()], ids=["plane", "space"]
+)
+def test_every_method_solves_a_floating_body(make: Callable[[], Mesh]) -> None:
+    problem = discretize(floating(make()))
+    controls = Controls(rtol=1e-11)
+    newton = solve(problem, NonsmoothNewton(), controls=controls)
+    multigrid = solve(problem, NonsmoothMultigrid(), controls=controls)
+    assert newton.status is Status.CONVERGED
+    assert multigrid.status is Status.CONVERGED
+    assert np.abs(newton.displacement - multigrid.displacement).max() < 1e-8 * np.abs(newton.displacement).max()
+    assert np.any(newton.penetration > 0.0)
+    # equilibrium of forces: loads, foundation and bedding
+    assert problem.field is not None
+    M = mass_matrix(problem.field.mesh, Bedding(3.0))
+    resisted = (M @ newton.displacement.ravel()).reshape(newton.displacement.shape).sum(axis=0)
+    stated = problem.origin
+    assert stated is not None
+    pushed = -(problem.contact.weights[:, None] * problem.contact.global_vectors(newton.multiplier)).sum(axis=0)
+    np.testing.assert_allclose(np.asarray(stated.body_force) + pushed, resisted, atol=1e-8)
+
+
+def test_certificate_of_a_floating_body() -> None:
+    """The margin is one less the largest eigenvalue of (B'W alpha B, K), found here by dense matrices."""
+    import scipy.linalg
+
+    problem = discretize(floating(rectangle((1, 1), 4)))
+    law = problem.law
+    alpha = np.zeros((problem.contact_points, 2))
+    alpha[:, 0] = law.normal.weak_convexity
+    B = problem.contact.trace.toarray()
+    S = B.T @ ((problem.contact.weights[:, None] * alpha).ravel()[:, None] * B)
+    top = float(scipy.linalg.eigh(S, problem.linear.stiffness.toarray(), eigvals_only=True)[-1])
+    assert abs(smallness(problem).margin - (1.0 - top)) < 1e-8
+    stronger = smallness(discretize(floating(rectangle((1, 1), 4), bedding=300.0)))
+    assert stronger.margin > 1.0 - top
+
+
+def test_trace_constant_takes_no_notice_of_the_bedding() -> None:
+    mesh = rectangle((1, 1), 6)
+    held = {"left": Clamped()}
+    constants = [
+        smallness(discretize(floating(mesh, supports=held, bedding=b)), trace_constant=True).trace_constant
+        for b in (0.0, 50.0)
+    ]
+    assert constants[0] is not None
+    assert constants[0] == pytest.approx(constants[1])
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_reactions_with_a_bedding(order: int) -> None:
+    """Loads, foundation, supports and bedding are in balance."""
+    problem = floating(
+        rectangle((2, 1), (6, 3)),
+        supports={"left": Prescribed((0.01, -0.02))},
+        order=order,
+        bedding=lambda x: 3 + x[:, 0],
+    )
+    discrete = discretize(problem)
+    solution = solve(discrete, controls=Controls(rtol=1e-12))
+    reaction = support_reactions(discrete, solution.displacement, solution.multiplier)["left"]
+    M = mass_matrix(problem.mesh, Bedding(lambda x: 3 + x[:, 0]), order)
+    resisted = (M @ solution.displacement.ravel()).reshape(solution.displacement.shape).sum(axis=0)
+    pushed = -(discrete.contact.weights[:, None] * discrete.contact.global_vectors(solution.multiplier)).sum(axis=0)
+    np.testing.assert_allclose(2.0 * np.asarray(problem.body_force) + pushed + reaction, resisted, atol=1e-9)
+
+
+def islands(bedding: Callable[[np.ndarray], np.ndarray]) -> ContactProblem:
+    """Two separate squares, the right one above no foundation."""
+    one = rectangle((1, 1), 3)
+    shift = np.array([2.0, 0.0])
+    mesh = Mesh(
+        np.concatenate([one.points, one.points + shift]),
+        np.concatenate([one.cells, one.cells + len(one.points)]),
+        {"left": one.boundaries["left"]},
+    )
+    return ContactProblem(
+        mesh=mesh, material=Material.lame(1, 1), supports={"left": Clamped()}, body_force=(0.0, -1.0), bedding=bedding
+    )
+
+
+def test_every_part_must_be_bedded() -> None:
+    assert solve(discretize(islands(lambda x: np.where(x[:, 0] > 1.5, 2.0, 1.0)))).status is Status.CONVERGED
+    with pytest.raises(SupportError, match="part 2 of 2"):
+        discretize(islands(lambda x: np.where(x[:, 0] > 1.5, 0.0, 1.0)))
+    with pytest.raises(SupportError, match="free to move"):
+        discretize(floating(rectangle(), contact={}, bedding=0.0))
+
+
+def test_a_bedding_lost_in_rounding_holds_nothing() -> None:
+    with pytest.raises(SupportError, match="free to move"):
+        discretize(floating(rectangle(), contact={}, bedding=1e-16))
+    hard = Material.lame(40e14, 40e14)
+    with pytest.raises(SupportError, match="free to move"):
+        discretize(floating(rectangle(), contact={}, material=hard, bedding=1.0))
+    soft = floating(rectangle(), contact={}, material=Material.lame(4e-16, 4e-16), bedding=1e-16)
+    field = discretize(soft).field
+    assert field is not None
+    assert field.bedded
+
+
+def test_units_do_not_matter() -> None:
+    """N, mm, MPa and tonnes against N, m, Pa and kg: the same step in time of the same body."""
+
+    def step(length: float, force: float, mass: float) -> DiscreteProblem:
+        pressure = force / length**2
+        body = Material.lame(
+            3e6 * pressure,
+            2e6 * pressure,
+            density=1200.0 * mass / length**3,
+            viscosity=(1e3 * pressure, 2e3 * pressure),
+            branches=[Branch(lame=(1e6 * pressure, 1e6 * pressure), time=0.3)],
+        )
+        problem = ContactProblem(
+            mesh=rectangle((2.0 * length, length), (6, 3)),
+            material=body,
+            contact={"bottom": Contact(Compliance(1e6 * force / length**3), Tresca(1e2 * pressure))},
+            body_force=(2e4 * force / length**3, -9e4 * force / length**3),
+        )
+        return discretize(problem.effective(1e3, (0.9,), 1e6))
+
+    metres, millimetres = step(1.0, 1.0, 1.0), step(1e3, 1.0, 1e-3)
+    one, other = solve(metres), solve(millimetres)
+    assert one.status is Status.CONVERGED
+    assert other.status is Status.CONVERGED
+    np.testing.assert_allclose(other.displacement, 1e3 * one.displacement, rtol=1e-8, atol=1e-12)
+    assert smallness(metres).margin == pytest.approx(smallness(millimetres).margin, rel=1e-8)
+    K, L = metres.linear.stiffness, millimetres.linear.stiffness
+    np.testing.assert_allclose(L.data, 1e-6 * K.data, rtol=1e-12, atol=1e-12 * abs(L).max())
+
+
+def test_stiffness_of_the_unbedded_body_is_the_old_one() -> None:
+    mesh = rectangle((2, 1), (4, 2))
+    problem = floating(mesh, supports={"left": Clamped()}, bedding=0.0)
+    discrete = discretize(problem)
+    assert discrete.field is not None
+    assert not discrete.field.bedded
+    full = stiffness_matrix(mesh, problem.material)
+    reduced = discrete.field.basis.T @ full @ discrete.field.basis
+    assert abs(discrete.linear.stiffness - reduced).max() < 1e-15 * abs(full).max()
+
+
+def test_the_coarser_level_of_a_problem_with_damping_and_memory() -> None:
+    contact = {"bottom": Contact(Compliance(2.0), damping=Compliance(1.0), memory=(Secant(),))}
+    problem = moving(rectangle((2, 1), (4, 2)).refined(), contact=contact)
+    assert coarser(discretize(problem.effective(3.0, inertia=2.0), evolving=True)) is not None
+
+
+def test_trace_constant_of_large_bodies_takes_no_notice_of_the_bedding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bodies that are not factorised are discretised anew for it: without their bedding, whatever their contact."""
+    contact = {"bottom": Contact(Softening(10.0, 0.05, 2.0), damping=Compliance(1.0))}
+    mesh = rectangle((1, 1), 8).refined(2)
+    stated = floating(mesh, supports={"left": Clamped()}, bedding=5e4, contact=contact)
+    problem = discretize(stated, evolving=True)
+    exact = trace_constants(problem).both
+    module = importlib.import_module("hemivar.certify.smallness")
+    monkeypatch.setattr(module, "factorises", lambda problem: False)
+    assert trace_constants(problem).both == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("rho", "tip", "energies"),
+    [
+        (1.0, (0.20666963, 0.89704124), (0.083057848838, 0.060053022992, 0.047717078193, 0.005834053104)),
+        (0.0, (0.2371944, 1.01936226), None),
+    ],
+    ids=["with mass", "without"],
+)
+def test_implicit_euler_of_a_viscoelastic_block(
+    rho: float, tip: tuple[float, float], energies: tuple[float, ...] | None
+) -> None:
+    """Known end and energies of a Kelvin-Voigt cantilever under a sudden load, by plain linear algebra."""
+    import scipy.sparse.linalg as spla
+
+    tau, steps = 0.1, 32
+    body = Material.lame(4.0, 4.0, density=rho or None, viscosity=(4.0, 4.0))
+    mesh = rectangle((2.5, 1.0), (5, 2), "cross")
+    problem = ContactProblem(mesh=mesh, material=body, supports={"left": Clamped()}, body_force=(0.0, 0.2))
+    discrete = discretize(problem)
+    matrices = body_matrices(problem, discrete)
+    assert matrices.viscosity is not None
+    K, C, f = matrices.stiffness.matrix, matrices.viscosity.matrix, discrete.linear.load
+    M = sp.csr_array(K.shape) if matrices.mass is None else matrices.mass.matrix
+    solver = spla.splu(sp.csc_array(matrices.effective(1 / tau, (), rho / tau**2).matrix))
+    u, v = np.zeros(len(f)), np.zeros(len(f))
+    viscous = numerical = 0.0
+    for _ in range(steps):
+        new = solver.solve(f + C @ u / tau + M @ (u / tau**2 + v / tau))
+        du, dv = new - u, (new - u) / tau - v
+        viscous += float(du @ (C @ du)) / tau
+        numerical += 0.5 * float(du @ (K @ du)) + 0.5 * float(dv @ (M @ dv))
+        u, v = new, v + dv
+    assert discrete.field is not None
+    corner = int(np.flatnonzero((mesh.points == (2.5, 0.0)).all(axis=1))[0])
+    np.testing.assert_allclose(discrete.field.full(u)[corner], tip, atol=1e-8)
+    if energies is not None:
+        found = (0.5 * float(u @ (K @ u)), viscous, 0.5 * float(v @ (M @ v)), numerical)
+        np.testing.assert_allclose(found, energies, atol=1e-11)
+        assert float(f @ u) == pytest.approx(sum(energies), abs=1e-10)
