@@ -16,7 +16,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.linear.threads import one_thread
 from hemivar.mesh.mesh import Mesh
-from hemivar.systems.body import levels_of
+from hemivar.systems.body_on_levels import levels_of
 
 
 def counts() -> list[int]:

@@ -205,7 +205,8 @@ def test_results_of_one_boundary(solution: Solution) -> None:
         np.testing.assert_allclose(np.linalg.norm(part.slip_vectors, axis=1), np.linalg.norm(part.slip, axis=1))
         opposed = np.einsum("pd,pd->p", part.slip_vectors, part.friction_vectors)
         assert opposed.max() <= 1e-12 * np.abs(part.slip).max() * np.abs(part.friction).max()
-        np.testing.assert_allclose(part.force, part.weights @ pushed + part.friction_force, atol=1e-14)
+        np.testing.assert_allclose(part.force, part.weights @ (pushed + part.friction_vectors), atol=1e-14)
+        np.testing.assert_allclose(part.friction_force, part.weights @ part.friction, atol=1e-14)
 
 
 def test_moments_in_the_plane() -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
@@ -108,3 +112,39 @@ def test_runaway_iterates_do_not_excuse_themselves() -> None:
     far = residual(problem, np.full(2, -8e15), np.zeros((1, 1)))
     assert far.rounding <= 1e-6 * far.scale
     assert not far.below(0.0, 1e-9)
+
+
+def test_what_was_shown_to_be_held_is_not_decided_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    from importlib import import_module
+
+    decisions = []
+    module = import_module("hemivar.solvers.solve")
+    real = module.decide
+    monkeypatch.setattr(module, "decide", lambda growth: decisions.append(growth) or real(growth))
+    problem = block(Compliance(2.0))
+    assert problem.held
+    assert pickle.loads(pickle.dumps(problem)).held
+    for same in (problem, problem.with_(offset=problem.contact.offset + 0.1)):
+        assert same.held
+        assert solve(same).status is Status.CONVERGED
+    assert not decisions
+
+
+@pytest.mark.parametrize("what", ["load", "law", "bulk", "contact", "not looked at"])
+def test_another_load_law_or_body_is_decided_anew(what: str) -> None:
+    """However the problem was changed: a mark that outlived what it was put on would let a body fall for ever."""
+    problem = block(Compliance(2.0))
+    lifted = -problem.linear.load
+    contact = problem.contact
+    changed = {
+        "load": lambda: problem.with_(load=lifted),
+        "bulk": lambda: replace(problem, bulk=problem.linear.under(lifted)),
+        "law": lambda: problem.with_(law=ContactLaw(NoContact()).at(contact.points)),  # type: ignore[arg-type]
+        "contact": lambda: replace(problem, contact=replace(contact, trace=sp.csr_array(-contact.trace))),
+        "not looked at": lambda: replace(
+            discretize(problem.origin, check_coercivity=False), bulk=problem.linear.under(lifted)
+        ),
+    }[what]()
+    assert not changed.held
+    with pytest.raises(ProblemError, match="no lower bound"):
+        solve(changed)

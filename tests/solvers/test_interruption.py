@@ -36,6 +36,7 @@ from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
 from hemivar.systems import CondensedProblem, Workspace, condense
 
+from ..problem_files import block_file
 from ..problems import bar, discrete_square
 
 needs_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits and signals of Linux")
@@ -210,21 +211,7 @@ def start(code: str, folder: Path) -> subprocess.Popen[str]:
 @needs_linux
 def test_a_factorisation_is_left_at_once(tmp_path: Path) -> None:
     """A library that would compute for ever: the command ends with one line, and writes nothing."""
-    (tmp_path / "part.toml").write_text(
-        """
-        [mesh]
-        rectangle = [1.0, 1.0]
-        cells = [64, 64]
-        [material]
-        lame = [4.0, 4.0]
-        [loads]
-        body = [-0.8, -0.8]
-        [supports]
-        left = "clamped"
-        [contact.bottom]
-        normal = { law = "survey", q_max = 0.3, p_const = 2.0 }
-        """
-    )
+    (tmp_path / "part.toml").write_text(block_file(64, friction=None))
     process = start(
         """
         import sys, time
@@ -360,7 +347,7 @@ def test_model_of_the_memory_is_above_the_factors_themselves() -> None:
     if mumps_available():
         pytest.skip("the factors of MUMPS cannot be counted")
     for problem in (discrete_square(n=32), discrete_square(n=64)):
-        factor = condense(problem)._body.factor
+        factor = condense(problem).body.factor
         assert isinstance(factor, SuperLUFactorisation)
         counted = 12.0 * factor._factor.nnz
         assert counted < memory.factorisation_bytes(problem.unknowns, 2, problem.contact_points * 2) < 10.0 * counted

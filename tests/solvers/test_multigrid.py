@@ -15,7 +15,7 @@ from hemivar.errors import MethodError
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Status
 from hemivar.solvers.choice import choose
-from hemivar.systems.body import levels_of
+from hemivar.systems.body_on_levels import levels_of
 
 TIGHT = hv.Controls(rtol=1e-10)
 

@@ -12,7 +12,9 @@ import pytest
 import hemivar as hv
 from hemivar.discrete import Quadratic
 from hemivar.laws import ContactLaw
-from hemivar.systems import condensed
+from hemivar.linear.cycle import ElasticMultigrid
+from hemivar.linear.factorisation import SuperLUFactorisation, mumps_available
+from hemivar.systems import elimination
 
 from ..problems import discrete_square
 
@@ -21,13 +23,13 @@ from ..problems import discrete_square
 def factorisations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Sizes of the matrices factorised."""
     sizes: list[int] = []
-    original = condensed.factorise
+    original = elimination.factorise
 
     def counted(K: object, *rest: object) -> object:
         sizes.append(K.shape[0])  # type: ignore[attr-defined]
         return original(K, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(condensed, "factorise", counted)
+    monkeypatch.setattr(elimination, "factorise", counted)
     return sizes
 
 
@@ -50,6 +52,61 @@ def test_another_load_gap_or_law_costs_no_factorisation(factorisations: list[int
     assert len(factorisations) == 5
     for one, other in zip(found, alone, strict=True):
         np.testing.assert_array_equal(one.unknowns, other.unknowns)
+
+
+@pytest.mark.skipif(mumps_available(), reason="counts the solves of SuperLU")
+def test_another_load_costs_two_sparse_solves(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, workspace, newton = discrete_square(n=12), hv.Workspace(), hv.NonsmoothNewton()
+    first = hv.solve(problem, newton, workspace=workspace)
+    solves: list[int] = []
+    original = SuperLUFactorisation._solve
+
+    def counted(self: SuperLUFactorisation, rhs: np.ndarray) -> np.ndarray:
+        solves.append(rhs.size)
+        return original(self, rhs)
+
+    monkeypatch.setattr(SuperLUFactorisation, "_solve", counted)
+    other = problem.with_(load=1.5 * problem.linear.load)
+    found = hv.solve(other, newton, workspace=workspace, initial=first)
+    assert len(solves) == 2
+    monkeypatch.undo()
+    again = hv.residual(other, found.unknowns, found.multiplier)
+    assert again.relative < 1e-12
+    assert found.residual.total == pytest.approx(again.total, rel=1e-6, abs=1e-15 * again.scale)
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_reducing_a_load_and_extending_its_solution_against_dense_matrices(many: bool) -> None:
+    problem = discrete_square(n=5)
+    K, f = problem.linear.stiffness, np.random.default_rng(2).standard_normal(problem.unknowns)
+    kept = np.unique(problem.contact.trace.indices).astype(np.int64)
+    inner = np.setdiff1d(np.arange(problem.unknowns), kept)
+    dense = K.toarray()
+    block = np.linalg.solve(dense[np.ix_(inner, inner)], f[inner])
+    factor = elimination.factorise(K, kept, many)
+    reduced = factor.reduce(f)
+    # Half sweeps are those of SuperLU: where MUMPS factorises, none are kept.
+    assert (reduced.inner is not None) is (many and not mumps_available())
+    np.testing.assert_allclose(reduced.force, f[kept] - dense[np.ix_(kept, inner)] @ block, atol=1e-11)
+    assert reduced.work == pytest.approx(f[inner] @ block, rel=1e-11)
+    y = np.random.default_rng(3).standard_normal(kept.size)
+    u = factor.extend(reduced, y)
+    np.testing.assert_array_equal(u[kept], y)
+    expected = np.linalg.solve(dense[np.ix_(inner, inner)], f[inner] - dense[np.ix_(inner, kept)] @ y)
+    np.testing.assert_allclose(u[inner], expected, atol=1e-10 * np.abs(expected).max())
+    alone = factor.solve_interior(f)
+    np.testing.assert_array_equal(alone[kept], 0.0)
+    np.testing.assert_allclose(alone[inner], block, atol=1e-10 * np.abs(block).max())
+
+
+def test_levels_lent_to_two_solves_are_two_and_those_given_back_are_lent_again() -> None:
+    problem = discrete_square(n=8)
+    levels = ElasticMultigrid.of(problem).levels
+    top = len(levels.sizes) - 1
+    one, two = levels.borrow(top), levels.borrow(top)
+    assert one is not two
+    levels.give_back(one)
+    assert levels.borrow(top) is one
 
 
 def test_another_body_costs_one(factorisations: list[int]) -> None:

@@ -40,7 +40,7 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
     (springs may have been added), and nothing is known.
     """
     field = problem.field
-    if field is None or not field.moves:
+    if field is None or not field.knows_motions:
         return None
     motions = field.free_motions
     unknowns = np.asarray((field.lift @ motions.motions).toarray())

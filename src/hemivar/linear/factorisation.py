@@ -7,6 +7,7 @@ import importlib
 import importlib.metadata
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from types import ModuleType
 from typing import Protocol, TypeVar
@@ -22,6 +23,7 @@ from hemivar.linear.definite import positive_pivots
 __all__ = [
     "Factorisation",
     "MumpsFactorisation",
+    "Reduced",
     "SuperLUFactorisation",
     "abandoned_work",
     "factorise",
@@ -37,6 +39,27 @@ _NO_MEMORY = (-5, -7, -13, -19)
 _abandoned: list[threading.Thread] = []
 
 
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A load f (n,), taken over to the kept unknowns.
+
+    Attributes
+    ----------
+    load : array (n,)
+    force : array (k,)
+        ``f_C - K_CI K_II^-1 f_I``.
+    work : float
+        ``f_I' K_II^-1 f_I``.
+    inner : array (n - k,) or None
+        What a sweep through one half of the factors has left of the load of the other unknowns, if it was one.
+    """
+
+    load: Array
+    force: Array
+    work: float
+    inner: Array | None = None
+
+
 class Factorisation(Protocol):
     """A symmetric matrix K, factorised apart from some *kept* unknowns C; I are the others."""
 
@@ -47,14 +70,31 @@ class Factorisation(Protocol):
         """``K_II^-1 rhs_I`` at the unknowns I, 0 at the kept ones; ``rhs (n,)``, its kept entries are ignored."""
         ...
 
+    def reduce(self, load: Array) -> Reduced:
+        """A load f (n,), taken over to the kept unknowns."""
+        ...
+
+    def extend(self, reduced: Reduced, kept: Array) -> Array:
+        """The unknowns (n,) in equilibrium with a load, kept ones y (k,) given: ``K_II^-1 (f_I - K_IC y)`` at the
+        unknowns I, y at the kept ones."""
+        ...
+
     @property
     def interior_positive(self) -> bool:
         """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
         ...
 
 
-def factorise(matrix: sp.csr_array, kept: IntArray) -> Factorisation:
+def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Factorisation:
     """Factorise ``matrix`` apart from the ``kept`` unknowns, and form the Schur complement on these.
+
+    Parameters
+    ----------
+    matrix : sparse array (n, n)
+    kept : int array (k,)
+    many : bool
+        Many loads are to come: for about a fourth more than the factors cost, a load and its way back then take one
+        sweep through each half of the factors, and not a whole solve each.  MUMPS does not lend its halves.
 
     Raises
     ------
@@ -63,7 +103,7 @@ def factorise(matrix: sp.csr_array, kept: IntArray) -> Factorisation:
     """
     if mumps_available():
         return MumpsFactorisation(matrix, kept)
-    return SuperLUFactorisation(matrix, kept)
+    return SuperLUFactorisation(matrix, kept, many)
 
 
 class SuperLUFactorisation:
@@ -74,9 +114,12 @@ class SuperLUFactorisation:
 
     The ordering is a minimum degree ordering of the graph whose vertices are the groups of unknowns with the same
     sparsity pattern (the components at a node), which is several times smaller than the matrix.
+
+    For many loads the factor ``L_I`` of the other unknowns, with the rows of the kept ones under it, is factorised by
+    itself: SuperLU then sweeps through it alone, forwards as ``L`` and backwards as its transpose.
     """
 
-    def __init__(self, matrix: sp.csr_array, kept: IntArray) -> None:
+    def __init__(self, matrix: sp.csr_array, kept: IntArray, many: bool = False) -> None:
         n = matrix.shape[0]
         self._kept = kept
         self._shift = matrix.diagonal()[kept]
@@ -94,6 +137,26 @@ class SuperLUFactorisation:
         index = np.argsort(np.argsort(rank[kept]))
         self._shifted: Array = in_order[np.ix_(index, index)]
         self.schur: Array = self._shifted - np.diag(self._shift)
+        self._halves = self._halved(n - kept.size) if many else None
+
+    def _halved(self, first: int) -> _Halves | None:
+        """Both sweeps by themselves, if the factors are those of a symmetric elimination, the kept unknowns last."""
+        factor, n = self._factor, self._order.size
+        columns = factor.perm_c
+        if not (np.array_equal(factor.perm_r, columns) and np.all(columns[first:] >= first)):
+            return None
+        pivots = factor.U.diagonal()[:first]
+        if not np.all(pivots != 0.0):
+            return None
+        full = factor.L
+        end = int(full.indptr[first])
+        data = np.concatenate([full.data[:end], np.ones(n - first)])
+        rows = np.concatenate([full.indices[:end], np.arange(first, n, dtype=full.indices.dtype)])
+        starts = np.concatenate([full.indptr[:first], end + np.arange(n - first + 1, dtype=full.indptr.dtype)])
+        lower = _superlu(sp.csc_array((data, rows, starts), shape=(n, n)), "NATURAL")
+        order = self._order[np.argsort(columns)]
+        place = np.searchsorted(self._kept, order[first:])
+        return _Halves(lower, pivots, order, place)
 
     def _trailing_product(self, n: int, count: int) -> Array | None:
         """The product of the trailing factors, if elimination kept the chosen unknowns last."""
@@ -132,12 +195,68 @@ class SuperLUFactorisation:
     def solve_interior(self, rhs: Array) -> Array:
         load = np.array(rhs, dtype=float)
         load[self._kept] = 0.0
+        if self._halves is not None:
+            return self._halves.backward(self._halves.forward(load), np.zeros(self._kept.size))
         first = self._solve(load)
         if self._kept.size:  # choose the forces on the kept unknowns that hold them at zero
             load[self._kept] = -(self._shifted @ first[self._kept])
             first = self._solve(load)
             first[self._kept] = 0.0
         return first
+
+    def reduce(self, load: Array) -> Reduced:
+        if self._halves is not None:
+            return self._halves.forward(load)
+        free = self._solve(load)  # with the shift, the kept unknowns move as well
+        force = np.asarray(self._shifted @ free[self._kept])
+        return Reduced(load, force, float(load @ free - force @ free[self._kept]))
+
+    def extend(self, reduced: Reduced, kept: Array) -> Array:
+        if self._halves is not None and reduced.inner is not None:
+            return self._halves.backward(reduced, kept)
+        rhs = np.array(reduced.load, dtype=float)
+        rhs[self._kept] += self._shifted @ kept - reduced.force  # these forces put the kept ones there
+        out = self._solve(rhs)
+        out[self._kept] = kept
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Halves:
+    """``K = L D L'`` with ``L = [[L_I, 0], [L_CI, 1]]``, the kept unknowns last.
+
+    Attributes
+    ----------
+    lower : SuperLU
+        Of L.
+    pivots : array (n - k,)
+        D on the unknowns I; on the kept ones it is the Schur complement.
+    order : int array (n,)
+        The unknown in each place.
+    place : int array (k,)
+        Which of the kept unknowns stands in each of the last places.
+    """
+
+    lower: spla.SuperLU
+    pivots: Array
+    order: IntArray
+    place: IntArray
+
+    def forward(self, load: Array) -> Reduced:
+        """``L^-1`` of a load (n,)."""
+        swept = self.lower.solve(load[self.order])
+        first = self.pivots.size
+        inner, force = swept[:first], np.empty(self.place.size)
+        force[self.place] = swept[first:]
+        scaled = inner / self.pivots
+        return Reduced(load, force, float(inner @ scaled), scaled)
+
+    def backward(self, reduced: Reduced, kept: Array) -> Array:
+        """``L'^-1`` of what the other sweep has left, values of the kept unknowns (k,) given."""
+        assert reduced.inner is not None
+        out = np.empty(self.order.size)
+        out[self.order] = self.lower.solve(np.concatenate([reduced.inner, kept[self.place]]), "T")
+        return out
 
 
 class MumpsFactorisation:
@@ -148,10 +267,10 @@ class MumpsFactorisation:
         assert mumps is not None
         self._kept = kept
         self._interior = matrix.shape[0] - kept.size
+        self._matrix = sp.coo_matrix(matrix)
         if self._interior == 0:
             self.schur: Array = matrix.toarray()[np.ix_(kept, kept)]
             return
-        self._matrix = sp.coo_matrix(matrix)
         self._context = mumps.Context()
         self._context.set_matrix(self._matrix, symmetric=True)
         instance = self._context.mumps_instance
@@ -194,6 +313,15 @@ class MumpsFactorisation:
         out = np.asarray(self._context.solve(load))
         out[self._kept] = 0.0
         return out
+
+    def reduce(self, load: Array) -> Reduced:
+        interior = self.solve_interior(load)
+        return Reduced(load, (load - self._matrix @ interior)[self._kept], float(load @ interior))
+
+    def extend(self, reduced: Reduced, kept: Array) -> Array:
+        out = np.zeros(reduced.load.shape)
+        out[self._kept] = kept
+        return out + self.solve_interior(reduced.load - self._matrix @ out)
 
 
 def _singular() -> ProblemError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -98,8 +99,11 @@ def conjugate_gradients(
         length = rz / curvature
         x += length * p
         r -= length * q
+        square = float(r @ r)
+        if vectors.alone and math.sqrt(square) <= tolerance:  # else it is summed with what is enough, by all at once
+            return Descent(x, r, iteration)
         far = np.zeros(0) if enough is None else enough(iteration, x)
-        rest, wanted = np.sqrt(vectors.total(float(r @ r), float(far @ far))).tolist()
+        rest, wanted = np.sqrt(vectors.total(square, float(far @ far))).tolist()
         if rest <= tolerance or rest < wanted:
             return Descent(x, r, iteration)
     return Descent(x, r, limit)

@@ -177,7 +177,8 @@ class _Patch:
 class Levels:
     """Matrices from coarse to fine with the transfers between them: a preconditioner of each of them.
 
-    Nothing in it changes: many solves may work on it at the same time, each with a :class:`Truncated` of its own.
+    Nothing in it changes: many solves may work on it at the same time, each with a :class:`Truncated` that it
+    borrows.
 
     Parameters
     ----------
@@ -243,6 +244,24 @@ class Levels:
             shape = (between.shape[0], levels[k].contact.size)
             self.between[k + 1] = sp.csr_array((entries.data, (entries.row, columns)), shape=shape)
         self.levels = levels
+        self._idle: list[Truncated] = []
+
+    def borrow(self, top: int) -> Truncated:
+        """Levels for one solve to change.
+
+        The copies of the matrices are those of the last solve that has given them back: the memory of new ones costs
+        a tenth of a solve.
+        """
+        try:
+            borrowed = self._idle.pop()  # which no two threads do at once
+        except IndexError:
+            return Truncated(self, top)
+        borrowed.top = top
+        return borrowed
+
+    def give_back(self, borrowed: Truncated) -> None:
+        """Take back what nobody changes any more."""
+        self._idle.append(borrowed)
 
     @property
     def sizes(self) -> list[int]:
@@ -278,8 +297,8 @@ class Truncated:
     """
 
     def __init__(self, levels: Levels, top: int) -> None:
-        self._levels, self._top = levels, top
-        self._changed = [_Changed(level) for level in levels.levels[: top + 1]]
+        self._levels, self.top = levels, top
+        self._changed = [_Changed(level) for level in levels.levels]
         self._coarse: Array | None = None
 
     def matrix(self, k: int) -> sp.csr_array:
@@ -300,7 +319,7 @@ class Truncated:
         added : sparse array
             Symmetric; rows and columns of held unknowns are zero.
         """
-        levels, top = self._levels, self._top
+        levels, top = self._levels, self.top
         own, count = levels.own[top], levels.levels[top].contact.size
         out = np.zeros(count, dtype=bool)
         out[own] = held
@@ -342,7 +361,9 @@ class Truncated:
             patch.smooth(x, right, forward=True)
         for _ in range(levels.sweeps):
             _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
-        coarse = transfer.restriction @ (right - A @ x)
+        rest = A @ x
+        np.subtract(right, rest, out=rest)
+        coarse = transfer.restriction @ rest
         below = self._changed[k - 1]
         coarse[below.level.contact[below.held]] = 0.0
         x += transfer.prolongation @ self._cycle(k - 1, coarse)

@@ -85,12 +85,8 @@ class System(Protocol):
         """The residual of the pair."""
         ...
 
-    def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
-        """All unknowns (n,), with the residual of the whole problem."""
-        ...
-
-    def full_residual(self, unknowns: Array, lam: Array) -> Residual:
-        """The residual of the whole problem at unknowns (n,)."""
+    def recover(self, r: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
+        """All unknowns (n,), with the residual of the whole problem for each multiplier; the first one is theirs."""
         ...
 
     def with_law(self, law: ContactLaw) -> Self:
@@ -201,3 +197,6 @@ class Solver(ABC):
     def settle(self, system: Any, state: State, budget: Budget) -> State | None:
         """A state with less energy to go on from, asked once the residual is small; None if ``state`` is final."""
         return None
+
+    def release(self, state: State) -> None:  # noqa: B027 - most keep nothing that another solve could use
+        """Give back what a state remembers, once nothing goes on from it."""

@@ -13,26 +13,101 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError
 
-__all__ = ["BoundaryResult", "contact_table", "table_columns"]
+__all__ = ["BoundaryResult", "ContactValues", "contact_table", "table_columns"]
+
+
+class ContactValues:
+    """What displacements and forces at m contact points with c local components say, of one boundary or of all.
+
+    Attributes
+    ----------
+    contact : ContactPoints
+    local : array (m, c)
+        Penetration (column 0) and slip.
+    multiplier : array (m, c)
+        Pressure (column 0) and friction, force per area.
+    state : int array (m,)
+        A :class:`ContactState` for each point.
+    """
+
+    contact: ContactPoints
+    local: Array
+    multiplier: Array
+    state: IntArray
+
+    @property
+    def penetration(self) -> Array:
+        """u_nu - g at each contact point, (m,); positive into the foundation."""
+        return self.local[:, 0]
+
+    @property
+    def slip(self) -> Array:
+        """u_tau at each contact point in local components, (m, c - 1)."""
+        return self.local[:, 1:]
+
+    @property
+    def pressure(self) -> Array:
+        """-sigma_nu at each contact point, (m,)."""
+        return self.multiplier[:, 0]
+
+    @property
+    def friction(self) -> Array:
+        """-sigma_tau at each contact point in local components, (m, c - 1)."""
+        return self.multiplier[:, 1:]
+
+    @cached_property
+    def slip_vectors(self) -> Array:
+        """Slip in the coordinates of the mesh, (m, d)."""
+        return self.contact.global_vectors(_tangential(self.local))
+
+    @cached_property
+    def friction_vectors(self) -> Array:
+        """Friction on the body, force per area in the coordinates of the mesh, (m, d)."""
+        return -self.contact.global_vectors(_tangential(self.multiplier))
+
+    @cached_property
+    def tractions(self) -> Array:
+        """Pressure and friction on the body, force per area in the coordinates of the mesh, (m, d)."""
+        return -self.contact.global_vectors(self.multiplier)
+
+    @cached_property
+    def normal_force(self) -> float:
+        """Resultant of the pressure."""
+        return float(self.contact.weights @ self.pressure)
+
+    @cached_property
+    def friction_force(self) -> Array:
+        """Resultant of the friction in local components, (c - 1,); as a vector, ``weights @ friction_vectors``."""
+        return np.asarray(self.contact.weights @ self.friction)
+
+    @cached_property
+    def force(self) -> Array:
+        """Force of the foundation on the body in the coordinates of the mesh, (d,)."""
+        return np.asarray(self.contact.weights @ self.tractions)
+
+    @cached_property
+    def contact_length(self) -> float:
+        """Measure of the part that is not open (length in 2D, area in 3D)."""
+        return float(self.contact.weights @ (self.state != 0))
 
 
 @dataclass(frozen=True, eq=False)
-class BoundaryResult(Portable):
-    """Displacements and forces at the p contact points of one boundary.
+class BoundaryResult(ContactValues, Portable):
+    """Displacements and forces at the m contact points of one boundary.
 
     Attributes
     ----------
     name : str
         Of the boundary.
-    index : int array (p,)
+    index : int array (m,)
         Numbers of its contact points among those of the problem.
     contact : ContactPoints
         These points.
-    local : array (p, c)
+    local : array (m, c)
         Penetration (column 0) and slip.
-    multiplier : array (p, c)
+    multiplier : array (m, c)
         Pressure (column 0) and friction, force per area.
-    state : int array (p,)
+    state : int array (m,)
         A :class:`ContactState` for each point.
     """
 
@@ -45,7 +120,7 @@ class BoundaryResult(Portable):
 
     @property
     def points(self) -> Array | None:
-        """Coordinates of the contact points, (p, d)."""
+        """Coordinates of the contact points, (m, d)."""
         return self.contact.points
 
     def __repr__(self) -> str:
@@ -54,68 +129,13 @@ class BoundaryResult(Portable):
 
     @property
     def normals(self) -> Array | None:
-        """Unit vectors out of the body, (p, d)."""
+        """Unit vectors out of the body, (m, d)."""
         return None if self.contact.frames is None else self.contact.frames[:, 0]
 
     @property
     def weights(self) -> Array:
-        """Length (2D) or area (3D) that belongs to each point, (p,)."""
+        """Length (2D) or area (3D) that belongs to each point, (m,)."""
         return self.contact.weights
-
-    @property
-    def penetration(self) -> Array:
-        """u_nu - g, (p,); positive into the foundation."""
-        return self.local[:, 0]
-
-    @property
-    def slip(self) -> Array:
-        """u_tau in local components, (p, c - 1)."""
-        return self.local[:, 1:]
-
-    @property
-    def pressure(self) -> Array:
-        """-sigma_nu, (p,)."""
-        return self.multiplier[:, 0]
-
-    @property
-    def friction(self) -> Array:
-        """-sigma_tau in local components, (p, c - 1)."""
-        return self.multiplier[:, 1:]
-
-    @cached_property
-    def slip_vectors(self) -> Array:
-        """Slip in the coordinates of the mesh, (p, d)."""
-        return self.contact.global_vectors(_tangential(self.local))
-
-    @cached_property
-    def friction_vectors(self) -> Array:
-        """Friction on the body, force per area in the coordinates of the mesh, (p, d)."""
-        return -self.contact.global_vectors(_tangential(self.multiplier))
-
-    @cached_property
-    def tractions(self) -> Array:
-        """Pressure and friction on the body, force per area in the coordinates of the mesh, (p, d)."""
-        return -self.contact.global_vectors(self.multiplier)
-
-    @cached_property
-    def normal_force(self) -> float:
-        """Resultant of the pressure."""
-        return float(self.weights @ self.pressure)
-
-    @cached_property
-    def friction_force(self) -> Array:
-        """Resultant of the friction in the coordinates of the mesh, (d,): that of the foundation on the body."""
-        return np.asarray(self.weights @ self.friction_vectors)
-
-    @cached_property
-    def force(self) -> Array:
-        """Force of the foundation on the body in the coordinates of the mesh, (d,)."""
-        return np.asarray(self.weights @ self.tractions)
-
-    @cached_property
-    def contact_length(self) -> float:
-        """Measure of the part that is not open (length in 2D, area in 3D)."""
-        return float(self.weights @ (self.state != 0))
 
     def moment(self, about: Array | tuple[float, ...]) -> Array:
         """Moment of the force about a point (d,): a vector in 3D, in 2D a number (positive turns x towards y)."""
@@ -130,13 +150,7 @@ class BoundaryResult(Portable):
 def contact_table(
     contact: ContactPoints, local: Array, multiplier: Array, states: NDArray[np.str_]
 ) -> NDArray[np.void]:
-    """One row for each contact point.
-
-    Fields: ``boundary`` (name), ``x`` and ``normal`` (vectors), ``weight``, ``gap``, ``penetration``, ``slip``,
-    ``pressure``, ``friction`` (the latter and ``slip`` in local components: numbers in 2D), ``state`` ("open",
-    "stick", "slip") and ``force`` (vector; of the foundation on the body).  What is not known of a problem made of
-    arrays is left out.
-    """
+    """One row for each contact point, see :attr:`hemivar.Solution.contact_table`."""
     columns: dict[str, NDArray[np.generic]] = {}
     if contact.names:
         columns["boundary"] = np.array([*contact.names, ""])[contact.boundary]
@@ -144,13 +158,11 @@ def contact_table(
         columns["x"] = contact.points
     if contact.frames is not None:
         columns["normal"] = contact.frames[:, 0]
-    columns |= {"weight": contact.weights, "gap": contact.gap, "penetration": local[:, 0]}
-    tangential = contact.components > 1
-    if tangential:
-        columns["slip"] = local[:, 1] if contact.components == 2 else local[:, 1:]
-    columns["pressure"] = multiplier[:, 0]
-    if tangential:
-        columns["friction"] = multiplier[:, 1] if contact.components == 2 else multiplier[:, 1:]
+    columns |= {"weight": contact.weights, "gap": contact.gap}
+    for normal, tangential, values in (("penetration", "slip", local), ("pressure", "friction", multiplier)):
+        columns[normal] = values[:, 0]
+        if contact.components > 1:
+            columns[tangential] = values[:, 1] if contact.components == 2 else values[:, 1:]
     columns["state"] = states
     if contact.frames is not None:
         columns["force"] = -contact.weights[:, None] * contact.global_vectors(multiplier)

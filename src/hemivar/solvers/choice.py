@@ -26,9 +26,14 @@ def predicted_seconds(problem: DiscreteProblem) -> tuple[float, float]:
     magnitude matter.
     """
     n, dense = float(problem.unknowns), 5e-10 * float(problem.contact.trace.nnz) ** 3
-    if problem.contact.components == 3:
+    if _dimension(problem) == 3:
         return 1.5e-8 * n**2 + dense, 0.1 + 4.5e-5 * n
     return 1.2e-6 * n * math.log2(max(n, 2.0)) + dense, 0.05 + 4.0e-6 * n
+
+
+def _dimension(problem: DiscreteProblem) -> int:
+    """That of the mesh, which the cost of a factorisation follows; without one, the number of local components."""
+    return problem.contact.components if problem.field is None else problem.field.mesh.dim
 
 
 def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
@@ -39,7 +44,7 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     """
     newton, multigrid = predicted_seconds(problem)
     needed, free = (
-        factorisation_bytes(problem.unknowns, problem.contact.components, problem.contact.trace.nnz),
+        factorisation_bytes(problem.unknowns, _dimension(problem), problem.contact.trace.nnz),
         available_bytes(),
     )
     fits = free is None or needed <= _SHARE * free

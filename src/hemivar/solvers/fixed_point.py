@@ -133,6 +133,10 @@ class FixedPoint(Solver):
         )
         return State(found.r, multiplier, evaluations, ended, memory=new, contraction=contraction)
 
+    def release(self, state: State) -> None:
+        if isinstance(state.memory, Outer):
+            self.inner.release(replace(state, memory=state.memory.inner))
+
 
 @dataclass(frozen=True, eq=False)
 class Outer:

@@ -94,8 +94,9 @@ class LoadStepping(Solver):
         for factor in np.linspace(0.0, 1.0, self.steps + 1)[:-1]:
             partial = system.for_problem(line.at(float(factor)))
             r = partial.start(r)
-            controls = Controls(rtol=0.0, atol=self.rtol * full, max_time=max(budget.limit - budget.spent, 0.0))
+            controls = Controls(rtol=0.0, atol=self.rtol * full, max_time=budget.left)
             found, status, _ = iterate(self.inner, partial, State(r, partial.multiplier(r)), controls, budget)
+            self.inner.release(found)
             r, evaluations = found.r, evaluations + found.evaluations
             if status in STOPPED:  # what was reached under part of the load is the best there is
                 r = system.start(r)
@@ -108,3 +109,6 @@ class LoadStepping(Solver):
 
     def settle(self, system: PosedSystem, state: State, budget: Budget) -> State | None:
         return None if state.ended is not None else self.inner.settle(system, state, budget)
+
+    def release(self, state: State) -> None:
+        self.inner.release(state)

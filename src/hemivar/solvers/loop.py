@@ -70,15 +70,16 @@ def steps(
     best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
     status: Status | None = None
+    contact: IntArray | None = None
     try:
         if not past:
             state = solver.begin(system, state, budget)
         for step in range(first, max(limit, first) + 1):
             if step > first:
-                before = contact_states(system, state.r, state.lam)
+                before = contact_states(system, state.r, state.lam) if contact is None else contact
                 state = solver.step(system, state, budget)
-                (moved,) = vectors.total(float(np.count_nonzero(contact_states(system, state.r, state.lam) != before)))
-                changed = int(moved)
+                contact = contact_states(system, state.r, state.lam)
+                changed = int(vectors.total(float(np.count_nonzero(contact != before)))[0])
             now = system.residual(state.r, state.lam) if state.residual is None else state.residual
             broken = float(not np.isfinite(state.r).all())
             finite = bool(np.isfinite(now.total)) and not vectors.largest(broken)[0]
@@ -101,7 +102,7 @@ def steps(
                 if better is None:
                     status = Status.CONVERGED
                 else:
-                    state, best, best_rank, smallest = better, better, np.inf, np.inf
+                    state, best, best_rank, smallest, contact = better, better, np.inf, np.inf, None
                     lowest.clear()
             elif state.ended is not None:
                 status = state.ended
@@ -149,15 +150,15 @@ def finish(
     Rounding aside, the multiplier is one of the law itself: no pressure at all where the body has lifted.  A method
     that ended by its own rule is believed up to the relative residual ``excused``.
     """
-    unknowns, found = system.recover(state.r, state.lam)
-    multiplier, r = state.lam, system.local(state.r)
+    multipliers, r = [state.lam], system.local(state.r)
     law = system.law_at(state.r, state.lam) if np.isfinite(r).all() else None
     outside = law is None or not np.isfinite(law.value(r)).all()
     if not system.vectors.largest(float(outside))[0] and law is not None:
-        exact = np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam)
-        with_exact = system.full_residual(unknowns, exact)
-        if with_exact.total <= found.total + found.rounding:
-            multiplier, found = exact, with_exact
+        multipliers.append(np.where(system.active, law.nearest_multiplier(r, state.lam), state.lam))
+    unknowns, residuals = system.recover(state.r, *multipliers)
+    multiplier, found = state.lam, residuals[0]
+    if residuals[-1].total <= found.total + found.rounding:
+        multiplier, found = multipliers[-1], residuals[-1]
     if found.below(controls.atol, controls.rtol):
         status = Status.CONVERGED
     elif status is Status.CONVERGED and not found.below(0.0, excused):

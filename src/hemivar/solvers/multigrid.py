@@ -17,7 +17,8 @@ from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget, Controls, OutOfTime
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.body import Body, BodyProblem, Truncation, set_up
+from hemivar.systems.body import Body, Truncation
+from hemivar.systems.body_on_levels import BodyProblem, set_up
 from hemivar.systems.contact_moves import best_component, diagonal_step, snapped
 from hemivar.systems.workspace import Workspace
 
@@ -85,6 +86,8 @@ class NonsmoothMultigrid(Solver):
         Where conjugate gradients end, relative to the load; a tenth of ``Controls.rtol`` by default.
     nested : bool
         Start from the solution on the next coarser mesh.
+    absolute : float
+        What conjugate gradients may leave beside it, in units of force.
     """
 
     sweeps: int = 3
@@ -92,6 +95,7 @@ class NonsmoothMultigrid(Solver):
     halvings: int = 20
     tolerance: float | None = None
     nested: bool = True
+    absolute: float = 0.0
     name: ClassVar[str] = "multigrid"
     descends: ClassVar[bool] = True
 
@@ -120,20 +124,20 @@ class NonsmoothMultigrid(Solver):
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
         if system.below is None or not self.nested:
             return system.start(), None
-        rough = replace(self, tolerance=0.1 * _NESTED, sweeps=min(self.sweeps, 2))
+        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2))
         x, stopped = rough.first_guess(system.below, budget)
         if stopped is None:
             controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
             start = State(x, system.below.multiplier(x))
             found, status, _ = iterate(rough, system.below, start, controls, budget)
-            if isinstance(found.memory, Memory):
-                found.memory.matrix.release()
+            self.release(found)
             x, stopped = found.r, status if status in STOPPED else None
         return system.start(system.from_below(x)), stopped
 
     def begin(self, system: Body, start: State, budget: Budget) -> State:
         known = start.memory.matrix if isinstance(start.memory, Memory) else None
-        force, energy = system.force(start.r), system.energy(start.r)
+        force = system.force(start.r)
+        energy = system.energy(start.r, force=force)
         memory = Memory(system.stiffest, force, system.truncation() if known is None else known)
         return replace(start, energy=energy, residual=system.residual(start.r, start.lam, force), memory=memory)
 
@@ -172,14 +176,14 @@ class NonsmoothMultigrid(Solver):
     def _polish(self, system: Body, matrix: Truncation, x: Array, force: Array) -> tuple[Array, Array, int]:
         """Newton's step judged by the residual, where what is left to gain is below the rounding of the energy."""
         now = system.residual(x, system.multiplier(x, force), force)
-        if now.below(0.0, 4.0 * self._target):
+        if now.below(4.0 * self.absolute, 4.0 * self._target):
             return x, force, 0
         best, lowest, cycles = (x, force), 0.9 * now.total, 0
         r = system.local(x)
         for start in (np.where(system.active, r, system.fixed), snapped(system, r)):
             first = system.moved(x, start)
             equation = _Equation.at(system, matrix, first, system.local(first), system.force(first))
-            found, _ = equation.solve(self._target, self.iterations)
+            found, _ = equation.solve(self._target, self.absolute, self.iterations)
             cycles += found.iterations
             aim = equation.r + system.spread(found.solution[system.unknown])
             near = np.where(equation.moving, system.law.clamp(equation.r, aim), equation.r)
@@ -204,12 +208,16 @@ class NonsmoothMultigrid(Solver):
         x, energy = system.moved(state.r, new), float(state.energy or 0.0) + gained
         return self._state(system, x, system.force(x), state.evaluations, energy, memory)
 
+    def release(self, state: State) -> None:
+        if isinstance(state.memory, Memory):
+            state.memory.matrix.release()
+
     def _newton(
         self, system: Body, matrix: Truncation, x: Array, r: Array, force: Array, budget: Budget
     ) -> tuple[_Found, int]:
         """Newton's step from ``x``, where the elastic force is ``force``, and the number of cycles."""
         equation = _Equation.at(system, matrix, x, r, force)
-        found, bent = equation.solve(self._target, self.iterations, _Enough(equation, budget))
+        found, bent = equation.solve(self._target, self.absolute, self.iterations, _Enough(equation, budget))
         if system.vectors.largest(budget.due())[0]:
             raise OutOfTime
         best = _Found(x, force, 0.0)
@@ -382,8 +390,11 @@ class _Equation:
         line, moving, curvature = system.linearised(r)
         return _Equation(system, matrix, x, r, moving, line, curvature, force)
 
-    def solve(self, tolerance: float, limit: int, enough: _Enough | None = None) -> tuple[Descent, Array]:
-        """By conjugate gradients, to a tolerance relative to the load; and the stiffness times the solution, (n,)."""
+    def solve(
+        self, tolerance: float, absolute: float, limit: int, enough: _Enough | None = None
+    ) -> tuple[Descent, Array]:
+        """By conjugate gradients, to a tolerance relative to the load and an absolute one beside it; and the stiffness
+        times the solution, (n,)."""
         system, held = self.system, ~self.moving[self.system.active]
         self.matrix.change(self.x, held, self.curvature)
         right = self.force.copy()
@@ -391,7 +402,7 @@ class _Equation:
         right[system.unknown[held]] = 0.0
         scale = system.load_scale.of(float(system.vectors.norms(self.force[system.unknown])[0]))
         found = conjugate_gradients(
-            self.matrix, self.matrix.diagonal, right, self.matrix.cycle, tolerance * scale, limit, enough,
+            self.matrix, self.matrix.diagonal, right, self.matrix.cycle, absolute + tolerance * scale, limit, enough,
             system.vectors,
         )  # fmt: skip
         bent = right - found.residual  # laws and held unknowns act in the contact rows only

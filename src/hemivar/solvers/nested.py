@@ -10,7 +10,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.posed import posed
 from hemivar.fem.transfer import interpolate
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.scalar import Statement
 from hemivar.solvers.base import Solver
 from hemivar.solvers.controls import Controls
 from hemivar.solvers.solution import Solution
@@ -38,7 +38,7 @@ def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
 
 
 def solve_nested(
-    problems: Sequence[DiscreteProblem | ContactProblem],
+    problems: Sequence[DiscreteProblem | Statement],
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,
@@ -48,7 +48,7 @@ def solve_nested(
 
     Parameters
     ----------
-    problems : sequence of DiscreteProblem or ContactProblem
+    problems : sequence of DiscreteProblem, ContactProblem or ScalarProblem
         From coarse to fine.
     solver, controls
         As in :func:`solve`, for every mesh.
@@ -60,7 +60,7 @@ def solve_nested(
     list of Solution
         One for each mesh; the last is the one wanted.  A solve that is interrupted or runs out of memory is the last.
     """
-    if isinstance(problems, DiscreteProblem | ContactProblem | str):
+    if isinstance(problems, DiscreteProblem | Statement | str):
         raise ProblemError(f"the problems are {described(problems)}; give a list of them, from coarse to fine")
     if not problems:
         raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")

@@ -10,6 +10,7 @@ import scipy.linalg as la
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws import ContactLaw
+from hemivar.laws.vector_law import Linearisation
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
@@ -21,10 +22,11 @@ from hemivar.systems.contact_moves import (
     gain,
     majorant,
     newton_components,
+    smooth_components,
     snapped,
 )
 
-__all__ = ["NonsmoothNewton", "Search", "escape_saddle", "lower_energy", "newton_system"]
+__all__ = ["NonsmoothNewton", "Search", "escape_saddle", "lower_energy", "newton_matrix", "newton_system"]
 
 
 @dataclass(frozen=True)
@@ -59,20 +61,21 @@ class NonsmoothNewton(Solver):
     descends: ClassVar[bool] = True
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
-        return replace(start, evaluations=1, energy=system.energy(start.r), memory=majorant(system))
+        return replace(start, evaluations=1, energy=system.energy(start.r), memory=system.stiffest)
 
     def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
         r, energy, evaluations = state.r, float(state.energy or 0.0), state.evaluations
         factor: float = state.memory
+        value = system.law.value(r)
         for _ in range(self.sweeps):
-            move = diagonal_step(system, r, system.out_of_balance(r), factor, self.search)
+            move = diagonal_step(system, r, system.out_of_balance(r), factor, self.search, value)
             evaluations, factor = evaluations + move.tries, move.factor
             if move.endless:
                 return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
             if move.gain < 0.0 or not np.isfinite(energy):
-                r = move.r
+                r, value = move.r, move.value
                 energy = energy + move.gain if np.isfinite(energy) else system.energy(r)
-        new, gained, tries = _newton_step(system, r, self.halvings, self.search)
+        new, gained, tries = _newton_step(system, r, value, self.halvings, self.search)
         evaluations += tries
         if gained <= 0.0:
             r, energy = new, energy + gained
@@ -166,17 +169,17 @@ def _gain(system: CondensedProblem, r: Array, new: Array, force: Array, value: A
 
 
 def _newton_step(
-    system: CondensedProblem, r: Array, halvings: int, search: Search = Search.GLOBAL
+    system: CondensedProblem, r: Array, value: Array, halvings: int, search: Search = Search.GLOBAL
 ) -> tuple[Array, float, int]:
     """Newton's step on the smooth components, cut back to their pieces: point, gain, evaluations."""
     law = system.law
-    moving = newton_components(law, r, system.active)
+    line = law.linearise(r)
+    moving = smooth_components(line, system.active)
     index = np.flatnonzero(moving.ravel())
     if index.size == 0:
         return r, 0.0, 0
     force = system.out_of_balance(r)
-    value = law.value(r)
-    H, g = newton_system(system, r, index, force)
+    H, g = newton_system(system, r, index, force, line)
     direction = np.zeros(r.shape)
     found, convex = _descend(H, g)
     direction.ravel()[index] = found
@@ -232,11 +235,19 @@ def lower_energy(system: CondensedProblem, r: Array, steps: int) -> Array:
     return r
 
 
-def newton_system(system: CondensedProblem, r: Array, index: IntArray, force: Array) -> tuple[Array, Array]:
-    """Hessian and downhill force of the energy on the components ``index``."""
+def newton_system(
+    system: CondensedProblem, r: Array, index: IntArray, force: Array, line: Linearisation | None = None
+) -> tuple[Array, Array]:
+    """Hessian and downhill force of the energy on the components ``index``; ``line`` is the law at ``r`` if known."""
+    line = system.law.linearise(r) if line is None else line
+    g = (force - system.weights[:, None] * line.gradient).ravel()[index]
+    return newton_matrix(system, index, line.hessian), g
+
+
+def newton_matrix(system: CondensedProblem, index: IntArray, hessian: Array) -> Array:
+    """Hessian (k, k) of the energy on the components ``index``, those of the laws being given, (m, d, d)."""
     m, d = system.shape
-    line = system.law.linearise(r)
-    H = system.matrix[np.ix_(index, index)].copy()
+    H = np.asarray(system.matrix[np.ix_(index, index)])
     point, component = np.divmod(index, d)
     position = np.full(m * d, -1)
     position[index] = np.arange(index.size)
@@ -244,9 +255,8 @@ def newton_system(system: CondensedProblem, r: Array, index: IntArray, force: Ar
         partner = position[point * d + c]
         here = partner >= 0
         rows = np.flatnonzero(here)
-        H[rows, partner[here]] += system.weights[point[here]] * line.hessian[point[here], component[here], c]
-    g = (force - system.weights[:, None] * line.gradient).ravel()[index]
-    return H, g
+        H[rows, partner[here]] += system.weights[point[here]] * hessian[point[here], component[here], c]
+    return H
 
 
 def _descend(H: Array, g: Array) -> tuple[Array, bool]:

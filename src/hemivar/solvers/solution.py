@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.fem.reactions import support_reactions
-from hemivar.solvers.boundary_result import BoundaryResult, contact_table, table_columns
+from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
 from hemivar.solvers.controls import Progress
 from hemivar.solvers.status import Status
 
@@ -50,7 +52,7 @@ class ContactState(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Portable, Displayed):
+class Solution(ContactValues, Portable, Displayed):
     """Displacement and multiplier of a discrete problem, with how they were obtained.
 
     Attributes
@@ -111,50 +113,28 @@ class Solution(Portable, Displayed):
         """E(u), in units of work; a friction bound that depends on the state is taken at this very pair."""
         return self.problem.energy(self.unknowns, self.multiplier)
 
+    @property
+    def contact(self) -> ContactPoints:  # type: ignore[override]
+        """The contact points of the problem."""
+        return self.problem.contact
+
     @cached_property
-    def local(self) -> Array:
+    def local(self) -> Array:  # type: ignore[override]
         """Local displacement r = B u - g, shape (m, d): penetration and slip."""
         return self.problem.local(self.unknowns)
 
-    @property
-    def penetration(self) -> Array:
-        """u_nu - g at each contact point, (m,); positive into the foundation."""
-        return self.local[:, 0]
-
-    @property
-    def slip(self) -> Array:
-        """u_tau at each contact point, (m, d - 1)."""
-        return self.local[:, 1:]
-
-    @property
-    def pressure(self) -> Array:
-        """-sigma_nu at each contact point, (m,)."""
-        return self.multiplier[:, 0]
-
-    @property
-    def friction(self) -> Array:
-        """-sigma_tau at each contact point, (m, d - 1)."""
-        return self.multiplier[:, 1:]
-
     @cached_property
-    def state(self) -> IntArray:
+    def state(self) -> IntArray:  # type: ignore[override]
         """A :class:`ContactState` for each contact point, (m,)."""
         return contact_state(self.local, self.multiplier)
 
-    @cached_property
-    def normal_force(self) -> float:
-        """Resultant of the pressure over the contact boundary."""
-        return float(self.problem.contact.weights @ self.pressure)
-
-    @cached_property
-    def friction_force(self) -> Array:
-        """Resultant of the friction in local components, (d - 1,)."""
-        return np.asarray(self.problem.contact.weights @ self.friction)
-
-    @cached_property
-    def contact_length(self) -> float:
-        """Measure of the part of the contact boundary that is not open (length in 2D, area in 3D)."""
-        return float(self.problem.contact.weights @ (self.state != ContactState.OPEN))
+    @property
+    def measured(self) -> str:
+        """What :attr:`contact_length` is: a "length", an "area" or a "volume"."""
+        stated = self.problem.origin
+        if isinstance(stated, ScalarProblem):
+            return ("length", "area", "volume")[stated.mesh.dim - 2 + bool(stated.areas)]
+        return "area" if self.problem.contact.components == 3 else "length"
 
     def certify(
         self,
@@ -188,8 +168,8 @@ class Solution(Portable, Displayed):
         ProblemError
             There is no contact boundary of that name, or the problem was made of arrays without names.
         """
-        index = self.problem.contact.on(boundary)
-        points = self.problem.contact.take(index)
+        index = self.contact.on(boundary)
+        points = self.contact.take(index)
         return BoundaryResult(boundary, index, points, self.local[index], self.multiplier[index], self.state[index])
 
     @cached_property
@@ -216,7 +196,7 @@ class Solution(Portable, Displayed):
         and what a law of one component lacks, is left out.
         """
         names = np.array([kind.label for kind in ContactState])
-        return contact_table(self.problem.contact, self.local, self.multiplier, names[self.state])
+        return contact_table(self.contact, self.local, self.multiplier, names[self.state])
 
     def to_dataframe(self) -> DataFrame:
         """The :attr:`contact_table` as a pandas DataFrame, a column for each component of a vector.

@@ -21,7 +21,7 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.scalar import Statement
 from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
@@ -52,7 +52,7 @@ _NAMES = (
 
 
 def solve(
-    problem: DiscreteProblem | ContactProblem,
+    problem: DiscreteProblem | Statement,
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,
@@ -63,7 +63,7 @@ def solve(
 
     Parameters
     ----------
-    problem : DiscreteProblem or ContactProblem
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
         From :func:`hemivar.discretize`, or made of the user's own arrays; a statement is discretised.
     solver : Solver, optional
         The method and its options. By default :class:`NonsmoothNewton`, or :class:`NonsmoothMultigrid` where that is
@@ -93,7 +93,7 @@ def solve(
 
 
 def solving(
-    problem: DiscreteProblem | ContactProblem,
+    problem: DiscreteProblem | Statement,
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,
@@ -104,9 +104,7 @@ def solving(
     problem = posed(problem, "solve")
     if solver is not None and not isinstance(solver, Solver):
         raise _no_method(solver)
-    if workspace is None:
-        workspace = Workspace()
-    expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
+    workspace = Workspace.given(workspace)
     if controls is not None:
         expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
     if solver is None:
@@ -163,6 +161,7 @@ def _run(
     except MemoryError:
         raise shortage(problem, solver.condenses) from None
     state, status, history = yield from steps(solver, system, start, controls, budget)
+    solver.release(state)
     end = _End(solver, controls, state, status, history, time.perf_counter() - began)
     try:
         return _solution(system, end)
@@ -238,9 +237,10 @@ def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None
 
 
 def _check_held(system: PosedSystem) -> None:
-    """Refuse a convex problem whose energy falls without end along a motion that deforms nothing."""
+    """Refuse a convex problem whose energy falls without end along a motion that deforms nothing, unless it was shown
+    to be held when it was discretised."""
     law = system.law
-    if law.state_dependent or any((alpha > 0.0).any() for alpha in law.weak_convexity):
+    if system.problem.held or law.state_dependent or any((alpha > 0.0).any() for alpha in law.weak_convexity):
         return
     if any(decide(growth).verdict is Verdict.FALLS for growth in system.free_growth()):
         raise ProblemError(

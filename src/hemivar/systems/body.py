@@ -3,41 +3,22 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.hold import Growth, growth_along
-from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, resting_multiplier
-from hemivar.errors import ProblemError
-from hemivar.fem.free_motion import free_growth
+from hemivar.discrete.residual import LoadScale, Residual, resting_multiplier
 from hemivar.laws import ContactLaw
 from hemivar.laws.vector_law import Linearisation
-from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
-from hemivar.linear.definite import (
-    below_zero,
-    free_unknowns,
-    lowest_quotient,
-    quotient,
-    refuse_indefinite,
-    refuse_unseen,
-    rounding,
-)
-from hemivar.linear.levels import COARSEST, Truncated
-from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.systems.condensed import ROUNDED
-from hemivar.systems.contact_moves import majorant, moving
-from hemivar.systems.workspace import Workspace
+from hemivar.linear.vectors import Vectors
+from hemivar.systems.contact_moves import majorant, smooth_components
 
-__all__ = ["Body", "BodyProblem", "Truncation", "embedded", "levels_of", "set_up"]
+__all__ = ["Body", "Truncation", "embedded"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
@@ -216,7 +197,7 @@ class Body(ABC):
         """The laws at ``r``: their derivatives, the components (m, d) that move smoothly, and second derivatives
         (m, d, d) between these with their weights."""
         line = self.law.linearise(r)
-        free = moving(line, self.active)
+        free = smooth_components(line, self.active)
         return line, free, self.weights[:, None, None] * line.hessian * (free[:, :, None] & free[:, None, :])
 
     def spread(self, values: Array) -> Array:
@@ -248,15 +229,15 @@ class Body(ABC):
         """``f - K u``, (n,)."""
         return np.asarray(self.load - self.multiply(x))
 
-    def energy(self, x: Array, lam: Array | None = None) -> float:
-        """E(u), as :meth:`hemivar.DiscreteProblem.energy` has it."""
+    def energy(self, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
+        """E(u), as :meth:`hemivar.DiscreteProblem.energy` has it; ``force`` is the elastic one where it is known."""
         r, domain = self.local(x), self.law.normal.domain
         moved, gap = np.abs(x[self.unknown]).max(initial=0.0), np.abs(self.offset).max(initial=0.0)
         close = 1e-12 * float(self.vectors.largest(moved, gap).max())
         inside = np.clip(r[:, 0], domain.lower, domain.upper)
         r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= close, inside, r[:, 0])
         law = self.law.frozen_at(r) if lam is None else self.law.frozen(r, lam)
-        elastic = 0.5 * float(x @ self.multiply(x)) - float(self.load @ x)
+        elastic = -0.5 * float(x @ (self.load + (self.force(x) if force is None else force)))
         return float(self.vectors.total(elastic + float(self.weights @ law.value(r)))[0]) + self.constant
 
     def stretch(self, change: Array) -> float:
@@ -286,15 +267,12 @@ class Body(ABC):
         inclusion = self.weights * self.law_at(x, lam).graph_distance(self.local(x), lam, self.compliance)
         moved = self.row_sums * np.abs(x) + np.abs(self.load)
         sizes = self.vectors.norms(off, inclusion, contact, moved).tolist()
-        return Residual.of_sizes(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
+        return Residual.of(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
 
-    def full_residual(self, unknowns: Array, lam: Array) -> Residual:
-        """The residual of the whole problem, which this is."""
-        return self.residual(unknowns, lam)
-
-    def recover(self, x: Array, lam: Array) -> tuple[Array, Residual]:
-        """The unknowns themselves, with the residual."""
-        return x, self.residual(x, lam)
+    def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
+        """The unknowns themselves, with the residual for each multiplier."""
+        force = self.force(x)
+        return x, [self.residual(x, lam, force) for lam in multipliers]
 
     @cached_property
     def load_scale(self) -> LoadScale:
@@ -311,170 +289,3 @@ def embedded(block: sp.csr_array, active: BoolArray, sign: Array) -> sp.csr_arra
     free, entries = np.flatnonzero(active.ravel()), block.tocoo()
     data = entries.data * sign[entries.row] * sign[entries.col]
     return sp.csr_array((data, (free[entries.row], free[entries.col])), shape=(active.size, active.size))
-
-
-# ---- on one machine ------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BodyProblem(Body):
-    """A discrete problem on one of the levels of its hierarchy.
-
-    Attributes
-    ----------
-    problem : DiscreteProblem
-    hierarchy : ElasticMultigrid
-        Matrices of this and the coarser levels.
-    top : int
-        Number of this level.
-    """
-
-    problem: DiscreteProblem
-    hierarchy: ElasticMultigrid
-    top: int
-
-    @staticmethod
-    def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int, below: BodyProblem | None) -> BodyProblem:
-        """The body of a problem."""
-        unknown, sign, active, _ = contact_unknowns(problem)
-        return BodyProblem(
-            vectors=WHOLE,
-            law=problem.law,
-            weights=problem.contact.weights,
-            offset=problem.contact.offset.ravel().reshape(active.shape),
-            unknown=unknown,
-            sign=sign,
-            active=active,
-            load=problem.linear.load,
-            row_sums=problem.linear.row_sums,
-            constant=problem.linear.constant,
-            compliance=contact_compliance(problem),
-            below=below,
-            problem=problem,
-            hierarchy=hierarchy,
-            top=top,
-        )
-
-    def multiply(self, x: Array) -> Array:
-        return np.asarray(self.problem.linear.stiffness @ x)
-
-    @cached_property
-    def _rows(self) -> sp.csr_array:
-        """Rows of the stiffness that belong to active components, (k, n)."""
-        return sp.csr_array(self.problem.linear.stiffness[self.unknown])
-
-    def pull(self, x: Array) -> Array:
-        return np.asarray(self._rows @ x)
-
-    def push(self, values: Array) -> Array:
-        return np.asarray(self._rows.T @ values)
-
-    @cached_property
-    def own_block(self) -> sp.csr_array:
-        return embedded(self._rows[:, self.unknown], self.active, self.sign)
-
-    def couple(self, step: Array) -> Array:
-        return np.asarray(self.own_block @ step.ravel()).reshape(step.shape)
-
-    def truncation(self) -> Truncation:
-        return _TruncatedBody(self)
-
-    def from_below(self, x: Array) -> Array:
-        return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
-
-    def with_law(self, law: ContactLaw) -> BodyProblem:
-        return self.for_problem(self.problem.with_(law=law))
-
-    def for_problem(self, problem: DiscreteProblem) -> BodyProblem:
-        """The same body under another load, gap or law."""
-        if (problem.unknowns, problem.contact.count) != (self.problem.unknowns, self.problem.contact.count):
-            raise ProblemError("the other problem is of another size; set it up by itself")
-        return BodyProblem.of(problem, self.hierarchy, self.top, None)
-
-    def refuse_direction(self, direction: Array) -> None:
-        problem = self.problem
-        if free_unknowns(problem) is None:
-            refuse_indefinite(
-                below_zero(problem, quotient(problem.linear.stiffness, direction, problem.linear.diagonal))
-            )
-
-    def free_growth(self) -> list[Growth]:
-        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
-
-        A large problem without a mesh does not tell its motions.
-        """
-        problem = self.problem
-        if free_unknowns(problem) is not None:
-            assert problem.field is not None
-            return free_growth(problem, problem.field.free_motions)
-        if problem.unknowns > COARSEST:
-            return []
-        root = np.sqrt(problem.linear.diagonal)
-        values, vectors = la.eigh(problem.linear.stiffness.toarray() / np.outer(root, root))
-        modes = vectors[:, values < rounding(problem.linear.stiffness, problem.linear.diagonal)] / root[:, None]
-        if not modes.shape[1]:
-            return []
-        modes /= np.abs(modes).max(axis=0)
-        local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
-        size = float(np.abs(problem.linear.load) @ np.abs(modes).max(axis=1))
-        return [growth_along(self.law, local, self.weights, modes.T @ problem.linear.load, size, ROUNDED)]
-
-
-class _TruncatedBody:
-    """Newton's matrix on the levels of a hierarchy."""
-
-    def __init__(self, body: BodyProblem) -> None:
-        self._body = body
-        self._levels = Truncated(body.hierarchy.levels, body.top)
-
-    @property
-    def diagonal(self) -> Array:
-        return self._levels.diagonal(self._body.top)
-
-    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
-        body = self._body
-        number = np.zeros(body.active.shape, dtype=np.int64)
-        number[body.active] = np.arange(body.unknown.size)
-        there = curvature != 0.0
-        rows = np.broadcast_to(number[:, :, None], there.shape)[there]
-        columns = np.broadcast_to(number[:, None, :], there.shape)[there]
-        entries = curvature[there] * body.sign[rows] * body.sign[columns]
-        self._levels.change(held, sp.csr_array((entries, (rows, columns)), shape=(body.unknown.size,) * 2))
-
-    def __matmul__(self, vector: Array) -> Array:
-        return np.asarray(self._levels.matrix(self._body.top) @ vector)
-
-    def cycle(self, right: Array) -> Array:
-        return self._levels.cycle(self._body.top, right)
-
-    def release(self) -> None:
-        pass
-
-
-def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigrid:
-    """The levels of the body of a problem, made on the first call; many solves may work on them at the same time."""
-    return workspace.once("levels", problem, lambda: ElasticMultigrid.of(problem))
-
-
-def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
-    """The body of a problem on its mesh and on every coarser one; the workspace keeps the levels.
-
-    Raises
-    ------
-    ProblemError
-        The stiffness has a negative eigenvalue, or the body can move without any contact point noticing it.
-    """
-    began = time.perf_counter()
-    refuse_unseen(problem)
-    if free_unknowns(problem) is None:
-        refuse_indefinite(below_zero(problem, lowest_quotient(problem.linear.stiffness)))
-    hierarchy = levels_of(problem, workspace)
-    posed = [problem]
-    if not problem.law.state_dependent:  # else nothing starts from a coarser mesh
-        for step in reversed(hierarchy.steps):
-            posed.insert(0, step.posed(posed[0]))
-    body: BodyProblem | None = None
-    for top, one in enumerate(posed, hierarchy.first + len(hierarchy.steps) + 1 - len(posed)):
-        body = BodyProblem.of(one, hierarchy, top, body)
-    assert body is not None
-    return replace(body, seconds=time.perf_counter() - began)

@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 
-from hemivar.basics.arrays import real_array
+from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.hold import Growth, growth_along
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale, residual
+from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
 from hemivar.fem.posed import posed
 from hemivar.laws import ContactLaw
-from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
 from hemivar.linear.factor_memory import check_memory, shortage
-from hemivar.linear.factorisation import Factorisation, factorise
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.scalar import Statement
+from hemivar.systems.elimination import Elimination, Recovery
 
 __all__ = ["CondensedProblem", "condense"]
 
@@ -72,8 +70,7 @@ class CondensedProblem(Portable):
     constant: float
     rest_energy: float
     seconds: float
-    _recovery: _Recovery
-    _body: _Body
+    _recovery: Recovery
 
     def __reduce__(self) -> tuple[Any, ...]:
         return condense, (self.problem,)  # factors cannot travel: they are made again on arrival
@@ -103,20 +100,20 @@ class CondensedProblem(Portable):
         """Indices of the free components in a flattened ``r``."""
         return np.flatnonzero(self.active.ravel())
 
-    @cached_property
-    def diagonal(self) -> Array:
-        """Stiffness of every component when all others are held, one number for the tangential ones, (m, d).
+    @property
+    def body(self) -> Elimination:
+        """What the condensation has made of stiffness and trace alone."""
+        return self._recovery.body
 
-        Where a body hangs on a contact point alone, that stiffness is zero; the stiffness of the material at the point
-        takes its place.
-        """
-        m, d = self.shape
-        pair = self.weights[:, None] / self._full_compliance
-        local = np.concatenate([pair[:, :1], np.repeat(pair[:, 1:], d - 1, axis=1)], axis=1)
-        diagonal = np.diagonal(self.matrix).reshape(m, d).copy()
-        if d > 1:
-            diagonal[:, 1:] = diagonal[:, 1:].max(axis=1, keepdims=True)
-        return np.where(diagonal > 1e-10 * local, diagonal, local)
+    @property
+    def diagonal(self) -> Array:
+        """Stiffness of every component when all others are held, one number for the tangential ones, (m, d)."""
+        return self.body.diagonal
+
+    @property
+    def stiffest(self) -> float:
+        """Largest eigenvalue of the matrix scaled by its diagonal."""
+        return self.body.stiffest
 
     @property
     def vectors(self) -> Vectors:
@@ -145,7 +142,7 @@ class CondensedProblem(Portable):
 
         Those of mesh and supports; of a stiffness without a mesh, its eigenvectors with eigenvalue zero up to rounding.
         """
-        known = free_unknowns(self.problem)
+        known = self.body.free_unknowns
         if known is not None:
             return np.asarray((self.problem.contact.trace[self.free] @ known).T)
         A = self.matrix[np.ix_(self.free, self.free)]
@@ -164,7 +161,7 @@ class CondensedProblem(Portable):
 
     def free_growth(self) -> list[Growth]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
-        if free_unknowns(self.problem) is not None:
+        if self.body.free_unknowns is not None:
             assert self.problem.field is not None
             return free_growth(self.problem, self.problem.field.free_motions)
         modes = self.rigid_modes
@@ -248,23 +245,22 @@ class CondensedProblem(Portable):
 
     def residual(self, r: Array, lam: Array) -> Residual:
         """The residual of the full problem for ``(r, lambda)``, the other unknowns being in equilibrium."""
-        off_balance = np.where(self.active, self.out_of_balance(r) - self.weights[:, None] * lam, 0.0)
-        off_law = self.law_at(r, lam).graph_distance(r, lam, self._full_compliance) if len(r) else np.zeros(0)
+        body, force = self.body, self.weights[:, None] * lam
+        off_balance = np.where(self.active, self.out_of_balance(r) - force, 0.0)
+        off_law = self.law_at(r, lam).graph_distance(r, lam, body.compliance) if len(r) else np.zeros(0)
+        moved = body.sizes @ np.abs(r.ravel()) + np.abs(self.force)
         return Residual.of(
-            out_of_balance=off_balance,
-            inclusion=self.weights * off_law,
-            load=self._load_scale,
-            contact_force=np.where(self.active, self.weights[:, None] * lam, 0.0),
-            moved=np.abs(self.matrix) @ np.abs(r.ravel()) + np.abs(self.force),
+            norm(off_balance),
+            norm(self.weights * off_law),
+            self.load_scale,
+            norm(np.where(self.active, force, 0.0)),
+            norm(moved),
         )
 
     @cached_property
-    def _full_compliance(self) -> Array:
-        return contact_compliance(self.problem)
-
-    @cached_property
-    def _load_scale(self) -> LoadScale:
-        return load_scale(self.problem, self._full_compliance)
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        return load_scale(self.problem, self.body.compliance)
 
     # ---- the same body otherwise ---------------------------------------------------------------------------
 
@@ -284,17 +280,13 @@ class CondensedProblem(Portable):
             return self
         if problem.bulk is old.bulk and problem.contact.offset is old.contact.offset:
             return replace(self, problem=problem, seconds=0.0)
-        return _load(self._body, problem, began)
+        return _under(self.body, problem, began)
 
     def with_law(self, law: ContactLaw) -> CondensedProblem:
         """The same body on another foundation."""
         return self.for_problem(self.problem.with_(law=law))
 
     # ---- the way back --------------------------------------------------------------------------------------
-
-    def full_residual(self, unknowns: Array, lam: Array) -> Residual:
-        """The residual of the problem with all its unknowns (n,)."""
-        return residual(self.problem, unknowns, lam)
 
     def unknowns(self, r: Array) -> Array:
         """All unknowns u (n,) in equilibrium with the local displacements ``r (m, d)``."""
@@ -309,24 +301,40 @@ class CondensedProblem(Portable):
 
         ``reaction`` gives the contact forces (m, d) of a force (n,).
         """
-        inner = self._recovery.factor.solve_interior(force)
+        inner = self.body.factor.solve_interior(force)
         return inner, reaction(self.problem, force - self.problem.linear.stiffness @ inner)
 
-    def recover(self, r: Array, lam: Array) -> tuple[Array, Residual]:
-        """All unknowns u (n,) from the local displacements, with the residual of the full problem."""
-        u = self._recovery(r)
-        found = residual(self.problem, u, lam)
-        # One step of iterative refinement where rounding in the elimination shows.
-        u_refined = self._recovery.refine(u, self.problem, lam)
-        refined = residual(self.problem, u_refined, lam)
-        if refined.total < found.total:
-            u, found = u_refined, refined
+    def recover(self, r: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
+        """All unknowns u (n,) from the local displacements, with the residual of the full problem for each multiplier.
+
+        It costs one sparse solve, and another where the elimination leaves more than the iteration has, and more than
+        rounding explains, for the first multiplier.
+        """
+        u, lam = self._recovery(r), multipliers[0]
+        found = self._residuals(u, multipliers)
+        if not found[0].total <= max(self.residual(r, lam).total, found[0].rounding):
+            refined = u + self.body.factor.solve_interior(self._out_of_balance(u, lam))
+            better = self._residuals(refined, multipliers)
+            if better[0].total < found[0].total:
+                u, found = refined, better
         sharper = self._sharpened(u, r, lam)
-        if sharper is not None and sharper[1] < found.total:
-            return sharper[0], residual(self.problem, sharper[0], lam)
+        if sharper is not None and sharper[1].total < found[0].total:
+            return sharper[0], self._residuals(sharper[0], multipliers)
         return u, found
 
-    def _sharpened(self, u: Array, r: Array, lam: Array) -> tuple[Array, float] | None:
+    def recovered(self, r: Array, lam: Array) -> tuple[Array, Residual]:
+        """:meth:`recover` for one multiplier, as the elimination leaves it."""
+        u = self._recovery(r)
+        return u, self._residuals(u, [lam])[0]
+
+    def _residuals(self, u: Array, multipliers: Sequence[Array]) -> list[Residual]:
+        return residuals(self.problem, u, multipliers, self.body.compliance, self.load_scale)
+
+    def _out_of_balance(self, u: Array, lam: Array) -> Array:
+        """Force (n,) that is left on the unknowns."""
+        return -self.problem.bulk.gradient(u) - self.problem.contact_force(lam)
+
+    def _sharpened(self, u: Array, r: Array, lam: Array) -> tuple[Array, Residual] | None:
         """Equilibrium of the contact points that are far from the foundation, where r is the gap and u is lost in it.
 
         With its residual for the multiplier of the law, which must not depend on r there.  None where no gap is that
@@ -345,53 +353,32 @@ class CondensedProblem(Portable):
         free = np.flatnonzero((self.active & flat).ravel())
         if not far.ravel()[free].any():
             return None
-        rest = self.problem.linear.load - self.problem.linear.stiffness @ u - self.problem.contact_force(lam)
-        inner = self._recovery.factor.solve_interior(rest)
-        reduced = (rest - self.problem.linear.stiffness @ inner)[self._recovery.kept]
+        rest, body = self._out_of_balance(u, lam), self.body
+        inner = body.factor.solve_interior(rest)
+        reduced = (rest - self.problem.linear.stiffness @ inner)[body.kept]
         try:
             factor = la.cho_factor(self.matrix[np.ix_(free, free)])
         except la.LinAlgError:
             return None
         change = np.zeros(self.active.size)
-        change[free] = la.cho_solve(factor, np.asarray(self._recovery.spread.T @ reduced)[free])
+        change[free] = la.cho_solve(factor, np.asarray(body.spread.T @ reduced)[free])
         u = u + inner + self._recovery.linear(change)
-        return u, residual(self.problem, u, lam).total
+        return u, self._residuals(u, [lam])[0]
 
 
-@dataclass(frozen=True, eq=False)
-class _Recovery:
-    """Interior unknowns from contact unknowns: ``u_I = K_II^-1 (f_I - K_IC y)``, ``y = Y (r + offset) + y0``."""
-
-    factor: Factorisation
-    stiffness: sp.csr_array
-    load: Array
-    kept: IntArray
-    offset: Array
-    spread: Any  # (k, m d) array or sparse array
-    shift: Array  # (k,)
-
-    def __call__(self, r: Array) -> Array:
-        u = np.zeros(self.load.size)
-        u[self.kept] = self.spread @ (r.ravel() + self.offset) + self.shift
-        return u + self.factor.solve_interior(self.load - self.stiffness @ u)
-
-    def linear(self, change: Array) -> Array:
-        """The same for a change of the local displacements, without load and shift."""
-        u = np.zeros(self.load.size)
-        u[self.kept] = self.spread @ change.ravel()
-        return u - self.factor.solve_interior(self.stiffness @ u)
-
-    def refine(self, u: Array, problem: DiscreteProblem, lam: Array) -> Array:
-        rest = self.load - self.stiffness @ u - problem.contact_force(lam)
-        return u + self.factor.solve_interior(rest)
-
-
-def condense(problem: DiscreteProblem | ContactProblem) -> CondensedProblem:
+def condense(problem: DiscreteProblem | Statement, many: bool = False) -> CondensedProblem:
     """Eliminate every unknown that no contact law acts on (the survey's Schur complement, section 5.2).
 
     Costs one sparse factorisation.  Where the trace selects single unknowns (nodal quadrature) the contact unknowns
     are kept as they are; otherwise (midpoints, arrays of the user's) they are changed for the local displacements
     by an orthogonal factorisation of the trace, and what is left over is eliminated as well.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    many : bool
+        The same body will be asked for under many loads: the factors are split in two for a fourth of their price,
+        and every load and its way back cost half of a sparse solve each.
 
     Raises
     ------
@@ -406,134 +393,27 @@ def condense(problem: DiscreteProblem | ContactProblem) -> CondensedProblem:
     contact = problem.contact_points * problem.contact.components
     check_memory(problem.unknowns, problem.contact.components, contact)
     try:
-        return _load(_condense_body(problem), problem, began)
+        return _under(Elimination.of(problem, many), problem, began)
     except MemoryError:
         raise shortage(problem) from None
 
 
-@dataclass(frozen=True, eq=False)
-class _Body:
-    """What the condensation makes of stiffness and trace alone, whatever the load, the gap and the law."""
-
-    factor: Factorisation
-    kept: IntArray
-    matrix: Array
-    active: BoolArray
-    spread: Any  # (k, m d) array or sparse array
-    drift: Array | None  # (k, k): displacement of what no contact point sees, for a force on the kept unknowns
-
-
-def _condense_body(problem: DiscreteProblem) -> _Body:
-    refuse_unseen(problem)
-    K, B = problem.linear.stiffness, problem.contact.trace
-    m, d = problem.contact_points, problem.contact.components
-    B = sp.csr_array(B)
-    B.eliminate_zeros()
-    kept = np.unique(B.indices).astype(np.int64)
-    factor = factorise(K, kept)
-    active = (np.diff(B.indptr) > 0).reshape(m, d)
-    rows = np.flatnonzero(active.ravel())
-    trace = sp.csr_array(B[rows][:, kept])
-    select = trace.nnz == rows.size == kept.size and np.all(trace.data == 1.0)
-    S = factor.schur
-    if free_unknowns(problem) is None:
-        _check_semidefinite(problem, factor, kept)
-    matrix = np.zeros((m * d, m * d))
-    drift: Array | None = None
-    if select:
-        columns = trace.indices
-        matrix[np.ix_(rows, rows)] = S[np.ix_(columns, columns)]
-        spread: Any = sp.csr_array((np.ones(rows.size), (columns, rows)), shape=(kept.size, m * d))
-    else:
-        local, remainder = _local_coordinates(trace.toarray())
-        if remainder.shape[1]:
-            # Minimise over the combinations of contact unknowns that no contact point sees.
-            pivot = la.cho_factor(_positive(remainder.T @ S @ remainder))
-            follow = -la.cho_solve(pivot, remainder.T @ S @ local)
-            local = local + remainder @ follow
-            drift = remainder @ la.cho_solve(pivot, remainder.T)
-        dense = np.zeros((kept.size, m * d))
-        dense[:, rows] = local
-        spread = dense
-        block = local.T @ S @ local
-        matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
-    return _Body(factor, kept, matrix, active, spread, drift)
-
-
-def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: IntArray) -> None:
-    """Refuse a stiffness without a mesh along which the energy falls: shown by a displacement, free of doubt."""
-    K, scale = problem.linear.stiffness, problem.linear.diagonal[kept]
-    if factor.interior_positive:
-        root = np.sqrt(scale)
-        scaled = factor.schur / np.outer(root, root)
-        try:
-            la.cho_factor(scaled + 1e-13 * np.eye(kept.size))
-            return
-        except la.LinAlgError:
-            u = np.zeros(problem.unknowns)
-            u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
-            u += factor.solve_interior(-(K @ u))
-        refuse_indefinite(below_zero(problem, quotient(K, u, problem.linear.diagonal)))
-    else:
-        refuse_indefinite(indefinite(K))
-
-
-def _load(body: _Body, problem: DiscreteProblem, began: float) -> CondensedProblem:
-    K, f = problem.linear.stiffness, problem.linear.load
-    interior = body.factor.solve_interior(f)
-    reduced_force = (f - K @ interior)[body.kept]
-    rest_energy = 0.5 * float(f @ interior)
-    constant = problem.linear.constant - rest_energy
-    shift = np.zeros(body.kept.size)
-    if body.drift is not None:
-        shift = body.drift @ reduced_force
-        constant -= 0.5 * float(shift @ reduced_force)
-    force = np.asarray(body.spread.T @ reduced_force)
+def _under(body: Elimination, problem: DiscreteProblem, began: float) -> CondensedProblem:
+    """The condensation of a body under the load and the gap of a problem."""
+    recovery, rest_energy = body.under(problem)
+    constant = problem.linear.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)
+    force = np.asarray(body.spread.T @ recovery.reduced.force)
     # From contact unknowns y = r + offset to r.
-    offset = problem.contact.offset.ravel()
-    free_offset = np.where(body.active.ravel(), offset, 0.0)
-    constant += 0.5 * float(free_offset @ (body.matrix @ free_offset)) - float(force @ free_offset)
-    force = force - body.matrix @ free_offset
-    fixed = np.where(body.active, 0.0, -offset.reshape(body.active.shape))
-    recovery = _Recovery(body.factor, K, f, body.kept, free_offset, body.spread, shift)
+    offset = recovery.offset
+    constant += 0.5 * float(offset @ (body.matrix @ offset)) - float(force @ offset)
     return CondensedProblem(
         problem,
         body.matrix,
-        force,
+        force - body.matrix @ offset,
         body.active,
-        fixed,
+        np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape)),
         constant,
         rest_energy,
         time.perf_counter() - began,
         recovery,
-        body,
     )
-
-
-def _local_coordinates(trace: Array) -> tuple[Array, Array]:
-    """Columns ``(T, N)`` with ``trace @ T = 1`` and N an orthonormal basis of the null space of ``trace``."""
-    count = trace.shape[0]
-    if count > trace.shape[1]:
-        raise _dependent()
-    q, upper = la.qr(trace.T)
-    upper = upper[:count]
-    pivots = np.abs(np.diagonal(upper))
-    if pivots.min(initial=np.inf) <= 1e-12 * pivots.max(initial=0.0):
-        raise _dependent()
-    return q[:, :count] @ la.solve_triangular(upper, np.eye(count), trans="T"), q[:, count:]
-
-
-def _dependent() -> ProblemError:
-    return ProblemError(
-        "the rows of the trace depend on one another: two contact points share their displacement; "
-        "use nodal quadrature, or join the points and add their weights"
-    )
-
-
-def _positive(matrix: Array) -> Array:
-    smallest = np.linalg.eigvalsh(matrix)[0] if matrix.size else 1.0
-    if smallest <= 0.0:
-        raise ProblemError(
-            "the body can move without deforming and without any contact point noticing it; add a support"
-        )
-    return matrix

@@ -16,14 +16,15 @@ from hemivar.systems.downhill import downhill_minimiser
 
 __all__ = [
     "ContactBody",
+    "ElasticBody",
     "Move",
     "Search",
     "best_component",
     "diagonal_step",
     "gain",
     "majorant",
-    "moving",
     "newton_components",
+    "smooth_components",
     "snapped",
 ]
 
@@ -44,7 +45,7 @@ class Search(Enum):
     """It walks downhill and never crosses a barrier of its own energy: the branch it is on is kept while it lasts."""
 
 
-class ContactBody(Protocol):
+class ElasticBody(Protocol):
     """The elastic body as its contact points see it; arrays are those of the contact points of this process."""
 
     @property
@@ -53,17 +54,8 @@ class ContactBody(Protocol):
         ...
 
     @property
-    def law(self) -> ContactLaw: ...
-    @property
-    def weights(self) -> Array: ...
-    @property
     def active(self) -> BoolArray:
         """Components (m, d) that are free to move."""
-        ...
-
-    @property
-    def fixed(self) -> Array:
-        """Values (m, d) of those that are not."""
         ...
 
     @property
@@ -71,13 +63,26 @@ class ContactBody(Protocol):
         """Stiffness of every component, positive, one number for the tangential ones of a point, (m, d)."""
         ...
 
+    def couple(self, step: Array) -> Array:
+        """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
+        ...
+
+
+class ContactBody(ElasticBody, Protocol):
+    """The same with its foundation."""
+
+    @property
+    def law(self) -> ContactLaw: ...
+    @property
+    def weights(self) -> Array: ...
+    @property
+    def fixed(self) -> Array:
+        """Values (m, d) of the components that are not free to move."""
+        ...
+
     @property
     def tangential_blocks(self) -> Array:
         """Stiffness of the tangential components of each point, (m, d - 1, d - 1)."""
-        ...
-
-    def couple(self, step: Array) -> Array:
-        """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
         ...
 
 
@@ -95,6 +100,8 @@ class Move:
         Evaluations of the energy.
     factor : float
         How much stiffer than its diagonal the body had to be.
+    value : array (m,)
+        j(r) where it leads.
     endless : bool
         Whether the energy of a point falls without end; ``r`` is where it began then.
     """
@@ -103,6 +110,7 @@ class Move:
     gain: float
     tries: int
     factor: float
+    value: Array
     endless: bool = False
 
 
@@ -115,7 +123,7 @@ def gain(body: ContactBody, step: Array, bent: Array, force: Array, change: Arra
     return float(0.5 * flat @ bent.ravel() - force.ravel() @ flat + body.weights @ change)
 
 
-def majorant(body: ContactBody) -> float:
+def majorant(body: ElasticBody) -> float:
     """Largest eigenvalue of the body scaled by its diagonal: what makes the diagonal body stiffer than it."""
     vectors, active = body.vectors, body.active
     count = int(np.count_nonzero(active))
@@ -133,7 +141,14 @@ def majorant(body: ContactBody) -> float:
     return max(_MARGIN * size, 1.0)
 
 
-def diagonal_step(body: ContactBody, r: Array, force: Array, factor: float, search: Search = Search.GLOBAL) -> Move:
+def diagonal_step(
+    body: ContactBody,
+    r: Array,
+    force: Array,
+    factor: float,
+    search: Search = Search.GLOBAL,
+    value: Array | None = None,
+) -> Move:
     """All points minimise their diagonal problem at once; it is stiffened until the energy falls.
 
     Parameters
@@ -144,9 +159,11 @@ def diagonal_step(body: ContactBody, r: Array, force: Array, factor: float, sear
     factor : float
         How much stiffer than its diagonal the body is made at first.
     search : Search
+    value : array (m,), optional
+        j(r) where it is known.
     """
     d, vectors, first = r.shape[1], body.vectors, factor
-    value = body.law.value(r)
+    value = body.law.value(r) if value is None else value
     feasible = not vectors.largest(float(not np.isfinite(value).all()))[0]
     for attempt in range(1, _ATTEMPTS + 1):
         stiffness = factor * body.diagonal
@@ -158,15 +175,16 @@ def diagonal_step(body: ContactBody, r: Array, force: Array, factor: float, sear
             target = downhill_minimiser(body.law, pair, pull, r)
         new = np.where(body.active, target, body.fixed)
         if vectors.largest(float(not np.isfinite(new).all()))[0]:
-            return Move(r, 0.0, attempt, factor, endless=True)
+            return Move(r, 0.0, attempt, factor, value, endless=True)
+        there = body.law.value(new)
         if not feasible:
-            return Move(new, 0.0, attempt, factor)
+            return Move(new, 0.0, attempt, factor, there)
         bent = body.couple(new - r)
-        (gained,) = vectors.total(gain(body, new - r, bent, force, body.law.value(new) - value)).tolist()
+        (gained,) = vectors.total(gain(body, new - r, bent, force, there - value)).tolist()
         if gained <= 0.0:
-            return Move(new, gained, attempt, factor)
+            return Move(new, gained, attempt, factor, there)
         factor *= _STIFFER
-    return Move(r, 0.0, attempt, first)  # what is left to gain is below the rounding
+    return Move(r, 0.0, attempt, first, value)  # what is left to gain is below the rounding
 
 
 def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
@@ -200,10 +218,10 @@ def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, fl
 
 def newton_components(law: ContactLaw, r: Array, active: BoolArray) -> BoolArray:
     """Components on which the law is smooth at ``r`` and that are free to move, (m, d)."""
-    return moving(law.linearise(r), active)
+    return smooth_components(law.linearise(r), active)
 
 
-def moving(line: Linearisation, active: BoolArray) -> BoolArray:
+def smooth_components(line: Linearisation, active: BoolArray) -> BoolArray:
     """The same where the law has been linearised."""
     smooth = np.repeat(line.smooth, [1, active.shape[1] - 1], axis=1)
     return np.asarray(active & smooth)

@@ -7,14 +7,14 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-from hemivar.basics.arguments import whole_number
+from hemivar.basics.arguments import expect, whole_number
 from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.systems.condensed import CondensedProblem, condense
 
 __all__ = ["Workspace"]
 
 T = TypeVar("T")
-_CONDENSATION = "condensation"
+_CONDENSATION, _FOR_MANY = "condensation", "condensation for many loads"
 
 
 class Workspace:
@@ -45,6 +45,19 @@ class Workspace:
     def __reduce__(self) -> tuple[type[Workspace], tuple[int]]:
         return Workspace, (self._bodies,)  # factors cannot travel: they are made again on arrival
 
+    @staticmethod
+    def given(workspace: Workspace | None) -> Workspace:
+        """What a caller passed, or a new one; anything else is refused.
+
+        Raises
+        ------
+        ProblemError
+        """
+        if workspace is None:
+            return Workspace()
+        remedy = "make one, hemivar.Workspace(), and pass it to every call"
+        return cast(Workspace, expect(workspace, Workspace, "the workspace", remedy))
+
     @classmethod
     def holding(cls, condensed: CondensedProblem) -> Workspace:
         """A workspace that knows a condensation already."""
@@ -72,13 +85,18 @@ class Workspace:
                 shelf.things[what] = make()
             return cast(T, shelf.things[what])
 
-    def condensed(self, problem: DiscreteProblem) -> CondensedProblem:
-        """The body condensed onto its contact boundary, under the load, the gap and the law of the problem."""
-        return self.once(_CONDENSATION, problem, lambda: condense(problem)).for_problem(problem)
+    def condensed(self, problem: DiscreteProblem, many: bool = False) -> CondensedProblem:
+        """The body condensed onto its contact boundary, under the load, the gap and the law of the problem.
+
+        ``many`` if many loads are to come, see :func:`hemivar.systems.condense`.
+        """
+        many = many or _FOR_MANY in self._shelf(problem).things
+        what = _FOR_MANY if many else _CONDENSATION
+        return self.once(what, problem, lambda: condense(problem, many)).for_problem(problem)
 
     def condenses(self, problem: DiscreteProblem) -> bool:
         """Whether the body of the problem has been condensed already."""
-        return _CONDENSATION in self._shelf(problem).things
+        return not self._shelf(problem).things.keys().isdisjoint((_CONDENSATION, _FOR_MANY))
 
     def forget(self) -> None:
         """Give all memory back."""

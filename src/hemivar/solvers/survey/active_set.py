@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -60,11 +61,9 @@ class FixedSets:
         values = self.system.fixed.copy()
         moving = self.system.active.copy()
         for c, law in enumerate(self.laws):
-            knots = np.broadcast_to(law.knots, (len(self.state), law.knots.shape[-1]))
             at_knot = self.state[:, c] % 2 == 1
-            knot = np.take_along_axis(knots, np.minimum(self.state[:, c] // 2, knots.shape[1] - 1)[:, None], axis=1)
             hold = at_knot & self.system.active[:, c]
-            values[hold, c] = knot[hold, 0]
+            values[hold, c] = _knot(law, self.state[:, c])[hold]
             moving[:, c] &= ~at_knot
         return np.flatnonzero(moving.ravel()), values.ravel()
 
@@ -170,13 +169,7 @@ class RadialSets:
         return np.asarray(self.state[:, part] % 2 == 1)
 
     def _knot(self, part: int) -> Array:
-        law = self.laws[part]
-        knots = np.broadcast_to(law.knots, (len(self.state), law.knots.shape[-1]))
-        if knots.shape[1] == 0:
-            return np.zeros(len(self.state))
-        return np.take_along_axis(knots, np.minimum(self.state[:, part] // 2, knots.shape[1] - 1)[:, None], axis=1)[
-            :, 0
-        ]
+        return _knot(self.laws[part], self.state[:, part])
 
 
 @dataclass(frozen=True)
@@ -196,7 +189,7 @@ class ExactInner(InnerSolver):
             force = (system.force - system.matrix @ r - weights * slope)[free]
             H = system.matrix[np.ix_(free, free)]
             H[np.diag_indices_from(H)] += (weights * curvature)[free]
-            step = _solve_symmetric(H, force)
+            step = _solve(H, force, symmetric=True)
             r[free] += step
             if np.abs(step).max(initial=0.0) <= 1e-13 * np.abs(r).max(initial=0.0):
                 break
@@ -257,14 +250,7 @@ class NewtonKrylov(InnerSolver):
             slope, _ = problem.pressure(r)
             return np.asarray(precondition * (system.matrix @ r - system.force + weights * slope)[free] / scale)
 
-        x0 = start[free] / (length * precondition)
-        try:
-            x = opt.newton_krylov(balance, x0, f_tol=self.tolerance, maxiter=60)
-        except opt.NoConvergence as error:
-            x = np.asarray(error.args[0])
-        except ValueError:  # SciPy's word for a Krylov space without a direction, as in a singular problem
-            x = x0
-        balance(np.asarray(x))
+        balance(self._root(balance, start[free] / (length * precondition)))
         return r.copy(), count
 
     def solve_radial(self, problem: RadialSets, budget: Budget) -> tuple[Array, int]:
@@ -283,15 +269,17 @@ class NewtonKrylov(InnerSolver):
             r[free] = length * x
             return np.asarray(problem.gap(r.reshape(system.shape)).ravel()[free] / length)
 
-        x0 = problem.r.ravel()[free] / length
-        try:
-            x = np.asarray(opt.newton_krylov(gap, x0, f_tol=self.tolerance, maxiter=60))
-        except opt.NoConvergence as error:
-            x = np.asarray(error.args[0])
-        except ValueError:
-            x = x0
-        gap(x)
+        gap(self._root(gap, problem.r.ravel()[free] / length))
         return r.copy(), count
+
+    def _root(self, function: Callable[[Array], Array], start: Array) -> Array:
+        """Where a function is zero, or as near to that as SciPy comes."""
+        try:
+            return np.asarray(opt.newton_krylov(function, start, f_tol=self.tolerance, maxiter=60))
+        except opt.NoConvergence as error:
+            return np.asarray(error.args[0])
+        except ValueError:  # SciPy's word for a Krylov space without a direction, as in a singular problem
+            return start
 
 
 @dataclass(frozen=True)
@@ -329,11 +317,8 @@ class PrimalDualActiveSet(Solver):
         return "active-set" + self.inner.suffix
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
-        if problem.contact_points == 0:
-            return None
-        for alpha in problem.law.weak_convexity:
-            if np.isinf(alpha).any():
-                return "the law jumps down, so a kink has no place in the order of the sets; use newton"
+        if problem.contact_points and any(np.isinf(alpha).any() for alpha in problem.law.weak_convexity):
+            return "the law jumps down, so a kink has no place in the order of the sets; use newton"
         return None
 
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
@@ -393,6 +378,14 @@ class PrimalDualActiveSet(Solver):
 def _parts(r: Array) -> Array:
     """Normal component and slip; in three dimensions the size of the slip."""
     return r if r.shape[1] <= 2 else np.stack([r[:, 0], np.linalg.norm(r[:, 1:], axis=1)], axis=1)
+
+
+def _knot(law: Superpotential, state: IntArray) -> Array:
+    """The knot that an odd entry of a state (m,) stands for, and some knot elsewhere, (m,)."""
+    knots = np.broadcast_to(law.knots, (len(state), law.knots.shape[-1]))
+    if knots.shape[1] == 0:
+        return np.zeros(len(state))
+    return np.asarray(knots[np.arange(len(state)), np.minimum(state // 2, knots.shape[1] - 1)])
 
 
 def _polar(x: Array) -> tuple[Array, Array]:
@@ -457,19 +450,11 @@ def _step_length(system: CondensedProblem, law: Superpotential, c: int) -> Array
     return np.where(alpha > 0.0, np.minimum(tau, 0.5 / np.where(alpha > 0.0, alpha, 1.0)), tau)
 
 
-def _solve(matrix: Array, rhs: Array) -> Array:
+def _solve(matrix: Array, rhs: Array, symmetric: bool = False) -> Array:
+    """The solution, in the sense of least squares where the matrix is singular, or symmetric and not definite."""
     if matrix.size == 0:
         return np.zeros(0)
     try:
-        return np.asarray(np.linalg.solve(matrix, rhs))
-    except np.linalg.LinAlgError:
-        return np.asarray(la.lstsq(matrix, rhs)[0])
-
-
-def _solve_symmetric(H: Array, rhs: Array) -> Array:
-    if H.size == 0:
-        return np.zeros(0)
-    try:
-        return np.asarray(la.cho_solve(la.cho_factor(H), rhs))
+        return np.asarray(la.cho_solve(la.cho_factor(matrix), rhs) if symmetric else np.linalg.solve(matrix, rhs))
     except la.LinAlgError:
-        return np.asarray(la.lstsq(H, rhs)[0])
+        return np.asarray(la.lstsq(matrix, rhs)[0])

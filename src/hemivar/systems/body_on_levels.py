@@ -1,0 +1,225 @@
+"""All unknowns of a body on one machine, on its mesh and on the coarser ones below."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.hold import Growth, growth_along
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import contact_compliance
+from hemivar.errors import ProblemError
+from hemivar.fem.free_motion import free_growth
+from hemivar.laws import ContactLaw
+from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
+from hemivar.linear.definite import (
+    below_zero,
+    free_unknowns,
+    lowest_quotient,
+    quotient,
+    refuse_indefinite,
+    refuse_unseen,
+    rounding,
+)
+from hemivar.linear.levels import COARSEST
+from hemivar.linear.vectors import WHOLE
+from hemivar.systems.body import Body, Truncation, embedded
+from hemivar.systems.condensed import ROUNDED
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["BodyProblem", "levels_of", "set_up"]
+
+#: What a body on one machine knows whatever its load, gap and law.
+_OF_THE_BODY = ("_rows", "own_block", "stiffness", "diagonal", "stiffest")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyProblem(Body):
+    """A discrete problem on one of the levels of its hierarchy.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+    hierarchy : ElasticMultigrid
+        Matrices of this and the coarser levels.
+    top : int
+        Number of this level.
+    """
+
+    problem: DiscreteProblem
+    hierarchy: ElasticMultigrid
+    top: int
+
+    @staticmethod
+    def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int) -> BodyProblem:
+        """The body of a problem, no problem being posed below."""
+        unknown, sign, active, _ = contact_unknowns(problem)
+        return BodyProblem(
+            vectors=WHOLE,
+            law=problem.law,
+            weights=problem.contact.weights,
+            offset=problem.contact.offset.ravel().reshape(active.shape),
+            unknown=unknown,
+            sign=sign,
+            active=active,
+            load=problem.linear.load,
+            row_sums=problem.linear.row_sums,
+            constant=problem.linear.constant,
+            compliance=contact_compliance(problem),
+            problem=problem,
+            hierarchy=hierarchy,
+            top=top,
+        )
+
+    def multiply(self, x: Array) -> Array:
+        return np.asarray(self.problem.linear.stiffness @ x)
+
+    @cached_property
+    def _rows(self) -> sp.csr_array:
+        """Rows of the stiffness that belong to active components, (k, n)."""
+        return sp.csr_array(self.problem.linear.stiffness[self.unknown])
+
+    def pull(self, x: Array) -> Array:
+        return np.asarray(self._rows @ x)
+
+    def push(self, values: Array) -> Array:
+        return np.asarray(self._rows.T @ values)
+
+    @cached_property
+    def own_block(self) -> sp.csr_array:
+        return embedded(self._rows[:, self.unknown], self.active, self.sign)
+
+    def couple(self, step: Array) -> Array:
+        return np.asarray(self.own_block @ step.ravel()).reshape(step.shape)
+
+    def truncation(self) -> Truncation:
+        return _TruncatedBody(self)
+
+    def from_below(self, x: Array) -> Array:
+        return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
+
+    def with_law(self, law: ContactLaw) -> BodyProblem:
+        return self.for_problem(self.problem.with_(law=law))
+
+    def for_problem(self, problem: DiscreteProblem) -> BodyProblem:
+        """The same body under another load, gap or law."""
+        if (problem.unknowns, problem.contact.count) != (self.problem.unknowns, self.problem.contact.count):
+            raise ProblemError("the other problem is of another size; set it up by itself")
+        return self.posed(problem, None, time.perf_counter())
+
+    def posed(self, problem: DiscreteProblem, below: BodyProblem | None, began: float) -> BodyProblem:
+        """The same body under the load, the gap and the law of a problem; what only the body decides is shared."""
+        other = replace(
+            self,
+            problem=problem,
+            law=problem.law,
+            offset=problem.contact.offset.ravel().reshape(self.active.shape),
+            load=problem.linear.load,
+            constant=problem.linear.constant,
+            seconds=time.perf_counter() - began,
+            below=below,
+        )
+        vars(other).update({name: getattr(self, name) for name in _OF_THE_BODY})
+        return other
+
+    def refuse_direction(self, direction: Array) -> None:
+        problem = self.problem
+        if free_unknowns(problem) is None:
+            refuse_indefinite(
+                below_zero(problem, quotient(problem.linear.stiffness, direction, problem.linear.diagonal))
+            )
+
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
+
+        A large problem without a mesh does not tell its motions.
+        """
+        problem = self.problem
+        if free_unknowns(problem) is not None:
+            assert problem.field is not None
+            return free_growth(problem, problem.field.free_motions)
+        if problem.unknowns > COARSEST:
+            return []
+        root = np.sqrt(problem.linear.diagonal)
+        values, vectors = la.eigh(problem.linear.stiffness.toarray() / np.outer(root, root))
+        modes = vectors[:, values < rounding(problem.linear.stiffness, problem.linear.diagonal)] / root[:, None]
+        if not modes.shape[1]:
+            return []
+        modes /= np.abs(modes).max(axis=0)
+        local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
+        size = float(np.abs(problem.linear.load) @ np.abs(modes).max(axis=1))
+        return [growth_along(self.law, local, self.weights, modes.T @ problem.linear.load, size, ROUNDED)]
+
+
+class _TruncatedBody:
+    """Newton's matrix on the levels of a hierarchy."""
+
+    def __init__(self, body: BodyProblem) -> None:
+        self._body = body
+        self._levels = body.hierarchy.levels.borrow(body.top)
+
+    @property
+    def diagonal(self) -> Array:
+        return self._levels.diagonal(self._body.top)
+
+    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+        body = self._body
+        number = np.zeros(body.active.shape, dtype=np.int64)
+        number[body.active] = np.arange(body.unknown.size)
+        there = curvature != 0.0
+        rows = np.broadcast_to(number[:, :, None], there.shape)[there]
+        columns = np.broadcast_to(number[:, None, :], there.shape)[there]
+        entries = curvature[there] * body.sign[rows] * body.sign[columns]
+        self._levels.change(held, sp.csr_array((entries, (rows, columns)), shape=(body.unknown.size,) * 2))
+
+    def __matmul__(self, vector: Array) -> Array:
+        return np.asarray(self._levels.matrix(self._body.top) @ vector)
+
+    def cycle(self, right: Array) -> Array:
+        return self._levels.cycle(self._body.top, right)
+
+    def release(self) -> None:
+        self._body.hierarchy.levels.give_back(self._levels)
+        del self._levels  # another solve may have it now
+
+
+def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigrid:
+    """The levels of the body of a problem, made on the first call; many solves may work on them at the same time."""
+    return workspace.once("levels", problem, lambda: ElasticMultigrid.of(problem))
+
+
+def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
+    """The body of a problem on its mesh and on every coarser one; the workspace keeps the levels.
+
+    Raises
+    ------
+    ProblemError
+        The stiffness has a negative eigenvalue, or the body can move without any contact point noticing it.
+    """
+    began = time.perf_counter()
+    bodies = workspace.once("bodies", problem, lambda: _bodies(problem, workspace))
+    posed = [problem]
+    if not problem.law.state_dependent:  # else nothing starts from a coarser mesh
+        for step in reversed(bodies[-1].hierarchy.steps):
+            posed.insert(0, step.posed(posed[0]))
+    body: BodyProblem | None = None
+    for known, one in zip(bodies[-len(posed) :], posed, strict=True):
+        body = known.posed(one, body, began)
+    assert body is not None
+    return body
+
+
+def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]:
+    """The body on every mesh, from coarse to fine."""
+    refuse_unseen(problem)
+    if free_unknowns(problem) is None:
+        refuse_indefinite(below_zero(problem, lowest_quotient(problem.linear.stiffness)))
+    hierarchy = levels_of(problem, workspace)
+    problems = [step.problem for step in hierarchy.steps] + [problem]
+    return [BodyProblem.of(one, hierarchy, top) for top, one in enumerate(problems, hierarchy.first)]

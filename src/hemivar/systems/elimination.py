@@ -1,0 +1,266 @@
+"""Elimination of the unknowns that no contact law acts on, and the way back: what condensation makes of a body."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import contact_compliance
+from hemivar.errors import ProblemError
+from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient, refuse_indefinite, refuse_unseen
+from hemivar.linear.factorisation import Factorisation, Reduced, factorise
+from hemivar.linear.vectors import WHOLE, Vectors
+from hemivar.systems.contact_moves import majorant
+
+__all__ = ["Elimination", "Recovery"]
+
+#: Components up to which an eigenvalue is sought among all.
+_FEW = 40
+#: Part by which an eigenvalue is raised, for what is found may be a little below it.
+_RAISED = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """What the condensation makes of stiffness and trace alone, whatever the load, the gap and the law.
+
+    Attributes
+    ----------
+    factor : Factorisation
+        Of the stiffness, apart from the unknowns ``kept``.
+    kept : int array (k,)
+        The unknowns that contact points see.
+    matrix : array (m d, m d)
+        Stiffness between local displacements; rows and columns of components that a support fixes are zero.
+    active : bool array (m, d)
+        Components that are free to move.
+    compliance : array (m, 2)
+        Displacement for a unit pressure at a contact point when all other unknowns are held.
+    weights : array (m,)
+    spread : array or sparse array (k, m d)
+        Kept unknowns from local displacements.
+    drift : array (k, k) or None
+        Displacement of what no contact point sees, for a force on the kept unknowns.
+    free_unknowns : array (n, a) or None
+        Of the motions without deformation; None where K is not that of a mesh.
+    """
+
+    factor: Factorisation
+    kept: IntArray
+    matrix: Array
+    active: BoolArray
+    compliance: Array
+    weights: Array
+    spread: Any
+    drift: Array | None
+    free_unknowns: Array | None
+
+    vectors: Vectors = field(default=WHOLE, init=False)
+
+    @staticmethod
+    def of(problem: DiscreteProblem, many: bool = False) -> Elimination:
+        """Factorise the body of a problem and reduce it to its local displacements; ``many`` if many loads follow.
+
+        Raises
+        ------
+        ProblemError
+            The interior is singular, the stiffness has a negative eigenvalue, or contact rows depend on one another.
+        """
+        refuse_unseen(problem)
+        K, B = problem.linear.stiffness, sp.csr_array(problem.contact.trace)
+        m, d = problem.contact_points, problem.contact.components
+        B.eliminate_zeros()
+        kept = np.unique(B.indices).astype(np.int64)
+        factor = factorise(K, kept, many)
+        active = (np.diff(B.indptr) > 0).reshape(m, d)
+        rows = np.flatnonzero(active.ravel())
+        trace = sp.csr_array(B[rows][:, kept])
+        select = trace.nnz == rows.size == kept.size and np.all(trace.data == 1.0)
+        S = factor.schur
+        known = free_unknowns(problem)
+        if known is None:
+            _check_semidefinite(problem, factor, kept)
+        matrix = np.zeros((m * d, m * d))
+        drift: Array | None = None
+        if select:
+            columns = trace.indices
+            matrix[np.ix_(rows, rows)] = S[np.ix_(columns, columns)]
+            spread: Any = sp.csr_array((np.ones(rows.size), (columns, rows)), shape=(kept.size, m * d))
+        else:
+            local, remainder = _local_coordinates(trace.toarray())
+            if remainder.shape[1]:
+                # Minimise over the combinations of contact unknowns that no contact point sees.
+                pivot = la.cho_factor(_positive(remainder.T @ S @ remainder))
+                follow = -la.cho_solve(pivot, remainder.T @ S @ local)
+                local = local + remainder @ follow
+                drift = remainder @ la.cho_solve(pivot, remainder.T)
+            spread = np.zeros((kept.size, m * d))
+            spread[:, rows] = local
+            block = local.T @ S @ local
+            matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
+        compliance, weights = contact_compliance(problem), problem.contact.weights
+        return Elimination(factor, kept, matrix, active, compliance, weights, spread, drift, known)
+
+    @cached_property
+    def sizes(self) -> Array:
+        """Absolute entries of the matrix, by which rounding is estimated."""
+        return np.abs(self.matrix)
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """Stiffness of every component when all others are held, one number for the tangential ones, (m, d).
+
+        Where a body hangs on a contact point alone, that stiffness is zero; the stiffness of the material at the point
+        takes its place.
+        """
+        m, d = self.active.shape
+        pair = self.weights[:, None] / self.compliance
+        local = np.concatenate([pair[:, :1], np.repeat(pair[:, 1:], d - 1, axis=1)], axis=1)
+        diagonal = np.diagonal(self.matrix).reshape(m, d).copy()
+        if d > 1:
+            diagonal[:, 1:] = diagonal[:, 1:].max(axis=1, keepdims=True)
+        return np.where(diagonal > 1e-10 * local, diagonal, local)
+
+    @cached_property
+    def pointwise(self) -> Array:
+        """The same per area, of the normal and of the tangential part, (m, 2)."""
+        d = self.active.shape[1]
+        return np.asarray(self.diagonal[:, [0, min(1, d - 1)]] / self.weights[:, None])
+
+    def couple(self, step: Array) -> Array:
+        """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
+        return np.asarray(self.matrix @ step.ravel()).reshape(step.shape)
+
+    @cached_property
+    def stiffest(self) -> float:
+        """Largest eigenvalue of the matrix scaled by its diagonal."""
+        return majorant(self)
+
+    @cached_property
+    def _factor_of_matrix(self) -> Any:
+        free = np.flatnonzero(self.active.ravel())
+        return free, la.cho_factor(self.matrix[np.ix_(free, free)], check_finite=False)
+
+    def softening(self, normal: Array, tangential: Array) -> float:
+        """Largest eigenvalue of ``(B'W diag(alpha) B, K)``, alpha (m or 1,) being that of normal and of tangential
+        components, raised by its tolerance; inf where the body is not held, or an alpha is infinite."""
+        alpha = np.empty(self.active.shape)
+        alpha[:, 0], alpha[:, 1:] = normal, np.asarray(tangential)[:, None]
+        if not np.isfinite(alpha[self.active]).all():
+            return math.inf
+        try:
+            free, factor = self._factor_of_matrix
+        except la.LinAlgError:
+            return math.inf
+        root = np.sqrt(self.weights[:, None] * alpha).ravel()[free]
+        n = root.size
+
+        def product(x: Array) -> Array:
+            return np.asarray(root * la.cho_solve(factor, root * x.ravel(), check_finite=False))
+
+        if n <= _FEW:
+            inverse = la.cho_solve(factor, np.eye(n), check_finite=False)
+            return (1.0 + _RAISED) * float(np.linalg.eigvalsh(root[:, None] * inverse * root)[-1]) if n else 0.0
+        matrix = spla.LinearOperator((n, n), matvec=product, dtype=float)
+        start = np.where(root > 0.0, 1.0 + np.cos(np.arange(n)), 0.0)
+        return (1.0 + _RAISED) * float(spla.eigsh(matrix, k=1, v0=start, tol=1e-12, return_eigenvectors=False)[0])
+
+    def under(self, problem: DiscreteProblem) -> tuple[Recovery, float]:
+        """The load and the gap of a problem, taken over to the kept unknowns; and the elastic energy of the rest.
+
+        It costs one sparse solve, or half of one where the factorisation is meant for many loads.
+        """
+        reduced = self.factor.reduce(problem.linear.load)
+        shift = np.zeros(self.kept.size) if self.drift is None else self.drift @ reduced.force
+        offset = np.where(self.active, problem.contact.offset.reshape(self.active.shape), 0.0).ravel()
+        return Recovery(self, problem, offset, reduced, shift), 0.5 * reduced.work
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """All unknowns from contact unknowns: ``u_I = K_II^-1 (f_I - K_IC y)``, ``y = Y (r + offset) + shift``.
+
+    Attributes
+    ----------
+    body : Elimination
+    problem : DiscreteProblem
+    offset : array (m d,)
+        Of the components that are free to move.
+    reduced : Reduced
+        The load.
+    shift : array (k,)
+        Where the load moves what no contact point sees.
+    """
+
+    body: Elimination
+    problem: DiscreteProblem
+    offset: Array
+    reduced: Reduced
+    shift: Array
+
+    def __call__(self, r: Array) -> Array:
+        y = self.body.spread @ (r.ravel() + self.offset) + self.shift
+        return self.body.factor.extend(self.reduced, y)
+
+    def linear(self, change: Array) -> Array:
+        """The same for a change of the local displacements, without load and shift."""
+        body = self.body
+        n, k = self.problem.unknowns, body.kept.size
+        nothing = Reduced(np.zeros(n), np.zeros(k), 0.0, np.zeros(n - k))
+        return body.factor.extend(nothing, body.spread @ change.ravel())
+
+
+def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: IntArray) -> None:
+    """Refuse a stiffness without a mesh along which the energy falls: shown by a displacement, free of doubt."""
+    K, scale = problem.linear.stiffness, problem.linear.diagonal[kept]
+    if factor.interior_positive:
+        root = np.sqrt(scale)
+        scaled = factor.schur / np.outer(root, root)
+        try:
+            la.cho_factor(scaled + 1e-13 * np.eye(kept.size))
+            return
+        except la.LinAlgError:
+            u = np.zeros(problem.unknowns)
+            u[kept] = la.eigh(scaled, subset_by_index=[0, 0])[1][:, 0] / root
+            u += factor.solve_interior(-(K @ u))
+        refuse_indefinite(below_zero(problem, quotient(K, u, problem.linear.diagonal)))
+    else:
+        refuse_indefinite(indefinite(K))
+
+
+def _local_coordinates(trace: Array) -> tuple[Array, Array]:
+    """Columns ``(T, N)`` with ``trace @ T = 1`` and N an orthonormal basis of the null space of ``trace``."""
+    count = trace.shape[0]
+    if count > trace.shape[1]:
+        raise _dependent()
+    q, upper = la.qr(trace.T)
+    upper = upper[:count]
+    pivots = np.abs(np.diagonal(upper))
+    if pivots.min(initial=np.inf) <= 1e-12 * pivots.max(initial=0.0):
+        raise _dependent()
+    return q[:, :count] @ la.solve_triangular(upper, np.eye(count), trans="T"), q[:, count:]
+
+
+def _dependent() -> ProblemError:
+    return ProblemError(
+        "the rows of the trace depend on one another: two contact points share their displacement; "
+        "use nodal quadrature, or join the points and add their weights"
+    )
+
+
+def _positive(matrix: Array) -> Array:
+    smallest = np.linalg.eigvalsh(matrix)[0] if matrix.size else 1.0
+    if smallest <= 0.0:
+        raise ProblemError(
+            "the body can move without deforming and without any contact point noticing it; add a support"
+        )
+    return matrix
