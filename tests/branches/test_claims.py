@@ -44,13 +44,13 @@ def problems_with(case: Case, starts: int = 2) -> tuple[list[str], bool, bool]:
     return wrong, found.exhaustive, unique
 
 
-@pytest.mark.parametrize("block", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 12))])
+@pytest.mark.parametrize("block", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 25))])
 def test_claims_agree_with_brute_force(block: int) -> None:
     exhaustive = unique = 0
-    for seed in range(25 * block, 25 * block + 25):
+    for seed in range(12 * block, 12 * block + 12):
         wrong, complete, one = problems_with(random_case(seed))
         assert not wrong, f"seed {seed}: {wrong}"
         exhaustive += complete
         unique += one
-    assert exhaustive > 5
+    assert exhaustive > 2
     assert unique > 0

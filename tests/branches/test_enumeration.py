@@ -53,9 +53,10 @@ def test_minima_between_knots_of_large_pressure_are_all_there(size: float) -> No
     assert sum(s.kind is PointKind.LOCAL_MINIMISER for s in found) == 2
 
 
-def test_what_solve_returns_is_among_them() -> None:
+@pytest.mark.parametrize("block", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 4))])
+def test_what_solve_returns_is_among_them(block: int) -> None:
     exhaustive = 0
-    for seed in range(60):
+    for seed in range(15 * block, 15 * block + 15):
         case = random_problem(4000 + seed)
         found = find_solutions(case, max_solutions=10_000, enumerate_up_to=3000, starts=0)
         solved = solve(case)
@@ -63,7 +64,7 @@ def test_what_solve_returns_is_among_them() -> None:
             continue
         exhaustive += 1
         assert min(np.abs(s.local - solved.local).max() for s in found) < 1e-7, f"seed {seed}"
-    assert exhaustive > 30
+    assert exhaustive > 5
 
 
 def test_a_candidate_that_is_not_shown_to_be_one_ends_the_claim(monkeypatch: pytest.MonkeyPatch) -> None:

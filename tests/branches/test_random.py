@@ -41,16 +41,16 @@ def _newton_never_fails(seeds: range) -> tuple[int, int, int]:
 
 
 def test_newton_ends_at_a_local_minimum_every_time() -> None:
-    total, counted, lowest = _newton_never_fails(range(150))
+    total, counted, lowest = _newton_never_fails(range(60))
     assert counted > 0.8 * total
     assert lowest > 0.9 * counted
 
 
 @pytest.mark.slow
-def test_newton_ends_at_a_local_minimum_on_thousands_of_problems(
+def test_newton_ends_at_a_local_minimum_on_a_thousand_problems(
     record_property: Callable[[str, object], None],
 ) -> None:
-    total, counted, lowest = _newton_never_fails(range(2500))
+    total, counted, lowest = _newton_never_fails(range(1000))
     record_property("problems", total)
     record_property("rate of global minimisers found by the default method", lowest / counted)
     print(f"{total} problems, {counted} enumerated, default method at the global minimum in {lowest / counted:.1%}")
@@ -78,7 +78,7 @@ def _rates(seeds: range, starts: int) -> tuple[float, float, int]:
 
 
 def test_search_from_many_starts_finds_the_global_minimum() -> None:
-    lowest, found, _ = _rates(range(12), 5)
+    lowest, found, _ = _rates(range(6), 5)
     assert lowest == 1.0
     assert found > 0.9
 
@@ -87,7 +87,7 @@ def test_search_from_many_starts_finds_the_global_minimum() -> None:
 def test_search_from_many_starts_finds_the_global_minimum_in_most_cases(
     record_property: Callable[[str, object], None],
 ) -> None:
-    lowest, found, counted = _rates(range(3000, 3200), 10)
+    lowest, found, counted = _rates(range(3000, 3080), 10)
     record_property("rate of global minimisers", lowest)
     record_property("part of all solutions", found)
     print(f"{counted} problems: global minimiser found in {lowest:.1%}, {found:.1%} of all solutions")

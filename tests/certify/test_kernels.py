@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.branches import chain_of, find_solutions
-from hemivar.certify import EnergyNorm, PointKind, bound, certify, equilibrium_multiplier
+from hemivar.certify import EnergyNorm, PointKind, bound, certify, equilibrium_multiplier, norms
 from hemivar.certify.bound import Point, snap
 from hemivar.certify.kind import study
 from hemivar.certify.subspace import Subspace, counting_rows
@@ -30,7 +30,8 @@ def positive(n: int, seed: int) -> Array:
 
 
 @pytest.mark.parametrize("coupled", [False, True])
-def test_the_inverse_of_the_trace(coupled: bool) -> None:
+@pytest.mark.parametrize("units", [1e-9, 1.0, 1e9])
+def test_the_inverse_of_the_trace(coupled: bool, units: float) -> None:
     """Rows that share unknowns, or do not; those that are not active stay at zero."""
     rng = np.random.default_rng(3)
     trace = np.zeros((5, 7))
@@ -38,15 +39,16 @@ def test_the_inverse_of_the_trace(coupled: bool) -> None:
     if coupled:
         trace[[0, 1, 3], [2, 3, 6]] = [0.3, -0.4, 0.2]
     active = np.array([True, True, False, True, True])
-    rhs = rng.standard_normal(5)
+    rhs = units * rng.standard_normal(5)
+    rhs[3] = 0.0
     part = trace[active]
     expected = np.zeros(5)
     expected[active] = np.linalg.solve(part @ part.T, rhs[active])
     found = gram_solve(sp.csr_array(trace), rhs, active)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14 * units)
     moved = lift(sp.csr_array(trace), np.where(active, rhs, 0.0), active)
-    np.testing.assert_allclose(part @ moved, rhs[active], rtol=1e-12)
-    np.testing.assert_allclose(moved, np.linalg.pinv(part) @ rhs[active], atol=1e-12)
+    np.testing.assert_allclose(part @ moved, rhs[active], atol=1e-14 * units)
+    np.testing.assert_allclose(moved, np.linalg.pinv(part) @ rhs[active], atol=1e-14 * units)
     assert np.array_equal(gram_solve(sp.csr_array(trace), np.zeros(5), active), np.zeros(5))
 
 
@@ -74,7 +76,7 @@ def test_the_energy_norm_against_dense_matrices(n: int) -> None:
     x = np.linalg.solve(K, b)
     assert norm.definite
     assert norm.norm(b) == pytest.approx(np.sqrt(b @ K @ b))
-    assert norm.dual_norm(b) == pytest.approx(np.sqrt(b @ x))
+    assert norm.riesz(b)[1] == pytest.approx(np.sqrt(b @ x))
     assert norm.least_dual_norm(b) == pytest.approx(np.sqrt(b @ x))
     np.testing.assert_allclose(norm.riesz(b)[0], x, rtol=1e-8)
     root = np.sqrt(np.diag(K))
@@ -114,12 +116,50 @@ def test_a_subspace_reaches_the_top_of_a_pencil_and_says_how_near_it_is() -> Non
     x = subspace.X[:, 0]
     assert x @ K @ x == pytest.approx(1.0)
     assert subspace.negative is None
+    rough = Subspace(sp.csr_array(K), lambda R: C @ R, sp.csr_array(S), sign, rng.standard_normal((n, 3)), 2)
+    short = rough.improve(quality, 30, 1e-4)
+    rest = S.T @ (sign * (S @ rough.X[:, 0])) - rough.values[0] * (K @ rough.X[:, 0])
+    square = float(rest @ np.linalg.solve(K, rest)) / quality
+    assert short <= 1.1 * square / rough.gap(np.inf) < 0.1 * np.sqrt(square)  # the square counts where a gap is known
     coarse = Subspace(sp.csr_array(K), lambda R: C @ R, sp.csr_array(S), sign, rng.standard_normal((n, 3)))
     assert coarse.gap(7.0) == 7.0
     short = coarse.improve(quality, 2, 1e-8)
     assert coarse.values[0] <= values[-1] <= coarse.values[0] + short or short > 0.0
     K[:2, :2] = [[1.0, 2.0], [2.0, 1.0]]
     assert Subspace(sp.csr_array(K), lambda R: R, sp.csr_array(S), sign, np.eye(n)[:, :3]).negative is not None
+
+
+@pytest.mark.parametrize(("less", "found"), [(1e-10, True), (0.0, False), (-1e-10, False)])
+@pytest.mark.parametrize("units", [1e-9, 1.0, 1e9])
+def test_a_direction_of_negative_energy_is_met_where_there_is_one(units: float, less: float, found: bool) -> None:
+    """Along (1, -1) the energy is -2 less, in the unit of the matrix, beside 4 along (1, 1)."""
+    K = units * np.array([[1.0, 1.0 + less], [1.0 + less, 1.0]])
+    subspace = Subspace(sp.csr_array(K), lambda R: R, sp.csr_array(np.eye(2)), np.ones(2), np.eye(2))
+    assert (subspace.negative is not None) == found
+    if found:
+        assert subspace.negative is not None
+        assert subspace.negative @ K @ subspace.negative < 0.0
+
+
+@pytest.mark.parametrize("top", [0.999, 1.001])
+def test_a_value_is_told_apart_from_the_one_that_it_is_compared_with(top: float) -> None:
+    """Just below one the bound must be below one as well; above it the usual accuracy will do."""
+    n, rng = 30, np.random.default_rng(8)
+    K = positive(n, 4)
+    S = rng.standard_normal((12, n))
+    S *= np.sqrt(top / la.eigh(S.T @ S, K, eigvals_only=True)[-1])
+    scale = np.diag(np.sqrt(np.linspace(0.3, 1.0, n)))
+    C = scale @ np.linalg.inv(K) @ scale
+    quality = float(np.min(np.real(np.linalg.eigvals(C @ K))))
+    for seed in range(5):
+        start = np.random.default_rng(seed).standard_normal((n, 1))
+        subspace = Subspace(sp.csr_array(K), lambda R: C @ R, sp.csr_array(S), np.ones(12), start)
+        added = subspace.improve(quality, 300, 0.5, near=1.0)
+        if top < 1.0:
+            assert top <= subspace.values[0] + added * (1.0 + 1e-9) < 1.0
+            assert added <= 0.1 * (1.0 - subspace.values[0])
+        else:
+            assert added <= 0.5 * subspace.values[0]
 
 
 def test_a_point_at_rest_is_snapped_to_rest() -> None:
@@ -262,3 +302,62 @@ def test_a_problem_without_contact_has_constants_without_work() -> None:
     assert found.kind is PointKind.UNIQUE_MINIMISER
     assert (found.margin, found.smallness.constant, found.inclusion) == (1.0, 0.0, 0.0)
     assert certify(problem, np.ones(2), max_time=0.0).smallness.m_alpha == 0.0
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_the_point_at_which_a_law_fits_best_by_looking_at_every_knot(d: int) -> None:
+    """r or a knot, part by part; a slip keeps its direction, and at rest friction may point anywhere."""
+    rng = np.random.default_rng(d)
+    knots = np.array([0.0, 0.1, 0.3])
+    normal = PiecewiseQuadratic(knots, [0.0, 3.0, -1.0, 0.0], [0.2, 0.4, -0.3])  # type: ignore[arg-type]
+    law = ContactLaw(normal, hv.Friction(0.7, weakening(0.4, 2.0)))  # kinks at 0 and 0.2
+    moved = {"normal": 0, "rest": 0, "kink": 0, "stays": 0}
+    for _ in range(300):
+        near = rng.choice([0.0, 1e-13, 0.02], 2)
+        way = rng.normal(size=max(d - 1, 1))
+        way /= np.linalg.norm(way)
+        slip = abs(rng.choice([0.0, 0.2]) + near[1] * rng.normal())
+        r = np.concatenate([[rng.choice(knots) + near[0] * rng.normal()], slip * way])[None, :d]
+        other = rng.normal(size=max(d - 1, 1))
+        force = rng.choice([0.3, 0.7, 0.5]) * (way if rng.random() < 0.6 else other / np.linalg.norm(other))
+        lam = np.concatenate([[rng.normal()], force])[None, :d]
+        tau = 10.0 ** rng.uniform(-2.0, 1.0, (1, 2))
+        found = snap(law, r, lam, tau)
+        places = np.append(knots, r[0, 0])
+        misses = [np.hypot((r[0, 0] - x) / tau[0, 0], normal.distance(np.array([x]), lam[:, 0])[0]) for x in places]
+        at = int(np.argmin(np.round(misses, 12)))
+        assert misses[int(np.argmin(np.abs(places - found[0, 0])))] <= misses[at] + 1e-12
+        moved["normal" if found[0, 0] != r[0, 0] else "stays"] += 1
+        if d == 1:
+            continue
+        size, total = float(np.linalg.norm(r[0, 1:])), float(np.linalg.norm(lam[0, 1:]))
+        along = float(lam[0, 1:] @ r[0, 1:]) / size if size > 0.0 else total
+        part = law.tangential
+
+        def miss(length: float, force: float, size: float = size, tau: Array = tau) -> float:
+            off = part.distance(np.array([length]), np.array([force]))[0]  # noqa: B023
+            return float(np.hypot((size - length) / tau[0, 1], off))
+
+        best = min(miss(size, along), miss(0.2, along), miss(0.0, along), miss(0.0, total))
+        length = float(np.linalg.norm(found[0, 1:]))
+        assert min(miss(length, along), miss(0.0, total) if length == 0.0 else np.inf) <= best + 1e-12
+        if length > 0.0:
+            np.testing.assert_allclose(found[0, 1:] / length, r[0, 1:] / size, atol=1e-12)
+        moved["rest" if length == 0.0 and size > 0.0 else "kink" if length != size else "stays"] += 1
+    assert min(moved.values() if d > 1 else (moved["normal"], moved["stays"])) > 5
+
+
+@pytest.mark.parametrize(
+    ("unknowns", "components", "expected"),
+    [(8, 1, True), (8, 2, True), (9, 2, False), (9, 1, False), (6, 3, True), (7, 3, False)],
+)
+def test_how_large_a_stiffness_is_factorised(
+    unknowns: int, components: int, expected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In space a factorisation fills more, so that the limit is lower; arrays are told by their components."""
+    monkeypatch.setattr(norms, "FACTORISED", (8, 6))
+    trace = np.eye(unknowns)[:components]
+    problem = DiscreteProblem.of_arrays(
+        np.eye(unknowns), np.ones(unknowns), trace, np.ones(1), np.zeros(1), ContactLaw(Signorini())
+    )
+    assert norms.factorises(problem) is expected

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from hemivar.certify import ellipticity, one_solution, smallness, trace_constants
+from hemivar.certify import EnergyNorm, ellipticity, one_solution, smallness, trace_constants
+from hemivar.certify.bound import Point, error_bound
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.gallery import survey
-from hemivar.laws import Compliance, ContactLaw, Friction, PenetrationBound
+from hemivar.laws import Compliance, ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, StateBound
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import rectangle
 from tests.certify.problems import bar_problem, softening, square, weakening
@@ -106,3 +107,144 @@ def test_ellipticity(material, expected):
         contact={"bottom": Contact(softening(1.0, 0.1, 0.1))}, body_force=(0.0, -0.1),
     )  # fmt: skip
     assert ellipticity(problem) == pytest.approx(expected, rel=5e-3)
+
+
+def pressed(bound: StateBound, load: tuple[float, float] = (1.0, 0.05)) -> DiscreteProblem:
+    """Springs of stiffness 1, a foundation of stiffness 0.5, friction that weakens by 2 per length of slip."""
+    law = ContactLaw(Compliance(0.5), Friction(bound, weakening(0.4, 2.0)))
+    return DiscreteProblem.of_arrays(np.eye(2), np.array(load), np.eye(2), np.ones(1), np.zeros(1), law)
+
+
+def test_a_bound_that_no_penetration_changes_is_known_without_a_solution() -> None:
+    """Its alpha is that of the profile times the bound; where the penetration counts nothing is known."""
+    assert smallness(pressed(PenetrationBound(([0.0, 1.0], [0.3, 0.3])))).alpha_tangential == pytest.approx(0.6)
+    found = smallness(pressed(PenetrationBound(([0.0, 1.0], [0.3, 0.4]))))
+    assert found.alpha_tangential == np.inf
+    assert found.margin == -np.inf
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.2, 0.25])
+def test_near_a_solution_the_bounds_of_all_solutions_are_known(rate: float) -> None:
+    """u = 2/3 presses whatever the friction, which has then the bound 0.1 + 2/3 rate, and weakens by twice that."""
+    problem = pressed(PenetrationBound(([0.0, 1.0], [0.1, 0.1 + rate])))
+    u = np.array([2.0 / 3.0, 0.0])
+    lam = np.array([[1.0 / 3.0, 0.05]])
+    exact = 2.0 * (0.1 + 2.0 / 3.0 * rate)
+    found = smallness(problem, displacement=u, multiplier=lam)
+    assert exact <= found.alpha_tangential <= exact * (1.0 + 1e-4)
+    assert found.coupling == pytest.approx(rate)
+    assert found.margin == pytest.approx(1.0 - exact - rate, abs=1e-4)
+    assert smallness(problem, displacement=u).alpha_tangential == found.alpha_tangential
+    # from farther away they are bounded by the distance, and never below what they are
+    for off in (1e-3, 1e-2, 0.1):
+        wide = smallness(problem, displacement=u - np.array([off, 0.0]), multiplier=lam)
+        if found.margin > 0.0:
+            assert exact <= wide.alpha_tangential
+            assert found.margin - 20.0 * rate * off <= wide.margin <= found.margin + 1e-4
+
+
+def test_far_from_unique_no_bound_is_known() -> None:
+    problem = pressed(PenetrationBound(([0.0, 1.0], [0.0, 0.9])))
+    found = smallness(problem, displacement=np.array([2.0 / 3.0, 0.0]), multiplier=np.array([[1.0 / 3.0, 0.05]]))
+    assert found.alpha_tangential == np.inf
+    assert found.margin == -np.inf
+
+
+def test_a_bound_that_opens_at_one_point_alone_couples_all_the_same() -> None:
+    """Two points; one slips nowhere, for a support holds it, and one has a bound of its own."""
+    K = np.diag([1.5, 6.0, 1.0, 1.0])
+    law = ContactLaw(Compliance(1.0), Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.3]))))
+    trace = np.eye(4)
+    trace[3] = 0.0
+    problem = DiscreteProblem.of_arrays(K, np.ones(4), trace, np.ones(2), np.zeros(2), law)
+    found = smallness(problem)
+    assert found.coupling == pytest.approx(0.3 / np.sqrt(1.5 * 6.0))
+    assert found.margin == pytest.approx(1.0 - found.coupling)
+    trace[1] = 0.0
+    still = smallness(DiscreteProblem.of_arrays(K, np.ones(4), trace, np.ones(2), np.zeros(2), law))
+    assert (still.coupling, still.m_L, still.contraction, still.margin) == (0.0, 0.0, 0.0, 1.0)
+
+
+def test_softening_counts_where_a_point_can_move() -> None:
+    """The normal law softens at a point whose penetration a support holds: no displacement feels it."""
+    law = ContactLaw(softening(3.0, 0.1, 0.8), Friction(0.5, weakening(0.4, 1.2)))
+    both = DiscreteProblem.of_arrays(np.diag([2.0, 3.0]), np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law)
+    found = smallness(both)
+    assert (found.alpha_normal, found.alpha_tangential, found.m_alpha) == pytest.approx((0.8, 0.6, 0.8))
+    assert (found.constant_normal, found.constant_tangential) == pytest.approx((0.4, 0.2))
+    assert found.constant == pytest.approx(0.4)
+    for row, alphas, constant in ((0, (0.0, 0.6), 0.2), (1, (0.8, 0.0), 0.4)):
+        trace = np.eye(2)
+        trace[row] = 0.0
+        held = smallness(both.of_arrays(np.diag([2.0, 3.0]), np.ones(2), trace, np.ones(1), np.zeros(1), law))
+        assert (held.alpha_normal, held.alpha_tangential) == pytest.approx(alphas)
+        assert held.constant == pytest.approx(constant)
+        assert held.margin == pytest.approx(1.0 - constant)
+
+
+def test_a_badly_conditioned_stiffness_costs_the_rounding_of_its_margin() -> None:
+    """Two unknowns that move together almost freely: 1e-9 is left, and c is known to a few millionths."""
+    for small in (1e-3, 1e-9):
+        K = np.array([[1.0, -1.0 + small], [-1.0 + small, 1.0]])
+        law = ContactLaw(softening(3.0, 0.1, small))
+        problem = DiscreteProblem.of_arrays(K, np.ones(2), np.eye(2)[:1], np.ones(1), np.zeros(1), law)
+        found = smallness(problem)
+        assert found.constant == pytest.approx(0.5, rel=1e-3)  # alpha K^-1_11
+        hidden = 1.0 - found.constant - found.margin
+        eps = float(np.finfo(float).eps)
+        assert 0.5 * eps / small <= hidden <= 100.0 * eps / small
+
+
+def test_the_survey_condition_of_a_law_without_softening_holds_whatever_the_trace() -> None:
+    problem = square(1.5)
+    softened = smallness(problem)
+    assert softened.trace_constant is not None
+    assert softened.m_A == pytest.approx(8.0)
+    assert softened.survey_margin == pytest.approx(1.0 - 1.5 * softened.trace_constant**2 / 8.0)
+    assert softened.survey_condition == (softened.survey_margin > 0.0)
+    steep = smallness(square(20.0))
+    assert steep.survey_condition is False
+    assert steep.survey_margin < 0.0
+    convex = smallness(problem.with_(law=ContactLaw(Compliance(3.0), Friction(0.1)).at(problem.contact.points)))
+    assert (convex.survey_condition, convex.survey_margin) == (True, 1.0)
+    assert smallness(problem, trace_constant=False).survey_condition is None
+    assert smallness(problem, trace_constant=False).m_A == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize("held", [0, 1, 2, 3, None])
+def test_normal_and_tangential_softening_add_up_at_different_points(held: int | None) -> None:
+    """Two points, whose components the body couples; one component at a time is held by a support."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(4, 4))
+    K, w = root @ root.T + 2.0 * np.eye(4), np.array([0.5, 1.5])
+    trace = np.eye(4)
+    if held is not None:
+        trace[held] = 0.0
+    law = ContactLaw(softening(3.0, 0.1, 0.8), Friction(0.5, weakening(0.4, 1.2)))
+    found = smallness(DiscreteProblem.of_arrays(K, np.ones(4), trace, w, np.zeros(2), law))
+    weight = np.repeat(w, 2) * np.array([0.8, 0.6, 0.8, 0.6])
+    top = la.eigh(trace.T @ (weight[:, None] * trace), K, eigvals_only=True)[-1]
+    assert found.constant == pytest.approx(top, rel=1e-9)
+    assert found.margin == pytest.approx(1.0 - top, rel=1e-9)
+
+
+def test_a_profile_that_jumps_under_a_bound_of_zero_softens_nothing() -> None:
+    jumping = PiecewiseQuadratic([-0.2, 0.0, 0.2], np.zeros(4), [-0.4, 2.0, -0.4], start=-0.6)  # type: ignore[arg-type]
+    for size, alpha, margin in ((0.0, 0.0, 1.0), (0.3, np.inf, -np.inf)):
+        law = ContactLaw(Compliance(0.5), Friction(PenetrationBound(([0.0, 1.0], [size, size])), jumping))
+        found = smallness(DiscreteProblem.of_arrays(np.eye(2), np.ones(2), np.eye(2), np.ones(1), np.zeros(1), law))
+        assert (found.alpha_tangential, found.margin) == (alpha, margin)
+
+
+def test_pairs_beyond_the_largest_friction_bound_are_left_out() -> None:
+    """A bound of 0.1 + 0.2 s at s = 2/3 is 7/30; what lies above the ceiling proves nothing."""
+    problem = pressed(PenetrationBound(([0.0, 1.0], [0.1, 0.3])))
+    u, lam = np.array([2.0 / 3.0, 0.0]), np.array([[1.0 / 3.0, 0.05]])
+    here = 0.1 + 0.2 * 2.0 / 3.0
+    point = Point(problem, EnergyNorm(problem.linear.stiffness), u + np.array([0.0, 1e-3]), lam)
+    free = error_bound(point, 0.5)
+    assert 1e-3 <= free < 1e-2
+    assert error_bound(point, 0.5, np.array([here * 1.001])) == pytest.approx(free, rel=1e-2)
+    assert error_bound(point, 0.5, np.array([here * 0.999])) == np.inf
+    for margin in (0.0, -1.0, np.nan, -np.inf):
+        assert error_bound(point, margin) == np.inf

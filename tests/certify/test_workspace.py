@@ -14,7 +14,7 @@ from hemivar.certify import MultigridNorm, energy_norm, norms, smallness
 from hemivar.discrete import DiscreteProblem, Space
 from hemivar.discrete.bulk import Quadratic
 from hemivar.linear import cycle
-from hemivar.systems import Workspace, condensed
+from hemivar.systems import Workspace, elimination
 from tests.problems import bar, square
 
 STATEMENT = square(n=6)
@@ -35,7 +35,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         monkeypatch.setattr(owner, name, counting)
 
     watch(spla, "splu", "factor")
-    watch(condensed, "factorise", "condensation")
+    watch(elimination, "factorise", "condensation")
     watch(cycle, "coarser", "level")
     return calls
 

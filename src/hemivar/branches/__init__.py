@@ -1,8 +1,26 @@
 """Several solutions of one problem: all of them at one load, and the path that joins them over the load."""
 
 from hemivar.branches.chain import Chain, chain_of
-from hemivar.branches.follow import follow_path
+from hemivar.branches.follow import PathOptions, follow_path, following
+from hemivar.branches.follower import PathProgress
 from hemivar.branches.path import Fold, Jump, Path, PathEnd
-from hemivar.branches.solutions import SolutionSet, find_solutions
+from hemivar.branches.search import SearchProgress
+from hemivar.branches.solutions import SolutionSet, SolutionsOptions, find_solutions, finding
 
-__all__ = ["Chain", "Fold", "Jump", "Path", "PathEnd", "SolutionSet", "chain_of", "find_solutions", "follow_path"]
+__all__ = [
+    "Chain",
+    "Fold",
+    "Jump",
+    "Path",
+    "PathEnd",
+    "PathOptions",
+    "PathProgress",
+    "SearchProgress",
+    "SolutionSet",
+    "SolutionsOptions",
+    "chain_of",
+    "find_solutions",
+    "finding",
+    "follow_path",
+    "following",
+]

@@ -2,28 +2,59 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass
+
 import numpy as np
 
 from hemivar.basics.arguments import expect, number, whole_number
-from hemivar.basics.deadline import Budget, limited
+from hemivar.basics.deadline import Budget
+from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.branches.chain import Chain, chain_of
-from hemivar.branches.follower import Follower, Track
+from hemivar.branches.follower import Follower, PathProgress, Track
 from hemivar.branches.path import Fold, Jump, Path, PathEnd
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine
 from hemivar.fem.posed import posed
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.scalar import Statement
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.systems import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["follow_path"]
+__all__ = ["PathOptions", "follow_path", "following"]
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """How far to follow; see :func:`follow_path`.
+
+    Raises
+    ------
+    ProblemError
+        The range is empty, or a number makes no sense.
+    """
+
+    load_factor: tuple[float, float] = (0.0, 1.0)
+    max_points: int = 2000
+    max_time: float = np.inf
+    largest_step: float = 0.02
+
+    def __post_init__(self) -> None:
+        ends = tuple(self.load_factor) if isinstance(self.load_factor, Iterable) else ()
+        if len(ends) != 2:
+            raise ProblemError("the load factors are no pair; give a range such as (0.0, 1.0)")
+        low, high = (number(end, "a load factor") for end in ends)
+        if not (np.isfinite(low) and np.isfinite(high) and low < high):
+            raise ProblemError(f"the load factors are {low:g} and {high:g}; give a finite range, the lower one first")
+        whole_number(self.max_points, "max_points", 2)
+        if not number(self.largest_step, "largest_step") > 0.0:
+            raise ProblemError(f"largest_step is {self.largest_step}; it must be positive")
 
 
 def follow_path(
-    problem: DiscreteProblem | ContactProblem,
+    problem: DiscreteProblem | Statement,
     load_factor: tuple[float, float] = (0.0, 1.0),
     *,
     unloaded: DiscreteProblem | None = None,
@@ -65,31 +96,29 @@ def follow_path(
     ProblemError
         The range is empty, or no equilibrium was found at its lower end.
     """
+    options = PathOptions(load_factor, max_points, max_time, largest_step)
+    return result_of(following(problem, options, unloaded=unloaded, start=start, workspace=workspace))
+
+
+def following(
+    problem: DiscreteProblem | Statement,
+    options: PathOptions,
+    *,
+    unloaded: DiscreteProblem | None = None,
+    start: Solution | Array | None = None,
+    workspace: Workspace | None = None,
+) -> Generator[PathProgress, bool | None, Path]:
+    """:func:`follow_path` point by point: yields every point, ends after it if it is sent True, returns the path."""
     problem = posed(problem, "follow_path")
     if unloaded is not None:
         expect(unloaded, DiscreteProblem, "the unloaded problem", "discretise it first, hemivar.discretize(problem)")
-    kept = (
-        Workspace()
-        if workspace is None
-        else expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
-    )
-    try:
-        low, high = (number(end, "a load factor") for end in load_factor)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, ProblemError):
-            raise
-        raise ProblemError("the load factors are no pair; give a range such as (0.0, 1.0)") from None
-    whole_number(max_points, "max_points", 2)
-    number(largest_step, "largest_step")
-    if not (np.isfinite(low) and np.isfinite(high) and low < high):
-        raise ProblemError(f"the load factors are {low:g} and {high:g}; give a finite range, the lower one first")
-    if not largest_step > 0.0:
-        raise ProblemError(f"largest_step is {largest_step}; it must be positive")
+    kept = Workspace.given(workspace)
+    low, high = options.load_factor
     if problem.contact_points == 0:
         raise ProblemError("a path needs contact points; without contact the solution is proportional to the load")
     if problem.law.state_dependent:
         raise MethodError("path following needs a friction bound that does not depend on the solution")
-    budget = Budget(max_time)
+    budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)
     system = kept.condensed(problem)
     chain: Chain = chain_of(system)
@@ -112,30 +141,29 @@ def follow_path(
     force1 = _chain_force(system, chain, line, 1.0) - force0
     theta, segment = chain.nearest(begun.local, begun.multiplier)
     perturbation = np.zeros(chain.size)
-    follower: Follower | None = None
     for attempt in range(2):
-        follower = Follower(chain, force0 + perturbation, force1, low, high, max_points, largest_step)
+        follower = Follower(
+            chain, force0 + perturbation, force1, low, high, options.max_points, options.largest_step, budget
+        )
         corrected = chain.correct(theta, segment, follower.force(first))
         if corrected is None or not chain.inside(corrected, segment, 1e-7 * chain.length).all():
             raise ProblemError(
                 f"no equilibrium was found at load factor {first:g} ({begun.status.value}); give another start"
             )
-        with limited(budget):
-            back = follower.run(corrected, segment, first, -1.0)
-            forth = follower.run(corrected, segment, first, 1.0)
+        back = yield from follower.running(corrected, segment, first, -1.0)
+        forth = yield from follower.running(corrected, segment, first, 1.0)
         if not follower.ties or attempt or follower.stopped:
             break
         size = float(np.abs(force0 + force1).max()) or float(np.abs(force1).max())
         perturbation = 1e-9 * size * np.cos(1.0 + np.arange(chain.size) ** 1.7)
-    assert follower is not None
-    turned = back.reversed().joined(forth)
-    if follower.stopped is PathEnd.INTERRUPTED and not turned.segment:
+    track = back.reversed().joined(forth)
+    if follower.stopped is PathEnd.INTERRUPTED and not track.stretches:
         raise KeyboardInterrupt
-    if follower.stopped and not turned.segment:
-        raise ProblemError(f"the time limit of {max_time:g} s was reached before the path left its first point")
+    if follower.stopped and not track.stretches:
+        raise ProblemError(f"the time limit of {options.max_time:g} s was reached before the path left its first point")
     if perturbation.any():
-        _unperturb(turned, Follower(chain, force0, force1, low, high, max_points, largest_step))
-    return _assemble(line, chain, turned, follower, bool(perturbation.any()))
+        _unperturb(track, Follower(chain, force0, force1, low, high, options.max_points, options.largest_step))
+    return _assemble(line, chain, track, bool(perturbation.any()))
 
 
 def _chain_force(system: CondensedProblem, chain: Chain, line: LoadLine, factor: float) -> Array:
@@ -145,27 +173,28 @@ def _chain_force(system: CondensedProblem, chain: Chain, line: LoadLine, factor:
 
 def _unperturb(track: Track, follower: Follower) -> None:
     """Move the corners of a path that was followed for a perturbed load to where they are for the load itself."""
-    for i, event in enumerate(track.event):
+    for point in track.points:
+        event = point.event
         if event is None:
             continue
-        goal = track.t[i] if event.component is None else float(track.theta[i][event.component])
-        found = follower.solve(track.theta[i], event.segment, track.t[i], event.component, goal)
-        if found is not None and np.abs(found[0] - track.theta[i]).max() <= 1e-6 * follower.chain.length:
-            track.theta[i], track.t[i] = found
+        goal = point.t if event.component is None else float(point.theta[event.component])
+        found = follower.solve(point.theta, event.segment, point.t, event.component, goal)
+        if found is not None and np.abs(found[0] - point.theta).max() <= 1e-6 * follower.chain.length:
+            point.theta, point.t = found
 
 
-def _assemble(line: LoadLine, chain: Chain, track: Track, follower: Follower, perturbed: bool) -> Path:
+def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Path:
     system = chain.system
-    t = np.array(track.t)
-    segments = [track.segment[max(i - 1, 0)] for i in range(t.size)] if track.segment else []
-    if not segments:
+    if not track.stretches:
         raise ProblemError("the path ends where it begins; give another start or range")
-    pairs = [chain.local(theta, segment) for theta, segment in zip(track.theta, segments, strict=True)]
+    t = np.array([point.t for point in track.points])
+    stable = [stretch.stable for stretch in track.stretches]
+    segments = [stretch.segment for stretch in (track.stretches[0], *track.stretches)]
+    pairs = [chain.local(point.theta, segment) for point, segment in zip(track.points, segments, strict=True)]
     local, multiplier = np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
     # The constant part of the energy is quadratic in the load factor, force and held displacements are linear.
     systems = [system.for_problem(line.at(factor)) for factor in (0.0, 0.5, 1.0)]
-    constants = [s.constant for s in systems]
-    curve = np.polyfit([0.0, 0.5, 1.0], constants, 2)
+    curve = np.polyfit([0.0, 0.5, 1.0], [s.constant for s in systems], 2)
     energy = np.empty(t.size)
     held = ~system.active
     for i, factor in enumerate(t):
@@ -175,17 +204,17 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, follower: Follower, pe
         force = (1.0 - factor) * systems[0].force + factor * systems[2].force
         answer = float(system.weights @ system.law.value(local[i]))
         energy[i] = 0.5 * x @ (system.matrix @ x) - force @ x + answer + np.polyval(curve, factor)
-    folds = tuple(Fold(float(t[i]), i) for i in range(1, t.size - 1) if track.fold[i])
+    folds = tuple(Fold(float(t[i]), i) for i in range(1, t.size - 1) if track.points[i].fold)
     return Path(
         line=line,
         load_factor=t,
         local=local,
         multiplier=multiplier,
         energy=energy,
-        stable=np.array(track.stable, dtype=bool),
-        curved=np.array(track.curved, dtype=bool),
+        stable=np.array(stable, dtype=bool),
+        curved=np.array([stretch.curved for stretch in track.stretches], dtype=bool),
         folds=folds,
-        jumps=_jumps(t, local, track.stable),
+        jumps=_jumps(t, local, stable),
         ended=track.ended,
         perturbed=perturbed,
     )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
-from hemivar.basics.deadline import OutOfTime, check_time
+from hemivar.basics.deadline import Budget, OutOfTime, check_time
+from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.branches.path import PathEnd
 
-__all__ = ["Event", "Follower", "Track", "trace"]
+__all__ = ["Event", "Follower", "Following", "PathProgress", "Track", "trace"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,51 +27,58 @@ class Event:
     segment: IntArray
 
 
+@dataclass(frozen=True)
+class PathProgress:
+    """A point of a path was reached.
+
+    Attributes
+    ----------
+    points : int
+        On this side of the start, with it.
+    load_factor : float
+    """
+
+    points: int
+    load_factor: float
+
+
+@dataclass(eq=False)
+class TrackPoint:
+    """A point of a path."""
+
+    t: float
+    theta: Array
+    event: Event | None = None
+    fold: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """What lies between a point and the next."""
+
+    segment: IntArray
+    stable: bool
+    curved: bool
+
+
 @dataclass(eq=False)
 class Track:
-    """Points of a path; ``segment[i]``, ``stable[i]`` belong to the stretch from point i to point i + 1."""
+    """Points of a path, and the stretches between them."""
 
-    t: list[float] = field(default_factory=list)
-    theta: list[Array] = field(default_factory=list)
-    segment: list[IntArray] = field(default_factory=list)
-    stable: list[bool] = field(default_factory=list)
-    curved: list[bool] = field(default_factory=list)
-    fold: list[bool] = field(default_factory=list)
-    event: list[Event | None] = field(default_factory=list)
+    points: list[TrackPoint]
+    stretches: list[Stretch]
     ended: PathEnd = PathEnd.MAX_POINTS
 
     def reversed(self) -> Track:
-        return Track(
-            self.t[::-1],
-            self.theta[::-1],
-            self.segment[::-1],
-            self.stable[::-1],
-            self.curved[::-1],
-            self.fold[::-1],
-            self.event[::-1],
-        )
-
-    def cut(self) -> None:
-        """Drop what belongs to a point that is not complete."""
-        whole = (len(self.segment), len(self.stable), len(self.curved))
-        count = min(len(self.t), len(self.theta), len(self.fold), len(self.event), *(1 + n for n in whole))
-        for points in (self.t, self.theta, self.fold, self.event):
-            del points[count:]
-        for stretches in (self.segment, self.stable, self.curved):
-            del stretches[count - 1 :]
+        return Track(self.points[::-1], self.stretches[::-1])
 
     def joined(self, other: Track) -> Track:
         """This track followed by one that starts where it ends."""
-        return Track(
-            self.t + other.t[1:],
-            self.theta + other.theta[1:],
-            self.segment + other.segment,
-            self.stable + other.stable,
-            self.curved + other.curved,
-            self.fold + other.fold[1:],
-            self.event + other.event[1:],
-            other.ended,
-        )
+        return Track(self.points + other.points[1:], self.stretches + other.stretches, other.ended)
+
+
+#: A path at work.
+Following: TypeAlias = Generator[PathProgress, bool | None, Track]
 
 
 @dataclass(eq=False)
@@ -84,6 +95,7 @@ class Follower:
     high: float
     max_points: int
     largest_step: float
+    budget: Budget = field(default_factory=lambda: Budget(np.inf))
     ties: bool = False
     stopped: PathEnd | None = None
 
@@ -95,22 +107,24 @@ class Follower:
         """Length that stands for a load factor of 1 in the arc length."""
         return self.chain.length / (self.high - self.low)
 
-    def run(self, theta: Array, segment: IntArray, t: float, sign: float) -> Track:
+    def running(self, theta: Array, segment: IntArray, t: float, sign: float) -> Following:
         """From an equilibrium, first in the direction in which t has this sign; an interruption leaves the points."""
-        track = Track([t], [theta], [], [], [], [False], [None])
+        track = Track([TrackPoint(t, theta)], [])
         try:
             if not self.stopped:
-                self.extend(track, theta, segment, t, sign)
+                yield from self.extend(track, theta, segment, t, sign)
         except KeyboardInterrupt:
             self.stopped = PathEnd.INTERRUPTED
         except OutOfTime:
             self.stopped = PathEnd.MAX_TIME
         if self.stopped:
-            track.cut()
+            del track.stretches[len(track.points) - 1 :]  # one whose end was not reached
             track.ended = self.stopped
         return track
 
-    def extend(self, track: Track, theta: Array, segment: IntArray, t: float, sign: float) -> None:
+    def extend(
+        self, track: Track, theta: Array, segment: IntArray, t: float, sign: float
+    ) -> Generator[PathProgress, bool | None, None]:
         """Append points to a track that holds the first one."""
         chain = self.chain
         border = np.zeros(chain.size + 1)
@@ -118,14 +132,15 @@ class Follower:
         tangent = self.tangent(theta, segment, border)
         turn = sign
         step = self.largest_step * chain.length
-        while len(track.t) < self.max_points:
+        while len(track.points) < self.max_points:
             check_time()
+            self.budget.check()
             if tangent is None:
                 track.ended = PathEnd.NOT_UNIQUE
                 break
             curved = not bool(chain.pick(chain.affine, segment).all())
             if tangent[-1] * turn < 0.0:
-                track.fold[-1] = True
+                track.points[-1].fold = True
             turn = float(np.sign(tangent[-1])) or turn
             new = self.curved_step(theta, segment, t, tangent, step) if curved else None
             if curved and new is None:
@@ -136,26 +151,17 @@ class Follower:
             if new is None:
                 track.ended = PathEnd.UNBOUNDED
                 break
-            track.segment.append(segment)
-            track.stable.append(chain.stable(0.5 * (theta + new.theta), segment))
-            track.curved.append(curved)
             fold = self.fold_between(theta, segment, t, tangent, new) if curved else None
             if fold is not None:
-                track.stable[-1] = chain.stable(0.5 * (theta + fold[0]), segment)
-                track.t.append(fold[1])
-                track.theta.append(fold[0])
-                track.fold.append(True)
-                track.event.append(None)
-                track.segment.append(segment)
-                track.stable.append(chain.stable(0.5 * (fold[0] + new.theta), segment))
-                track.curved.append(True)
-                turn = -turn
-            theta, t = new.theta, new.t
-            track.t.append(t)
-            track.theta.append(theta)
-            track.fold.append(False)
+                track.stretches.append(Stretch(segment, chain.stable(0.5 * (theta + fold[0]), segment), curved))
+                track.points.append(TrackPoint(fold[1], fold[0], fold=True))
+                theta, turn = fold[0], -turn
             fixed = new.component is not None or new.limit
-            track.event.append(Event(new.component, segment) if fixed else None)
+            track.stretches.append(Stretch(segment, chain.stable(0.5 * (theta + new.theta), segment), curved))
+            track.points.append(TrackPoint(new.t, new.theta, Event(new.component, segment) if fixed else None))
+            theta, t = new.theta, new.t
+            if (yield PathProgress(len(track.points), t)):
+                raise KeyboardInterrupt
             if new.component is None and new.limit:
                 track.ended = PathEnd.UPPER_END if t >= self.high else PathEnd.LOWER_END
                 break
@@ -411,15 +417,14 @@ def trace(
     found: list[tuple[Array, IntArray]] = []
     for sign in (1.0, -1.0):
         follower = Follower(chain, force, rate, low, high, points, 0.05)
-        track = follower.run(theta, segment, 0.0, sign)
+        track = result_of(follower.running(theta, segment, 0.0, sign))
         if follower.stopped is PathEnd.INTERRUPTED:
             raise KeyboardInterrupt
         check_time()
-        t = np.array(track.t)
-        for i in range(len(t) - 1):
-            if t[i] * t[i + 1] < 0.0:
-                part = -t[i] / (t[i + 1] - t[i])
-                found.append((track.theta[i] + part * (track.theta[i + 1] - track.theta[i]), track.segment[i]))
-            elif t[i + 1] == 0.0:
-                found.append((track.theta[i + 1], track.segment[i]))
+        for (one, other), stretch in zip(itertools.pairwise(track.points), track.stretches, strict=True):
+            if one.t * other.t < 0.0:
+                part = -one.t / (other.t - one.t)
+                found.append((one.theta + part * (other.theta - one.theta), stretch.segment))
+            elif other.t == 0.0:
+                found.append((other.theta, stretch.segment))
     return found

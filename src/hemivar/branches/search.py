@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.branches.enumeration import Candidate
@@ -16,13 +17,28 @@ from hemivar.branches.polish import Polished, polish, polish_by_solver
 from hemivar.branches.state_chain import StateChain
 from hemivar.discrete.point_kind import PointKind
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
-from hemivar.solvers.controls import Budget, OutOfTime
 from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
 from hemivar.systems.contact_moves import newton_components
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["SolutionSearch"]
+__all__ = ["SearchProgress", "SolutionSearch"]
+
+
+@dataclass(frozen=True)
+class SearchProgress:
+    """A start was tried.
+
+    Attributes
+    ----------
+    starts : int
+        Tried so far; 0 while combinations of pieces and kinks are.
+    found : int
+        Solutions so far.
+    """
+
+    starts: int
+    found: int
 
 
 class SolutionSearch:
@@ -70,6 +86,16 @@ class SolutionSearch:
             self.stopped = "stopped at the time limit"
         except KeyboardInterrupt:
             self.stopped, self.interrupted = "interrupted", True
+
+    def working(self, work: Iterator[None]) -> Generator[SearchProgress, bool | None, None]:
+        """Do work one start after the other, within the time, and tell of each; being sent True ends the search."""
+        while True:
+            self.budget.check()
+            with limited(self.budget):
+                if next(work, self) is self:
+                    return
+            if (yield SearchProgress(self.starts, len(self.found))):
+                raise KeyboardInterrupt
 
     @property
     def full(self) -> bool:
@@ -150,6 +176,12 @@ class SolutionSearch:
             self.points.append(self.chain.nearest(solution.local, solution.multiplier))
         return True
 
+    def from_candidates(self, candidates: Iterable[Candidate]) -> Iterator[None]:
+        """The points of the enumeration."""
+        for candidate in candidates:
+            self.add_candidate(candidate)
+            yield
+
     def _solution(self, found: Polished, kind: PointKind) -> Solution:
         below = found.residual.below(self.controls.atol, self.controls.rtol)
         return Solution(
@@ -169,24 +201,24 @@ class SolutionSearch:
 
     # ---- starts ------------------------------------------------------------------------------------------
 
-    def run(self, solver: Solver, r: Array | None) -> None:
+    def run(self, solver: Solver, r: Array | None = None) -> None:
+        """Solve from a point, or from where the method begins, and keep what is new."""
         problem = self.system.problem
-        self.budget.check()
         self.starts += 1
         initial = None if r is None else self.system.unknowns(np.where(self.system.active, r, self.system.fixed))
-        controls = replace(self.controls, max_time=max(self.budget.limit - self.budget.spent, 0.0))
+        controls = replace(self.controls, max_time=self.budget.left)
         found = solve(problem, suited(solver, problem), controls, initial=initial, workspace=self.workspace)
         self.add_solution(found)
         if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
 
-    def from_solvers(self, count: int) -> None:
+    def from_solvers(self, count: int) -> Iterator[None]:
         """The minimising methods, from zero, under and over the load, from every piece, and at random."""
         m, d = self.system.shape
         newton, downhill = NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL)
-        self.run(newton, None)
-        self.run(downhill, None)
-        self.run(LoadStepping(), None)
+        for solver in (newton, downhill, LoadStepping()):
+            self.run(solver)
+            yield
         size = self.system.length_scale
         places = [np.full(m, far * size) for far in (-5.0, 5.0)]
         if not self.system.law.state_dependent:
@@ -204,14 +236,16 @@ class SolutionSearch:
                 r = np.zeros((m, d))
                 r[:, 0], r[:, 1:2] = place, slip
                 self.run(downhill, self.system.start(r))
+                yield
         for k in range(count):
             if self.full:
                 return
             spread = size * 10.0 ** self.random.uniform(-1.0, 0.7)
             r = self.random.normal(size=(m, d)) * spread
             self.run(newton if k % 4 == 0 else downhill, self.system.start(r))
+            yield
 
-    def from_deflation(self, count: int) -> None:
+    def from_deflation(self, count: int) -> Iterator[None]:
         """Newton's method on the residual deflated by the known solutions, from random points of the graph."""
         chain = self.chain
         assert chain is not None
@@ -219,7 +253,6 @@ class SolutionSearch:
         for k in range(2 * count):
             if self.full:
                 return
-            self.budget.check()
             self.starts += 1
             if k < chain.kink.shape[1]:  # every layer: all components on segments of one number
                 choice = np.minimum(np.full(chain.size, k), chain.count - 1)
@@ -234,15 +267,15 @@ class SolutionSearch:
             end = _deflated_newton(chain, theta, [point for point, _ in self.points])
             if end is not None:
                 self.add_point(*end)
+            yield
 
-    def from_paths_and_saddles(self, rounds: int = 40) -> None:
+    def from_paths_and_saddles(self, rounds: int = 40) -> Iterator[None]:
         """The load path through every solution, and the ways down from every saddle."""
         chain = self.chain
         assert chain is not None
         downhill = NonsmoothNewton(search=Search.DOWNHILL)
         done = 0
         while done < min(len(self.points), rounds) and not self.full:
-            self.budget.check()
             theta, segment = self.points[done]
             done += 1
             rate = np.where(chain.force != 0.0, chain.force, float(np.abs(chain.force).max(initial=1.0)))
@@ -253,6 +286,7 @@ class SolutionSearch:
             if not chain.stable(theta, segment):
                 for sign in (-1.0, 1.0):
                     self.run(downhill, self.system.start(r + sign * step * _way_down(chain, theta, segment)))
+            yield
 
 
 def _way_down(chain: Chain, theta: Array, segment: IntArray) -> Array:

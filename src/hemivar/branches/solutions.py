@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.deadline import Budget, limited
 from hemivar.basics.display import Displayed
+from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.branches.chain import Chain, chain_of, segments_at_most
 from hemivar.branches.enumeration import enumerate_points
-from hemivar.branches.search import SolutionSearch
+from hemivar.branches.search import SearchProgress, SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.certify import Smallness, one_solution, smallness
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.posed import posed
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.scalar import Statement
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["SolutionSet", "find_solutions"]
-
+__all__ = ["SolutionSet", "SolutionsOptions", "find_solutions", "finding"]
 
 #: Segments of laws that are laid out before it is known whether there is one solution: a moment's work.
 _SEGMENTS = 20_000
@@ -90,8 +90,30 @@ class SolutionSet(Sequence[Solution], Displayed):
         return tuple(solution for solution in self.solutions if solution.kind is PointKind.LOCAL_MINIMISER)
 
 
+@dataclass(frozen=True)
+class SolutionsOptions:
+    """How far to search; see :func:`find_solutions`.
+
+    Raises
+    ------
+    ProblemError
+        The numbers make no sense.
+    """
+
+    starts: int = 40
+    max_solutions: int = 100
+    seed: int = 0
+    controls: Controls = field(default_factory=Controls)
+    enumerate_up_to: int = 20_000
+
+    def __post_init__(self) -> None:
+        for name, least in (("starts", 0), ("max_solutions", 1), ("seed", 0), ("enumerate_up_to", 0)):
+            whole_number(getattr(self, name), name, least)
+        expect(self.controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
+
+
 def find_solutions(
-    problem: DiscreteProblem | ContactProblem,
+    problem: DiscreteProblem | Statement,
     *,
     starts: int = 40,
     max_solutions: int = 100,
@@ -134,47 +156,48 @@ def find_solutions(
     ProblemError
         ``starts`` or ``max_solutions`` make no sense, or the problem cannot be solved as stated.
     """
-    starts, max_solutions = whole_number(starts, "starts", 0), whole_number(max_solutions, "max_solutions", 1)
-    enumerate_up_to, seed = whole_number(enumerate_up_to, "enumerate_up_to", 0), whole_number(seed, "seed", 0)
-    if controls is not None:
-        expect(controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
-    kept = (
-        Workspace()
-        if workspace is None
-        else expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
-    )
+    given = Controls() if controls is None else controls
+    options = SolutionsOptions(starts, max_solutions, seed, given, enumerate_up_to)
+    return result_of(finding(problem, options, workspace))
+
+
+def finding(
+    problem: DiscreteProblem | Statement, options: SolutionsOptions, workspace: Workspace | None = None
+) -> Generator[SearchProgress, bool | None, SolutionSet]:
+    """:func:`find_solutions` start by start: yields each, ends after it if it is sent True, returns the solutions."""
+    kept = Workspace.given(workspace)
     problem = posed(problem, "find_solutions")
-    controls = Controls() if controls is None else controls
-    budget = Budget(controls.max_time)
+    budget = Budget(options.controls.max_time)
     system = kept.condensed(problem)
     chain: Chain | None = None
     dependent = bool(problem.contact_points and problem.law.state_dependent)
     plane = problem.contact.components <= 2 and problem.contact_points > 0
     if plane and (dependent or segments_at_most(system) <= _SEGMENTS):
         chain = state_chain_of(system) if dependent else chain_of(system)
-    search = SolutionSearch(system, kept, chain, controls, max_solutions, np.random.default_rng(seed), budget)
-    if chain is not None and not dependent and chain.combinations <= enumerate_up_to and _affine(chain):
-        return _enumerated(search, chain)
+    random = np.random.default_rng(options.seed)
+    search = SolutionSearch(system, kept, chain, options.controls, options.max_solutions, random, budget)
+    if chain is not None and not dependent and chain.combinations <= options.enumerate_up_to and _affine(chain):
+        return (yield from _enumerated(search, chain))
     constants: Smallness | None = None
-    with search.stopped_cleanly(), limited(budget):
-        if not dependent:
-            constants = smallness(problem, trace_constant=False, workspace=kept)
-        if constants is None or one_solution(problem, constants):
-            search.run(NonsmoothNewton(), None)
-        if constants is None and len(search.found) == 1:
-            first = search.found[0]
-            constants = smallness(
-                problem, displacement=first.unknowns, multiplier=first.multiplier, trace_constant=False, workspace=kept
-            )
-        proved = constants is not None and one_solution(problem, constants)
-        if not (proved and search.found):
-            if plane and chain is None:
+    with search.stopped_cleanly():
+        budget.check()
+        with limited(budget):
+            if not dependent:
+                constants = smallness(problem, trace_constant=False, workspace=kept)
+            if constants is None or one_solution(problem, constants):
+                search.run(NonsmoothNewton())
+            if constants is None and len(search.found) == 1:
+                u, lam = search.found[0].unknowns, search.found[0].multiplier
+                constants = smallness(problem, displacement=u, multiplier=lam, trace_constant=False, workspace=kept)
+            proved = constants is not None and one_solution(problem, constants)
+            if plane and chain is None and not (proved and search.found):
                 chain = chain_of(system)
                 search.follow(chain)
-            search.from_solvers(starts)
+        if not (proved and search.found):
+            yield from search.working(search.from_solvers(options.starts))
             if chain is not None:
-                search.from_deflation(starts)
-                search.from_paths_and_saddles()
+                yield from search.working(search.from_deflation(options.starts))
+                yield from search.working(search.from_paths_and_saddles())
     combinations = chain.combinations if chain is not None and not dependent else np.inf
     if constants is not None and one_solution(problem, constants) and len(search.found) == 1:
         searched = f"the margin {constants.margin:.3g} is positive, so there is one solution"
@@ -192,20 +215,18 @@ def find_solutions(
     if constants is not None and constants.sampled and constants.margin > 0.0:
         searched += f"; the margin {constants.margin:.3g} is positive, but rests on sampled constants"
     if search.full:
-        searched += f"; stopped at {max_solutions} solutions"
+        searched += f"; stopped at {search.limit} solutions"
     if search.stopped:
         searched += f"; {search.stopped}"
     return SolutionSet(search.sorted(), False, combinations, search.starts, searched, search.interrupted)
 
 
-def _enumerated(search: SolutionSearch, chain: Chain) -> SolutionSet:
+def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgress, bool | None, SolutionSet]:
     """All combinations of pieces and kinks."""
     count = f"{chain.combinations:.0f} combinations"
     with search.stopped_cleanly():
         points = enumerate_points(chain, search.budget.check)
-        for candidate in points.candidates:
-            search.budget.check()
-            search.add_candidate(candidate)
+        yield from search.working(search.from_candidates(points.candidates))
     if search.stopped:
         searched = f"not all of the {count} were tried; {search.stopped}"
         return SolutionSet(search.sorted(), False, chain.combinations, 0, searched, search.interrupted)

@@ -320,12 +320,10 @@ def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceilin
     target = (part @ free) - problem.contact.offset.ravel()[rows]  # local displacement without contact
     held = problem.local(point.u)
     r = held.copy()
-    ratio = (w / np.diagonal(S)).reshape(-1)
     tau = np.full((m, d), np.inf)
-    tau.ravel()[rows] = ratio
+    tau.ravel()[rows] = w / np.diagonal(S)
     tau = np.stack([tau[:, 0], tau[:, 1:].min(axis=1) if d > 1 else tau[:, 0]], axis=1)
     tau = np.where(np.isfinite(tau), tau, point.compliance)
-    lam = np.zeros((m, d))
 
     def multiplier(r: Array) -> Array:
         out = np.zeros(m * d)

@@ -91,13 +91,9 @@ class EnergyNorm:
         x = self.solve(b)
         return x, float(np.sqrt(max(float(b @ x), 0.0)))
 
-    def dual_norm(self, b: Array) -> float:
-        """``|b|_{K^-1} = sqrt(b'K^-1 b)``."""
-        return self.riesz(b)[1]
-
     def least_dual_norm(self, b: Array) -> float:
         """``|b|_{K^-1}``."""
-        return self.dual_norm(b)
+        return self.riesz(b)[1]
 
     def rounding_norm(self, weighted: float) -> float:
         """Bound of ``|b|_{K^-1}`` over all b with ``|D^-1/2 b|_2 <= weighted``, D the diagonal of K."""

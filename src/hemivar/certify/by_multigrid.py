@@ -21,7 +21,7 @@ from hemivar.linear.cycle import contact_unknowns, selects
 from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients
 from hemivar.linear.levels import Levels, Truncated
-from hemivar.systems.body import levels_of
+from hemivar.systems.body_on_levels import levels_of
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["MultigridNorm"]
@@ -124,10 +124,6 @@ class MultigridNorm:
         before = float(guess @ (b + rest))
         x, found, left = self._descend(self._top, rest, before)
         return guess + x, float(np.sqrt(max(before + found + left, 0.0)))
-
-    def dual_norm(self, b: Array) -> float:
-        """A bound of ``|b|_{K^-1}``, at most about 1 % too large."""
-        return self.riesz(b)[1]
 
     def least_dual_norm(self, b: Array) -> float:
         """A lower bound of ``|b|_{K^-1}``: what the next coarser level sees of it.

@@ -227,11 +227,7 @@ def certify(
     if not 0.0 <= tolerance <= 0.1:
         raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
     budget = Budget(max_time)
-    kept = (
-        Workspace()
-        if workspace is None
-        else expect(workspace, Workspace, "the workspace", "make one, hemivar.Workspace(), and pass it to every call")
-    )
+    kept = Workspace.given(workspace)
     energy = energy_norm(problem, kept) if factor is None else factor
     if energy.stiffness.shape[0] != problem.unknowns:
         raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
@@ -401,10 +397,8 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     unique: bool | None = True if one_solution(problem, constants) else None
     if not stationary:
         return PointKind.NOT_STATIONARY, unique, None
-    if unique and not dependent:
-        return PointKind.UNIQUE_MINIMISER, True, None
     if unique:
-        return PointKind.UNIQUE_SOLUTION, True, None
+        return PointKind.UNIQUE_SOLUTION if dependent else PointKind.UNIQUE_MINIMISER, True, None
     local = study(point)
     if dependent:
         return local.kind, None, local

@@ -55,7 +55,7 @@ class _Part:
 
     def take(self, index: IntArray) -> _Part:
         """Some of them."""
-        return _Part(self.below[index], self.above[index], self.curvature_below[index], self.curvature_above[index])
+        return _Part(*(values[index] for values in vars(self).values()))
 
 
 def _sides(law: Superpotential, r: Array) -> _Part:
@@ -89,20 +89,15 @@ class _Components:
     def size(self) -> int:
         return self.point.size
 
-    def where(self, mask: BoolArray) -> _Components:
-        return _Components(self.point[mask], self.axis[mask], self.bend[mask])
+    def where(self, chosen: BoolArray | IntArray) -> _Components:
+        return _Components(self.point[chosen], self.axis[chosen], self.bend[chosen])
 
     def __add__(self, other: _Components) -> _Components:
-        return _Components(
-            np.concatenate([self.point, other.point]),
-            np.concatenate([self.axis, other.axis]),
-            np.concatenate([self.bend, other.bend]),
-        )
+        return _Components(*map(np.concatenate, zip(vars(self).values(), vars(other).values(), strict=True)))
 
     def ordered(self) -> _Components:
         """By contact point."""
-        order = np.argsort(self.point, kind="stable")
-        return _Components(self.point[order], self.axis[order], self.bend[order])
+        return self.where(np.argsort(self.point, kind="stable"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,13 +111,7 @@ class _Sorted:
     one_sided: _Components
 
     def __add__(self, other: _Sorted) -> _Sorted:
-        return _Sorted(
-            self.free + other.free,
-            self.held + other.held,
-            self.weak + other.weak,
-            self.falls + other.falls,
-            self.one_sided + other.one_sided,
-        )
+        return _Sorted(*(mine + more for mine, more in zip(vars(self).values(), vars(other).values(), strict=True)))
 
 
 def _sort(point: IntArray, axis: Array, lam: Array, sides: _Part, slack: float) -> _Sorted:
@@ -214,14 +203,12 @@ def study(point: Point) -> LocalStudy:
     if lowest < -_FLAT:
         whole = few and not held.size and not weak.size and bool(np.all(strict < -_FLAT))
         return LocalStudy(PointKind.MAXIMUM if whole else PointKind.SADDLE, lowest, direction)
+    least = lowest
     if weak.size and lowest > _FLAT:
         wider, _ = _curvatures(point, free + weak, held, every=few and free.size + weak.size <= _FEW)
-        lowest_wide = -np.inf if wider is None else float(wider.min(initial=1.0))
-        if lowest_wide > _FLAT:
-            return LocalStudy(PointKind.LOCAL_MINIMISER, lowest_wide, None)
-        return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, lowest, None)
-    if lowest > _FLAT:
-        return LocalStudy(PointKind.LOCAL_MINIMISER, lowest, None)
+        least = -np.inf if wider is None else float(wider.min(initial=1.0))
+    if least > _FLAT:
+        return LocalStudy(PointKind.LOCAL_MINIMISER, least, None)
     return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, lowest, None)
 
 

@@ -20,9 +20,10 @@ from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, region_masks, stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import posed
+from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.material import Material
-from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.systems.workspace import Workspace
 
 #: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
@@ -117,7 +118,7 @@ class Smallness:
 
 
 def smallness(
-    problem: DiscreteProblem | ContactProblem,
+    problem: DiscreteProblem | Statement,
     *,
     displacement: Array | None = None,
     multiplier: Array | None = None,
@@ -230,15 +231,13 @@ def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | No
             with np.errstate(invalid="ignore"):
                 tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
         coupling_weight = np.broadcast_to(_coupling(law), (m,))
-        sampled = bool(
-            getattr(law.normal, "alpha_sampled", False) or getattr(law.friction.profile, "alpha_sampled", False)
-        )
+        sampled = law.normal.alpha_sampled or law.friction.profile.alpha_sampled
     else:
         normal = tangential = coupling_weight = np.zeros(m)
         sampled = False
     if d == 1:
         tangential = coupling_weight = np.zeros(m)
-    visible = np.diff(problem.contact.trace.indptr).reshape(m, d) > 0 if m else np.zeros((0, d), dtype=bool)
+    visible = np.diff(problem.contact.trace.indptr).reshape(m, d) > 0
     seen_normal = visible[:, 0]
     seen_tangential = visible[:, 1:].any(axis=1)
     normal = np.where(seen_normal, normal, 0.0)
@@ -316,12 +315,13 @@ def _coupling(law: ContactLaw) -> Array:
     return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
 
 
-def ellipticity(statement: ContactProblem) -> float:
+def ellipticity(statement: Statement) -> float:
     """m_A, the smallest eigenvalue of the elasticity tensor over the body: ``eps : C eps >= m_A eps : eps``.
 
-    Varying materials are sampled at the quadrature points of the stiffness matrix.
-
+    That of the coefficient for one component.  What varies is sampled at the quadrature points of the stiffness matrix.
     """
+    if isinstance(statement, ScalarProblem):
+        return least_coefficient(statement)
     mesh, dim = statement.mesh, statement.mesh.dim
     if statement.material.homogeneous:
         tensor = statement.material.stiffness_tensor(mesh.points[:1])
@@ -338,8 +338,9 @@ def ellipticity(statement: ContactProblem) -> float:
 def trace_constants(problem: DiscreteProblem) -> TraceConstants:
     """c_gamma on the mesh of a problem: ``c_gamma^2`` is the largest eigenvalue of ``(B'W B, M_V)``.
 
-    ``M_V`` is the matrix of ``int eps(u) : eps(v)``; the integral over the contact boundary is that of the
-    discretisation, by nodes or by midpoints.  Grows to its limit as the mesh is refined.
+    ``M_V`` is the matrix of ``int eps(u) : eps(v)``, or of ``int grad u . grad v`` for one component; the integral over
+    the contact boundary is that of the discretisation, by nodes or by midpoints.  Grows to its limit as the mesh is
+    refined.
 
     Raises
     ------
@@ -363,9 +364,13 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
         raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
     check_time()
     energy: Norm
-    if problem.origin is not None and not factorises(problem):
-        unit = replace(problem.origin, material=Material.lame(0.0, 0.5))
-        energy = MultigridNorm(discretize(unit, check_coercivity=False))
+    origin = problem.origin
+    if isinstance(origin, ScalarProblem):
+        unit = discretize_scalar(gradient_norm_problem(origin), check_coercivity=False)
+        energy = EnergyNorm(unit.linear.stiffness) if factorises(problem) else MultigridNorm(unit)
+    elif origin is not None and not factorises(problem):
+        body = replace(origin, material=Material.lame(0.0, 0.5), bedding=0.0)
+        energy = MultigridNorm(discretize(body, check_coercivity=False, evolving=True))
     else:
         strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
         matrix = sp.csr_array(field.basis.T @ strain @ field.basis)
