@@ -1,0 +1,54 @@
+"""Evolution: contact problems in time, each step of which is a static problem."""
+
+from hemivar.evolution.evolution_problem import Evolution, Mass
+from hemivar.evolution.happenings import BondBroken, Event, MarginLost, Release, Slip, Touch, When
+from hemivar.evolution.history import Frame, History, Row
+from hemivar.evolution.jumps import Jump
+from hemivar.evolution.march import Stepped, march, marching
+from hemivar.evolution.march_state import Checkpoint
+from hemivar.evolution.plan import March
+from hemivar.evolution.save import Save
+from hemivar.evolution.schemes import (
+    SCHEMES,
+    SDIRK2,
+    GeneralizedAlpha,
+    ImplicitEuler,
+    Midpoint,
+    MoreauJean,
+    Newmark,
+    Scheme,
+)
+from hemivar.evolution.steps import AdaptiveStep, FixedStep, Stepping
+
+__all__ = [
+    "SCHEMES",
+    "SDIRK2",
+    "AdaptiveStep",
+    "BondBroken",
+    "Checkpoint",
+    "Event",
+    "Evolution",
+    "FixedStep",
+    "Frame",
+    "GeneralizedAlpha",
+    "History",
+    "ImplicitEuler",
+    "Jump",
+    "March",
+    "MarginLost",
+    "Mass",
+    "Midpoint",
+    "MoreauJean",
+    "Newmark",
+    "Release",
+    "Row",
+    "Save",
+    "Scheme",
+    "Slip",
+    "Stepped",
+    "Stepping",
+    "Touch",
+    "When",
+    "march",
+    "marching",
+]

@@ -1,0 +1,525 @@
+"""A step: a pure function from one moment to the next."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.branches import find_solutions
+from hemivar.certify.smallness import Smallness, smallness
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.evolution.descent import downhill, resistance_against
+from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
+from hemivar.evolution.jump_paths import JumpPaths
+from hemivar.evolution.jumps import Jump, Leap
+from hemivar.evolution.ledger import Ledger
+from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.operators import Operator
+from hemivar.evolution.schemes import Rule, Scheme
+from hemivar.evolution.stage import Stage, apply, body_factors, decay, forces, gain, posed_stage
+from hemivar.evolution.step_laws import StepLaw, stage_law
+from hemivar.laws import ContactLaw
+from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Solution, Solver, Status, solve
+from hemivar.solvers.choice import choose
+from hemivar.solvers.nearby import Pieces, nearby_solution
+from hemivar.solvers.solve import suited
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["Advance", "Taken"]
+
+#: Rounds of a law that depends on the solution of its own step, and when it stands.
+_ROUNDS = 60
+_STANDS = 1e-10
+#: Part of the tolerance of a step that cycles of multigrid leave.
+_SHARE = 0.5
+#: Contact components up to which small matrices are dense ones.
+_DENSE = 4000
+#: Bodies and laws whose constants are kept.
+_BODIES = 8
+#: Times whose loads are kept.
+_TIMES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """A step that was taken.
+
+    Attributes
+    ----------
+    before, moment : Moment
+    step : float
+    solutions : tuple of Solution
+        Of its stages.
+    stages : tuple of Stage
+    leaps : tuple of Leap
+        Jumps on the way, where the path of equilibria was followed.
+    heat : Taken or None
+        The step of heat that belongs to it.
+    """
+
+    before: Moment
+    moment: Moment
+    step: float
+    solutions: tuple[Solution, ...]
+    stages: tuple[Stage, ...]
+    leaps: tuple[Leap, ...] = ()
+    heat: Taken | None = None
+
+    @property
+    def status(self) -> Status:
+        """The first status that is not convergence, if there is one."""
+        return next((s.status for s in self.solutions if s.status is not Status.CONVERGED), Status.CONVERGED)
+
+    @property
+    def residual(self) -> float:
+        """Largest relative residual of the stages, and of heat."""
+        own = max(solution.residual.relative for solution in self.solutions)
+        return own if self.heat is None else max(own, self.heat.residual)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    stage: Stage
+    solution: Solution
+    place: Array  # x*
+    local: Array  # r*, the slip whole
+    velocity: Array  # v*
+    local_velocity: Array
+    resistance: float  # in units of the stiffness
+    leaps: tuple[Leap, ...] = ()
+
+
+class Advance:
+    """Takes steps of an evolution.  What it keeps between them only saves work.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    scheme : Scheme
+    solver : Solver or None
+    controls : Controls
+    workspace : Workspace, optional
+    """
+
+    def __init__(
+        self,
+        discrete: DiscreteEvolution,
+        scheme: Scheme,
+        solver: Solver | None,
+        controls: Controls,
+        workspace: Workspace | None = None,
+    ) -> None:
+        self.discrete = discrete
+        self.scheme = scheme
+        self.solver = solver
+        self.controls = controls
+        self.bodies = Bodies(discrete)
+        self.workspace = Workspace() if workspace is None else workspace
+        #: Whether something viscous, or a mass, chooses among several solutions.
+        self.resists = discrete.mass is not None or discrete.viscosity is not None or bool(discrete.branches)
+        #: What takes the steps of heat.
+        self.beside: Advance | None = None
+        self._smallness: OrderedDict[tuple[object, ...], tuple[object, Smallness]] = OrderedDict()
+        self._constants: OrderedDict[tuple[object, ...], tuple[object, float]] = OrderedDict()
+        self._acting: OrderedDict[float, Acting] = OrderedDict()
+        self._steady = not discrete.evolution.problem.time_dependent
+        self._law: tuple[ContactLaw, float, StepLaw] | None = None
+        self.paths = JumpPaths(discrete, self.bodies, self.workspace)
+
+    def acting(self, time: float) -> Acting:
+        """What acts at a time."""
+        key = self.discrete.evolution.start if self._steady else time
+        found = self._acting.get(key)
+        if found is None:
+            found = self._acting[key] = self.discrete.acting(key)
+            while len(self._acting) > _TIMES:
+                self._acting.popitem(last=False)
+        return found
+
+    def take(self, before: Moment, step: float, end_time: float | None = None, jump: Jump = Jump.LOCAL) -> Taken:
+        """One step; the moment before it stays as it is.
+
+        Parameters
+        ----------
+        before : Moment
+        step : float
+        end_time : float, optional
+            Where it ends, if rounding of ``before.time + step`` matters.
+        jump : Jump
+            Which solution is taken where there may be several.
+        """
+        reached = before.time + step if end_time is None else end_time
+        start, end = self.acting(before.time), self.acting(reached)
+        solved: list[_Solved] = []
+        base = before
+        for rule in self.scheme.rules(step):
+            at = end if rule.at == 1.0 else self.acting(before.time + rule.at * step)
+            solved.append(self._stage(base, rule, step, at, end, start, jump))
+            if solved[-1].solution.status is not Status.CONVERGED:
+                break
+            base = replace(
+                before,
+                body=replace(before.body, velocity=solved[-1].velocity),
+                local=replace(before.local, velocity=solved[-1].local_velocity),
+            )
+        moment = self._end(before, solved, step, reached, start, end)
+        leaps = tuple(leap for s in solved for leap in s.leaps)
+        return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
+
+    def started(self, moment: Moment) -> Moment:
+        """The moment at the beginning with all else that it holds beside the motion."""
+        return moment
+
+    def told(self, moment: Moment) -> dict[str, float]:
+        """What a row of the table says beside forces, probes and the ledger, by names of columns."""
+        return {}
+
+    def excess(self, problem: DiscreteProblem) -> float:
+        """``c - 1`` of a problem: how much stiffer the body must be to leave one solution; negative if it is."""
+        law = problem.law
+        if not problem.contact_points or law.state_dependent or not any(alpha.any() for alpha in law.weak_convexity):
+            return -1.0
+        return self.constant(problem) - 1.0
+
+    def constant(self, problem: DiscreteProblem) -> float:
+        """The constant c of a problem whose law depends on no state, ``1 - c`` being its margin.
+
+        Of a body that is condensed anyway it is the largest eigenvalue of a small matrix; else that of
+        :meth:`smallness`.
+        """
+        if not self._condenses(problem):
+            return self.smallness(problem).constant
+        alphas = problem.law.weak_convexity
+        key = (id(problem.linear.stiffness), *(np.asarray(alpha).tobytes() for alpha in alphas))
+        known = self._constants.get(key)
+        if known is None:
+            body = self.workspace.condensed(problem, many=True).body
+            known = self._constants[key] = problem.linear.stiffness, body.softening(*alphas)
+        self._constants.move_to_end(key)
+        while len(self._constants) > _BODIES:
+            self._constants.popitem(last=False)
+        return known[1]
+
+    def _condenses(self, problem: DiscreteProblem) -> bool:
+        """Whether steps are solved on the body condensed onto its contact points, by the default method."""
+        return (
+            isinstance(self.solver, NonsmoothNewton)
+            and not problem.law.state_dependent
+            and problem.contact_points > 0
+            and problem.contact.offset.size <= _DENSE
+        )
+
+    def smallness(self, problem: DiscreteProblem) -> Smallness:
+        """The constants of a problem whose law depends on no state: those of stiffness and weak convexity alone."""
+        stiffness = problem.linear.stiffness
+        key = (id(stiffness), *(np.asarray(alpha).tobytes() for alpha in problem.law.weak_convexity))
+        if key not in self._smallness:
+            found = smallness(problem, trace_constant=False, workspace=self.workspace)
+            self._smallness[key] = stiffness, found  # the matrix is held, so that its identity stays its own
+        self._smallness.move_to_end(key)
+        while len(self._smallness) > _BODIES:
+            self._smallness.popitem(last=False)
+        return self._smallness[key][1]
+
+    def tried(self, before: Moment, step: float) -> list[tuple[tuple[float, ...], ContactLaw]]:
+        """For each stage of a step, not solved: what makes its body, see :meth:`Bodies.body`, and its law.
+
+        The state of ``before`` stands for what the stages would find.
+        """
+        found = []
+        stated = self.discrete.problem.law
+        guess = np.zeros(before.local.place.shape)
+        guess[:, 0] = before.local.place[:, 0]
+        for rule in self.scheme.rules(step):
+            if "law" in self.discrete.evolution.problem.time_dependent:
+                stated = self.acting(before.time + rule.at * step).law
+            law = stage_law(self.discrete, stated, before, rule, step, guess, before.multiplier)
+            found.append((body_factors(self.discrete, rule, step), law.law))
+        return found
+
+    def _stage(
+        self, base: Moment, rule: Rule, step: float, at: Acting, end: Acting, start: Acting, jump: Jump
+    ) -> _Solved:
+        guess, multiplier = np.zeros(base.local.place.shape), base.multiplier
+        guess[:, 0] = base.local.place[:, 0]
+        initial: Solution | None = None
+        for _ in range(_ROUNDS):
+            law = self._stage_law(at, base, rule, step, guess, multiplier)
+            stage = posed_stage(self.discrete, self.bodies, base, rule, step, at, end, start, law)
+            leaps: tuple[Leap, ...] = ()
+            if jump.follows and not self.resists and (excess := self.excess(stage.problem)) >= 0.0:
+                followed = self.paths.follow(stage, excess, jump, self.solver, self._controls(stage))
+                solution, resistance, leaps = followed.solution, 0.0, followed.leaps
+            else:
+                solution, resistance = self._solution(stage, initial, jump)
+            local = stage.local(solution)
+            again = law.iterates and solution.status is Status.CONVERGED
+            if not self.discrete.vectors.largest(float(again))[0]:
+                break
+            found = local.copy()
+            found[:, 1:] -= base.local.place[:, 1:]
+            change, size, pressed, level = self.discrete.vectors.largest(
+                float(np.abs(found - guess).max(initial=0.0)),
+                float(np.abs(local).max(initial=0.0)),
+                float(np.abs(solution.multiplier - multiplier).max(initial=0.0)),
+                float(np.abs(solution.multiplier).max(initial=0.0)),
+            ).tolist()
+            if change <= _STANDS * size and pressed <= _STANDS * level:
+                break
+            guess, multiplier, initial = found, solution.multiplier, solution
+        else:
+            solution = replace(solution, status=Status.NOT_CONTRACTING)
+        place = stage.displacement(solution)
+        return _Solved(
+            stage,
+            solution,
+            place,
+            local,
+            stage.rate(place - base.body.place, base.body),
+            stage.rate(local - base.local.place, base.local),
+            resistance,
+            leaps,
+        )
+
+    def _stage_law(self, at: Acting, base: Moment, rule: Rule, step: float, guess: Array, multiplier: Array) -> StepLaw:
+        """The law of a stage; where points remember nothing it is that of the stage before while the step stays."""
+        known, rate = self._law, rule.rate.difference
+        if known is not None and known[0] is at.law and known[1] == rate:
+            return known[2]
+        law = stage_law(self.discrete, at.law, base, rule, step, guess, multiplier)
+        if not law.blocks and rule.restitution is None and not rule.conserving:
+            self._law = at.law, rate, law
+        return law
+
+    def _solution(self, stage: Stage, initial: Solution | None, jump: Jump) -> tuple[Solution, float]:
+        """The solution of a stage, and the resistance that it was found against, in units of the stiffness."""
+        problem, controls = stage.problem, self._controls(stage)
+        if self.solver is None:
+            self.solver = suited(choose(problem)[0], problem)
+        start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
+        excess = self.excess(problem)
+        if excess < 0.0:
+            near = self._nearby(stage, initial, controls)
+            if near is not None:
+                return near, 0.0
+            method = _as_accurate(self.solver, controls)
+            return solve(problem, method, controls, initial=start, workspace=self.workspace), 0.0
+        if jump is Jump.GLOBAL and not self.resists:
+            found = find_solutions(problem, workspace=self.workspace)
+            if found.solutions:
+                return min(found.solutions, key=lambda solution: solution.energy), 0.0
+        resistance = resistance_against(excess)
+        slow = self.bodies.slower(problem, resistance)
+        if jump is Jump.VISCOUS and not self.resists:
+            return solve(slow, self.solver, controls, initial=start, workspace=self.workspace), resistance
+        return downhill(problem, slow, resistance, start, self.solver, controls, self.workspace), 0.0
+
+    def _nearby(self, stage: Stage, initial: Solution | None, controls: Controls) -> Solution | None:
+        """The one solution of a stage, if a few of Newton's equations lead to it from what is expected."""
+        problem, base = stage.problem, stage.before
+        if not self._condenses(problem):
+            return None
+        system = self.workspace.condensed(problem, many=True)
+        if initial is None:
+            span = stage.rule.at * stage.step
+            r, lam = base.local.place + span * base.local.velocity - stage.origin, base.multiplier
+        else:
+            r, lam = initial.local, initial.multiplier
+        pieces = self.workspace.once("pieces", problem, Pieces)
+        return nearby_solution(system, r, lam, controls, pieces)
+
+    def _controls(self, stage: Stage) -> Controls:
+        """Tolerances: a load that is left where all balances already is no measure."""
+        n = stage.problem.unknowns
+        pressed = self.discrete.problem.contact_force(stage.before.multiplier)
+        scale = float(self.discrete.vectors.norms(stage.load[:n], pressed).sum())
+        return replace(self.controls, atol=max(self.controls.atol, self.controls.rtol * scale))
+
+    def _end(
+        self, before: Moment, solved: list[_Solved], step: float, time: float, start: Acting, end: Acting
+    ) -> Moment:
+        """The moment at the end of a step, with the ledger."""
+        last = solved[-1]
+        rule, base = last.stage.rule, last.stage.before
+        difference = rule.reach * (last.place - before.body.place)
+        place = last.place.copy() if rule.reach == 1.0 else before.body.place + difference
+        n = self.discrete.unknowns
+        place[n:] = end.prescribed
+        slid = rule.reach * (last.local - before.local.place)
+        local = before.local.place + slid
+        body = Motion(
+            place, apply(rule.new_velocity, difference, base.body), apply(rule.new_acceleration, difference, base.body)
+        )
+        point = Motion(
+            local, apply(rule.new_velocity, slid, base.local), apply(rule.new_acceleration, slid, base.local)
+        )
+        branches = tuple(
+            decay(period, step) * h + gain(period, step, 1.0 / step) * difference
+            for h, (period, _) in zip(before.branches, self.discrete.branches, strict=True)
+        )
+        memory = dict(before.memory)
+        for block in last.stage.law.blocks:
+            if block.name in memory:
+                memory[block.name] = block.memory.advance(
+                    block.given,
+                    before.memory[block.name],
+                    block.local,
+                    _since(last, before, block.index),
+                    last.solution.multiplier[block.index],
+                )
+        moment = Moment(
+            time, before.index + 1, body, point, last.solution.multiplier, branches, memory, before.ledger, before.heat
+        )
+        return replace(moment, ledger=self._booked(before, moment, solved, step))
+
+    # ---- the ledger ------------------------------------------------------------------------------------------
+
+    def energies(self, moment: Moment, law: StepLaw, pulled: Array | None = None) -> dict[str, float]:
+        """Energies of a moment by name; ``pulled (n + k,)`` are its elastic forces where they are known."""
+        discrete, x, v = self.discrete, moment.body.place, moment.body.velocity
+        weights = discrete.problem.contact.weights
+        contact = 0.0
+        if weights.size:
+            normal = moment.local.place[:, 0]
+            if law.blocks:
+                for block in law.blocks:
+                    w, r = weights[block.index], moment.local.place[block.index]
+                    ends = block.base.normal.domain
+                    r = np.column_stack([np.clip(r[:, 0], ends.lower, ends.upper), r[:, 1:]])
+                    contact += float(w @ block.memory.stored(block.base, moment.memory.get(block.name, {}), r))
+            else:
+                stored = law.stored.normal
+                inside = np.clip(normal, stored.domain.lower, stored.domain.upper)
+                contact = float(weights @ np.broadcast_to(stored.value(inside), weights.shape))
+        own = {
+            "elastic": 0.5 * float(x @ (discrete.stiffness.times(x) if pulled is None else pulled)),
+            "kinetic": 0.0 if discrete.mass is None else discrete.mass.energy(v),
+            "branches": sum(part.energy(h) for h, (_, part) in zip(moment.branches, discrete.branches, strict=True)),
+            "contact": contact,
+        }
+        return dict(zip(own, discrete.vectors.total(*own.values()).tolist(), strict=True))
+
+    def _booked(self, before: Moment, moment: Moment, solved: list[_Solved], step: float) -> Ledger:
+        discrete, n = self.discrete, self.discrete.unknowns
+        weights = discrete.problem.contact.weights[:, None]
+        old, single = before.ledger, len(solved) == 1
+        whole, slid = moment.body.place - before.body.place, moment.local.place - before.local.place
+        work = moved = viscous = friction = damping = jumps = 0.0
+        internal = inertial = relaxing = normal = 0.0
+        for part in solved:
+            stage = part.stage
+            du = whole if single else stage.rule.share * step * part.velocity
+            dr = slid if single else stage.rule.share * step * part.local_velocity
+            acts = forces(discrete, stage.rule, stage.before, part.place, stage.decays, stage.gains)
+            done = {name: float(force @ du) for name, force in acts.items()}
+            internal += done["internal"]
+            viscous += done.get("viscous", 0.0)
+            inertial += done.get("inertial", 0.0)
+            relaxing += done.get("relaxing", 0.0)
+            force = sum(acts.values())
+            if part.resistance:
+                jumps += part.resistance * float(du[:n] @ (discrete.stiffness.inner @ du[:n]))
+            work += float(stage.load @ du)
+            lam = part.solution.multiplier
+            shifted = -dr
+            if lam.size:
+                shifted = np.asarray(discrete.problem.contact.trace @ du[:n]).reshape(dr.shape) - dr
+            moved += float((force - stage.load)[n:] @ du[n:]) - float((weights * lam * shifted).sum())
+            normal += float(weights[:, 0] @ (lam[:, 0] * dr[:, 0]))
+            friction += float((weights * lam * dr)[:, 1:].sum())
+            damping += _damped(stage, part, dr, weights[:, 0])
+        law = solved[-1].stage.law
+        there = stage.rule.reach == 1.0 and not discrete.vectors.largest(float(du.size - n))[0]
+        now = self.energies(moment, law, acts["internal"] if there else None)
+        lost = sum(
+            _branch_loss(branch, h, whole / step, period, step)
+            for h, (period, branch) in zip(before.branches, discrete.branches, strict=True)
+        )
+        memory = 0.0
+        for block in law.blocks:
+            if block.name in before.memory:
+                here, pressed = _since(solved[-1], before, block.index), solved[-1].solution.multiplier[block.index]
+                old_state, new_state = before.memory[block.name], moment.memory[block.name]
+                memory += float(
+                    weights[block.index, 0]
+                    @ block.memory.dissipated(block.given, old_state, new_state, block.local, here, pressed)
+                )
+        work, moved, viscous, friction, damping, internal, inertial, relaxing, normal, lost, memory = (
+            discrete.vectors.total(
+                work, moved, viscous, friction, damping, internal, inertial, relaxing, normal, lost, memory
+            ).tolist()
+        )
+        numerical = (
+            internal
+            - (now["elastic"] - old.elastic)
+            + inertial
+            - (now["kinetic"] - old.kinetic)
+            + relaxing
+            - (now["branches"] - old.branches)
+            - lost
+            + normal
+            - (now["contact"] - old.contact)
+            - damping
+            - memory
+        )
+        lost_at_once = sum(leap.lost for part in solved for leap in part.leaps)
+        return Ledger(
+            work=old.work + work,
+            moved=old.moved + moved,
+            start=old.start,
+            viscous=old.viscous + viscous,
+            branch_loss=old.branch_loss + lost,
+            friction=old.friction + friction,
+            damping=old.damping + damping,
+            memory=old.memory + memory,
+            numerical=old.numerical + numerical - lost_at_once,
+            jumps=old.jumps + jumps + lost_at_once,
+            thermal=old.thermal,
+            **now,
+        ).closed()
+
+
+def _as_accurate(solver: Solver, controls: Controls) -> Solver:
+    """Multigrid whose cycles end where the tolerance of the step does, and not that of what is left of its load."""
+    if not isinstance(solver, NonsmoothMultigrid) or solver.tolerance is not None:
+        return solver
+    return replace(solver, tolerance=_SHARE * controls.rtol, absolute=_SHARE * controls.atol)
+
+
+def _since(part: _Solved, before: Moment, index: IntArray) -> Array:
+    """Penetration at a stage, and slip since the beginning of the step, of some contact points."""
+    here = part.local[index].copy()
+    here[:, 1:] -= before.local.place[index, 1:]
+    return here
+
+
+def _damped(stage: Stage, part: _Solved, dr: Array, weights: Array) -> float:
+    """Work of laws of the rate along the normal."""
+    total = 0.0
+    for block in stage.law.blocks:
+        if block.damping is None:
+            continue
+        rate = part.local_velocity[block.index, 0]
+        lam = part.solution.multiplier[block.index, 0]
+        stored = block.undamped.normal.subdifferential(part.local[block.index, 0])
+        felt = block.damping.subdifferential(rate)
+        # Of the splits of the pressure between both laws the one nearest to the slope of the law of the rate.
+        share = np.clip(
+            np.clip(block.damping.derivative(rate), felt.lower, felt.upper), lam - stored.upper, lam - stored.lower
+        )
+        total += float(weights[block.index] @ (share * dr[block.index, 0]))
+    return total
+
+
+def _branch_loss(branch: Operator, h: Array, rate: Array, period: float, step: float) -> float:
+    """``int h'Kh / T`` over a step in which the displacement changes at a constant rate, exactly."""
+    e, e2 = -math.expm1(-step / period), -math.expm1(-2.0 * step / period)
+    first = 0.5 * period * e2
+    mixed = period**2 * (e - 0.5 * e2)
+    second = period**2 * (step - 2.0 * period * e + 0.5 * period * e2)
+    pull, push = branch.times(h), branch.times(rate)
+    return (first * float(h @ pull) + 2.0 * mixed * float(h @ push) + second * float(rate @ push)) / period

@@ -1,0 +1,120 @@
+"""Downhill from a place without a leap over a barrier."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.branches.chain import Chain, chain_of
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import residual
+from hemivar.solvers import Controls, Solution, Solver, Status, solve
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["CREEPS", "TIGHT", "bottom", "downhill", "resistance_against"]
+
+#: Least resistance to a jump in units of the stiffness.
+_LEAST = 0.05
+#: Steps of a jump at most.
+CREEPS = 2000
+#: Components of contact points up to which the graph of the law is laid out: every step on it is a dense solve.
+_LARGEST = 1500
+#: Rounding of a place on a segment, as a part of a typical displacement.
+_ROUNDING = 1e-13
+#: Tolerance of the steps of a jump as a part of that of the whole.
+TIGHT = 1e-3
+
+
+def resistance_against(excess: float) -> float:
+    """The resistance, in units of the stiffness, against which a problem has one solution; ``excess`` is c - 1."""
+    return 1.1 * excess + _LEAST
+
+
+def bottom(
+    chain: Chain, problem: DiscreteProblem, theta: Array, segment: IntArray, controls: Controls, workspace: Workspace
+) -> Solution | None:
+    """The minimiser on the segments on which a place lies: nothing is crossed on the way; None if there is none.
+
+    Parameters
+    ----------
+    chain : Chain
+        Of the body and the law of the problem.
+    problem : DiscreteProblem
+    theta, segment : arrays (n,)
+        The place on the graph of the law.
+    controls : Controls
+    workspace : Workspace
+    """
+    system = workspace.condensed(problem)
+    if not chain.stable(theta, segment):
+        return None
+    found = chain.correct(theta, segment, system.force[system.free])
+    if found is None or not chain.inside(found, segment, _ROUNDING * chain.length).all():
+        return None
+    if not chain.stable(found, segment):
+        return None
+    r, lam = chain.local(found, segment)
+    u, residuals = system.recover(r, lam)
+    if not residuals[0].below(controls.atol, controls.rtol):
+        return None
+    return Solution(problem, u, lam, Status.CONVERGED, residuals[0], "nonsmooth-newton", 1)
+
+
+def downhill(
+    problem: DiscreteProblem,
+    slow: DiscreteProblem,
+    resistance: float,
+    u: Array,
+    solver: Solver | None,
+    controls: Controls,
+    workspace: Workspace,
+    chain: Chain | None = None,
+) -> Solution:
+    """The equilibrium that is reached from u (n,): steps against a resistance that leaves each of them one solution.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    slow : DiscreteProblem
+        The same with the stiffness ``(1 + resistance) K``.
+    resistance : float
+        In units of the stiffness.
+    u : array (n,)
+    solver : Solver or None
+    controls : Controls
+    workspace : Workspace
+    chain : Chain, optional
+        The graph of the law at the contact points of the body; made here where the solver condenses the body.
+    """
+    K, load = problem.linear.stiffness, problem.linear.load
+    tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
+    last: IntArray | None = None
+    for _ in range(CREEPS):
+        before, here = problem.local(u), load + resistance * np.asarray(K @ u)
+        solution = solve(slow.with_(load=here), solver, tight, initial=u, workspace=workspace)
+        u = solution.unknowns
+        off = residual(problem, u, solution.multiplier)
+        if off.below(controls.atol, controls.rtol) or solution.status is not Status.CONVERGED:
+            return replace(solution, problem=problem, residual=off)
+        if chain is None and workspace.condenses(slow) and problem.contact.components <= 2:
+            system = workspace.condensed(problem)
+            chain = chain_of(system) if system.free.size <= _LARGEST else None
+        if chain is not None:
+            theta, segment = chain.nearest(solution.local, solution.multiplier)
+            if last is not None and np.array_equal(segment, last):
+                there = bottom(chain, problem, theta, segment, controls, workspace)
+                if there is not None:
+                    return there
+            last = segment
+            continue
+        after = problem.local(u)
+        smooth = problem.law.linearise(after)
+        held = problem.law.clamp(before, after)
+        if np.array_equal(held, after) and not (np.linalg.eigvalsh(smooth.hessian) < 0.0).any():
+            # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
+            there = solve(problem, solver, controls, initial=u, workspace=workspace)
+            if np.array_equal(problem.law.clamp(after, there.local), there.local):
+                return there
+    return replace(solution, problem=problem, residual=off, status=Status.STALLED)

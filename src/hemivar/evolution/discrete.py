@@ -1,0 +1,304 @@
+"""An evolution over a mesh: its matrices, what acts on it at a time, and the body of a stage."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.space import Field, Space
+from hemivar.errors import ProblemError
+from hemivar.evolution.discrete_heat import DiscreteHeat, coupled_heat
+from hemivar.evolution.evolution_problem import Evolution, Mass
+from hemivar.evolution.operators import Operator, combined
+from hemivar.fem.assembly import load_vector
+from hemivar.fem.discretize import discretize
+from hemivar.fem.dynamics import body_matrices
+from hemivar.fem.scalar_dynamics import scalar_acting, scalar_matrices
+from hemivar.fem.unknowns import nodal_conditions
+from hemivar.laws import ContactLaw
+from hemivar.linear.vectors import WHOLE, Vectors
+from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Statement
+from hemivar.mechanics.statement import Contact, ContactProblem
+
+__all__ = ["Acting", "Bodies", "DiscreteEvolution", "discretize_evolution"]
+
+#: Matrices of different steps that are kept.
+_KEPT = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Acting(Portable):
+    """What acts on the body at one time.
+
+    Attributes
+    ----------
+    load : array (n + k,)
+        Forces on the unknowns and on the prescribed displacements.
+    prescribed : array (k,)
+        Displacements of the moved supports.
+    offset : array (m, c)
+        Gap, less what supports prescribe, and slip that is there already.
+    law : ContactLaw
+    """
+
+    load: Array
+    prescribed: Array
+    offset: Array
+    law: ContactLaw
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteEvolution(Portable):
+    """Matrices and contact points of an evolution.
+
+    Attributes
+    ----------
+    evolution : Evolution
+    problem : DiscreteProblem
+        The elastic body at the start.
+    stiffness : Operator
+    viscosity, mass : Operator or None
+    branches : tuple of (relaxation time, Operator)
+    moved : int array (k,)
+        Nodal components that supports may move.
+    blocks : tuple of (boundary, int array)
+        Contact points of each boundary, in their order.
+    heat : DiscreteHeat or None
+    """
+
+    evolution: Evolution
+    problem: DiscreteProblem
+    stiffness: Operator
+    viscosity: Operator | None
+    mass: Operator | None
+    branches: tuple[tuple[float, Operator], ...]
+    moved: IntArray
+    blocks: tuple[tuple[str, IntArray], ...]
+    heat: DiscreteHeat | None = field(default=None, kw_only=True)
+
+    @property
+    def vectors(self) -> Vectors:
+        """How the parts of all processes are looked at together; arrays are those of this process."""
+        return WHOLE
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return self.problem.unknowns
+
+    @property
+    def contacts(self) -> Mapping[str, Contact | ScalarContact]:
+        """What acts on each contact boundary, and over areas."""
+        stated = self.evolution.problem
+        return {**stated.contact, **stated.areas} if isinstance(stated, ScalarProblem) else stated.contact
+
+    @property
+    def stores(self) -> bool:
+        """Whether it is heat that a capacity stores."""
+        stated = self.evolution.problem
+        return isinstance(stated, ScalarProblem) and stated.capacity is not None
+
+    @property
+    def field(self) -> Field:
+        """The displacement."""
+        found = self.problem.field
+        assert found is not None
+        return found
+
+    def full(self, x: Array) -> Array:
+        """Nodal displacements or velocities (nodes, d) of unknowns and prescribed displacements (n + k,)."""
+        n = self.unknowns
+        values = self.field.basis @ x[:n]
+        values[self.moved] += x[n:]
+        return np.asarray(values).reshape(-1, self.field.components)
+
+    def restrict(self, values: Array, prescribed: Array) -> Array:
+        """Unknowns and prescribed displacements (n + k,) of nodal values (nodes, d)."""
+        rest = values.ravel().copy()
+        rest[self.moved] -= prescribed
+        return np.concatenate([self.field.lift @ rest, prescribed])
+
+    def acting(self, time: float) -> Acting:
+        """What acts at a time."""
+        stated = self.evolution.problem
+        bound = stated.at_time(time)
+        if isinstance(bound, ScalarProblem):
+            force, held, contact, law = scalar_acting(bound, self.field.basis)
+            load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
+            return Acting(load, held[self.moved], contact.offset, law)
+        assert isinstance(stated, ContactProblem)
+        force = load_vector(bound.mesh, bound.order, bound.body_force, bound.tractions)
+        load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
+        if not stated.time_dependent & {"supports", "gap", "law"}:
+            contact = self.problem.contact
+            return Acting(load, self.field.prescribed[self.moved], contact.offset, self.problem.law)
+        conditions = nodal_conditions(bound)
+        contact, law, _ = conditions.contact()
+        return Acting(load, conditions.prescribed[self.moved], contact.offset, law)
+
+
+def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
+    """Matrices, supports and contact points of an evolution.
+
+    Raises
+    ------
+    ProblemError
+        As :func:`hemivar.discretize`; a body without inertia must be held as in statics.
+    """
+    stated = evolution.problem.at_time(evolution.start)
+    if isinstance(stated, ScalarProblem):
+        # What stores heat holds a temperature within a step.
+        held = not (evolution.inertia or stated.capacity is not None)
+        problem = discretize(stated, check_coercivity=held, evolving=True)
+        matrices = scalar_matrices(stated, problem)
+    else:
+        problem = discretize(stated, check_coercivity=not evolution.inertia, evolving=True)
+        matrices = body_matrices(stated, problem)
+    mass = matrices.mass if evolution.inertia else None
+    operators = {
+        name: None if part is None else Operator(part.matrix, part.coupling, part.held)
+        for name, part in (("stiffness", matrices.stiffness), ("viscosity", matrices.viscosity), ("mass", mass))
+    }
+    if operators["mass"] is not None and evolution.mass is Mass.REDISTRIBUTED:
+        operators["mass"] = _redistributed(operators["mass"], problem)
+    branches = tuple((time, Operator(part.matrix, part.coupling, part.held)) for time, part in matrices.branches)
+    contact = problem.contact
+    blocks = tuple((name, contact.on(name)) for name in contact.names if contact.on(name).size)
+    for name, index in blocks:
+        if np.any(np.diff(index) != 1):
+            raise ProblemError(f"contact points of boundary '{name}' are not numbered one after another")
+    stiffness = operators["stiffness"]
+    assert stiffness is not None
+    return DiscreteEvolution(
+        evolution,
+        problem,
+        stiffness,
+        operators["viscosity"],
+        operators["mass"],
+        branches,
+        matrices.moved,
+        blocks,
+        heat=_heat(evolution, stated, problem, matrices.moved),
+    )
+
+
+def _heat(evolution: Evolution, stated: Statement, problem: DiscreteProblem, moved: IntArray) -> DiscreteHeat | None:
+    """The heat of a body, if there is any."""
+    if evolution.heat is None:
+        return None
+    assert isinstance(stated, ContactProblem)
+    assert evolution.conduction is not None
+    return coupled_heat(stated, evolution.heat, problem, moved, discretize_evolution(evolution.conduction))
+
+
+def _redistributed(mass: Operator, problem: DiscreteProblem) -> Operator:
+    """The mass without that of contact unknowns, which goes to the unknowns that they share cells with."""
+    M = mass.inner
+    n = M.shape[0]
+    massless = np.zeros(n, dtype=bool)
+    massless[problem.contact.trace.indices] = True
+    rows = np.repeat(np.arange(n), np.diff(M.indptr))
+    inside = ~massless[rows] & ~massless[M.indices]
+    kept = np.where(inside, M.data, 0.0)
+    # What a row of the kept ones loses to massless columns, and these rows themselves, are given to the diagonal.
+    lost = np.bincount(rows[~inside & ~massless[rows]], M.data[~inside & ~massless[rows]], minlength=n)
+    own = np.bincount(rows[massless[rows]], M.data[massless[rows]], minlength=n)
+    share = sp.csr_array((np.where(inside | massless[rows], 0.0, np.abs(M.data)), M.indices, M.indptr), shape=M.shape)
+    weight = np.asarray(share.sum(axis=0)).ravel()  # of each massless unknown, over its neighbours with mass
+    given = share @ np.where(weight > 0.0, own / np.where(weight > 0.0, weight, 1.0), 0.0)
+    diagonal = rows == M.indices
+    kept[diagonal] += np.where(massless, 0.0, lost + given)[rows[diagonal]]
+    inner = sp.csr_array((kept, M.indices, M.indptr), shape=M.shape)
+    return Operator(inner, mass.coupling, mass.held)
+
+
+class Bodies:
+    """Bodies of stages: one for each set of factors of a step, with one stiffness matrix that a workspace knows again.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    """
+
+    def __init__(self, discrete: DiscreteEvolution) -> None:
+        self.discrete = discrete
+        self._slow: dict[tuple[float, float], tuple[sp.csr_array, Quadratic]] = {}
+        self._made: OrderedDict[tuple[float, ...], DiscreteProblem] = OrderedDict()
+        self._posed = discrete.problem, discrete.problem
+
+    def body(self, viscous: float, inert: float, *branches: float, keep: bool = True) -> DiscreteProblem:
+        """The problem of a body with stiffness ``K + viscous C + inert M + sum branches_i K_i``, without load."""
+        key = (viscous, inert, *branches)
+        found = self._made.get(key)
+        if found is None:
+            found = self._make(viscous, inert, branches)
+            if not keep:
+                return found
+            self._made[key] = found
+        self._made.move_to_end(key)
+        while len(self._made) > _KEPT:
+            self._made.popitem(last=False)
+        return found
+
+    def slower(self, problem: DiscreteProblem, resistance: float) -> DiscreteProblem:
+        """The problem with a stiffness that is larger by a factor: one step against a resistance in the energy norm."""
+        stiffness = problem.linear.stiffness
+        key = (float(id(stiffness)), resistance)
+        found = self._slow.get(key)
+        if found is None:
+            self._slow.clear()
+            bulk = Quadratic(combined([(1.0 + resistance, stiffness)]), problem.linear.load, assembled=True)
+            found = self._slow[key] = (stiffness, bulk)
+        return problem.with_(bulk=found[1].under(problem.linear.load))
+
+    def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
+        """One of the bodies under a load (n,), with other offsets (m, c) and another law."""
+        known, same = self._posed
+        if known is not base or same.law is not law:  # a law is checked once
+            same = base.with_(offset=offset, law=law)
+            self._posed = base, same
+        return same.with_(load=load, offset=offset)
+
+    def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
+        discrete = self.discrete
+        parts = [(1.0, discrete.stiffness.inner)]
+        if discrete.viscosity is not None:
+            parts.append((viscous, discrete.viscosity.inner))
+        if discrete.mass is not None:
+            parts.append((inert, discrete.mass.inner))
+        parts += [(g, part.inner) for g, (_, part) in zip(branches, discrete.branches, strict=True)]
+        base, field = discrete.problem, discrete.field
+        origin = base.origin
+        if len(parts) > 1:
+            assert origin is not None
+            origin = origin.effective(
+                viscous if discrete.viscosity is not None else 0.0,
+                branches,
+                inert if discrete.mass is not None else 0.0,
+            )
+        quiet = Field(
+            field.mesh,
+            field.order,
+            field.basis,
+            np.zeros_like(field.prescribed),
+            field.components,
+            field.name,
+            field.lift,
+            bedded=discrete.mass is not None or discrete.stores or field.bedded,
+            constants=field.constants,
+        )
+        stiffness = combined(parts) if len(parts) > 1 else base.linear.stiffness
+        return replace(
+            base,
+            bulk=Quadratic(stiffness, np.zeros(base.unknowns), assembled=True),
+            space=Space((quiet,)),
+            origin=origin,
+        )

@@ -1,0 +1,114 @@
+"""The heat of a body over its mesh: how it is coupled with the motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.thermal_stress import thermal_matrix
+from hemivar.laws import ContactLaw, PiecewiseQuadratic
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.thermal import Heat
+
+if TYPE_CHECKING:
+    from hemivar.evolution.discrete import DiscreteEvolution
+
+__all__ = ["DiscreteHeat", "coupled_heat"]
+
+
+@dataclass(frozen=True, eq=False)
+class DiscreteHeat(Portable):
+    """Heat over the mesh of a body.
+
+    Attributes
+    ----------
+    heat : Heat
+    conduction : DiscreteEvolution
+        Of heat alone.
+    pull : sparse array (n + k, nodes)
+        Force of nodal temperatures on the unknowns and on the prescribed displacements.
+    partner : int array (q,)
+        Contact point of the body at each contact point of the heat; -1 where there is none.
+    share : array (m,)
+        Part of the heat of friction that goes into the body, at the contact points of the body.
+    node : int array (m,)
+        Nodes of the contact points of the body.
+    """
+
+    heat: Heat
+    conduction: DiscreteEvolution
+    pull: sp.csr_array
+    partner: IntArray
+    share: Array
+    node: IntArray
+
+    def load(self, temperature: Array) -> Array:
+        """Force (n + k,) of nodal temperatures (nodes,)."""
+        return np.asarray(self.pull @ (temperature - self.heat.stress_free))
+
+    def temperature(self, place: Array) -> Array:
+        """Nodal temperatures (nodes,) of unknowns and prescribed temperatures."""
+        return self.conduction.full(place)[:, 0]
+
+    def rubbed(self, heat: Array) -> Array:
+        """Nodal heat (nodes,) of heat that friction makes at the contact points of the body (m,)."""
+        nodes = self.conduction.field.basis.shape[0]
+        return np.asarray(np.bincount(self.node, weights=self.share * heat, minlength=nodes), dtype=float)
+
+    def deformed(self, change: Array) -> Array:
+        """Nodal heat (nodes,) that a change (n + k,) of the displacement makes."""
+        return np.asarray(-self.heat.coupling * (self.pull.T @ change))
+
+    def law(self, stated: ContactLaw, penetration: Array, pressure: Array) -> ContactLaw:
+        """The exchange of heat where the body has penetration and pressure (m,)."""
+        here = self.partner >= 0
+        parts: list[tuple[ContactLaw, int]] = []
+        for name, index in self.conduction.blocks:
+            one = self.heat.contact[name]
+            if not one.depends_on_state:
+                parts.append((stated.take(index), index.size))
+                continue
+            met = here[index]
+            r, p = np.zeros(index.size), np.zeros(index.size)
+            r[met], p[met] = penetration[self.partner[index[met]]], pressure[self.partner[index[met]]]
+            h = np.where(met, one.conductances(r, p), 0.0)[:, None]
+            zero = np.zeros_like(h)
+            law = PiecewiseQuadratic(zero, np.hstack([h, h]), zero, name="conductance")
+            parts.append((ContactLaw(law).at(None), index.size))
+        return ContactLaw.concatenate(parts) if parts else stated
+
+
+def coupled_heat(
+    stated: ContactProblem, heat: Heat, problem: DiscreteProblem, moved: IntArray, conduction: DiscreteEvolution
+) -> DiscreteHeat:
+    """The heat of a body.
+
+    Parameters
+    ----------
+    stated : ContactProblem
+        At the start.
+    heat : Heat
+    problem : DiscreteProblem
+        Of the body.
+    moved : int array (k,)
+        Nodal components whose prescribed displacements may change.
+    conduction : DiscreteEvolution
+    """
+    field = problem.field
+    assert field is not None
+    matrix = thermal_matrix(stated, heat)
+    pull = sp.csr_array(sp.vstack([field.basis.T @ matrix, matrix[moved]]))
+    contact, exchanged = problem.contact, conduction.problem.contact
+    place = np.full(field.basis.shape[0] // field.components, -1)
+    place[contact.node] = np.arange(contact.node.size)
+    share = np.zeros(contact.count)
+    for name, one in heat.contact.items():
+        if name in contact.names:
+            share[contact.on(name)] = one.share
+    return DiscreteHeat(heat, conduction, pull, place[exchanged.node], share, contact.node)

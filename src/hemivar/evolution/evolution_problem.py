@@ -1,0 +1,202 @@
+"""The statement of an evolution: a contact problem in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.arguments import expect, number
+from hemivar.basics.arrays import real_array
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector
+from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Statement
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mechanics.thermal import Heat
+
+__all__ = ["Evolution", "Mass"]
+
+
+class Mass(StrEnum):
+    """How the mass of the body is spread over the nodes."""
+
+    CONSISTENT = "consistent"
+    """As the shape functions say."""
+    REDISTRIBUTED = "redistributed"
+    """Contact nodes carry none, what they had goes to the nodes beside them: contact with a rigid obstacle does not
+    ring (singular mass: Dabaghi, Petrov, Pousin, Renard, 10.1051/m2an/2013133).  Inertia no longer helps the uniqueness
+    of a step there: not for laws that soften steeply."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evolution(Portable):
+    """A contact problem in time: ``M u'' + C u' + K u + ... + B'W lam = f(t)`` from an initial state on.
+
+    Scalar problems as well: membranes and antiplane shear have density and viscosity, and C of heat is its capacity,
+    so that ``C u' + K u + B'W lam = f`` is the balance of heat.
+
+    Friction acts on the rate of the slip, stored energies on the penetration; what depends on ``t`` in the problem
+    (loads, supports, gaps, parameters of laws) follows the time.
+
+    Parameters
+    ----------
+    problem : ContactProblem or ScalarProblem
+        With a density where inertia acts; viscosity and branches of its material act by themselves.
+    inertia : bool
+        Whether the body has mass; otherwise it is always in equilibrium (quasistatic).
+    displacement : vector (d,), callable, or array (nodes, d), optional
+        At the start; zero by default. A callable gets points (k, d). Of a scalar problem the deflection or temperature:
+        a number, a callable that returns (k,), or an array (nodes,); where a support holds a temperature, that counts.
+    velocity : likewise, optional
+        At the start, with inertia; zero by default.
+    start : float
+        Time at which it begins.
+    mass : Mass
+    heat : Heat, optional
+        Heat in a body, coupled with its motion in every step.
+
+    Raises
+    ------
+    ProblemError
+        Inertia without density, a velocity without inertia, or data that do not fit the mesh.
+    """
+
+    problem: Statement
+    inertia: bool = False
+    displacement: Any = None
+    velocity: Any = None
+    start: float = 0.0
+    mass: Mass = Mass.CONSISTENT
+    heat: Heat | None = None
+
+    def __post_init__(self) -> None:
+        remedy = "give a ContactProblem or a ScalarProblem; hemivar.read_problem(path) reads one from a file"
+        problem = expect(self.problem, ContactProblem | ScalarProblem, "the problem of an evolution", remedy)
+        expect(self.inertia, bool, "inertia", "write True or False")
+        start = number(self.start, "the start of an evolution", "give a time")
+        if not np.isfinite(start):
+            raise ProblemError(f"the evolution starts at {start}; give a finite time")
+        object.__setattr__(self, "start", start)
+        try:
+            object.__setattr__(self, "mass", Mass(self.mass))
+        except ValueError:
+            raise ProblemError(f"mass = {self.mass!r}; choose 'consistent' or 'redistributed'") from None
+        if isinstance(problem, ScalarProblem):
+            self._check_scalar(problem)
+        elif self.inertia and not problem.material.inert:
+            raise ProblemError(
+                "the evolution has inertia, but the material has no density; give Material.lame(..., density=rho), or "
+                "take inertia=False"
+            )
+        if self.velocity is not None and not self.inertia:
+            raise ProblemError(
+                "an initial velocity is given, but the body has no inertia, so that it would be lost at once; "
+                "take inertia=True with a density, or leave the velocity out"
+            )
+        for name in ("displacement", "velocity"):
+            self.initial(name)
+        _ = self.conduction
+
+    def __repr__(self) -> str:
+        kind = "with inertia" if self.inertia else "quasistatic"
+        return f"Evolution({self.problem!r}, {kind} from t = {self.start:g})"
+
+    @cached_property
+    def conduction(self) -> Evolution | None:
+        """The evolution of the heat in a body, without what its motion does to it; None where there is no heat.
+
+        Raises
+        ------
+        ProblemError
+            Heat does not go with the problem.
+        """
+        if self.heat is None:
+            return None
+        heat = expect(self.heat, Heat, "the heat of an evolution", "give Heat(conductivity, capacity, ...)")
+        if isinstance(self.problem, ScalarProblem):
+            raise ProblemError(
+                "heat= goes with a body, and this is a scalar problem; for heat alone state ScalarProblem(kind='heat')"
+            )
+        return Evolution(heat.conduction(self.problem), displacement=heat.temperature, start=self.start)
+
+    @property
+    def body(self) -> ContactProblem:
+        """The contact problem of a body.
+
+        Raises
+        ------
+        ProblemError
+            It is a scalar problem.
+        """
+        if isinstance(self.problem, ScalarProblem):
+            raise ProblemError(
+                f"this is a scalar problem ({self.problem.kind}), and an evolution of a body is needed; the engine "
+                "'numpy' marches scalar problems"
+            )
+        return self.problem
+
+    def _check_scalar(self, problem: ScalarProblem) -> None:
+        if self.inertia and problem.kind is ScalarKind.HEAT:
+            raise ProblemError(
+                "heat has no inertia; take inertia=False, what stores heat is the capacity of the problem"
+            )
+        if self.inertia and not problem.inert:
+            raise ProblemError(
+                f"the evolution has inertia, but the {problem.kind} has no density; give ScalarProblem(..., "
+                "density=rho), or take inertia=False"
+            )
+        if self.mass is Mass.REDISTRIBUTED and problem.areas:
+            raise ProblemError(
+                "redistributed mass leaves contact nodes without any, and contact over an area has no nodes beside "
+                "them; take mass='consistent' with MoreauJean() or a compliant foundation"
+            )
+        rubs = [name for name, one in {**problem.contact, **problem.areas}.items() if one.rubs]
+        if problem.kind is ScalarKind.HEAT and rubs:
+            raise ProblemError(
+                f"contact '{rubs[0]}' has friction, which acts on a rate, and heat that is exchanged depends on the "
+                "temperature; give a law of the temperature, such as Compliance(h)"
+            )
+
+    def initial(self, name: str) -> Array:
+        """Initial displacement or velocity at the nodes, shape (nodes, d), or (nodes, 1) of one component.
+
+        Parameters
+        ----------
+        name : str
+            ``"displacement"`` or ``"velocity"``.
+        """
+        value = getattr(self, name)
+        nodes = self.problem.mesh.nodes(self.problem.order)
+        if isinstance(self.problem, ScalarProblem):
+            return _scalar_initial(value, nodes, f"initial {name}")
+        if value is None:
+            return np.zeros(nodes.shape)
+        if callable(value):
+            return np.array(evaluate_vector(value, nodes, f"initial {name}"))
+        given = real_array(value, f"initial {name}")
+        if given.shape not in (nodes.shape[1:], nodes.shape):
+            raise ProblemError(
+                f"the initial {name} has shape {given.shape}; give a vector of {nodes.shape[1]} components, a function "
+                f"of points, or one vector for each of the {len(nodes)} nodes"
+            )
+        return np.array(np.broadcast_to(given, nodes.shape))
+
+
+def _scalar_initial(value: Any, nodes: Array, what: str) -> Array:
+    """Initial values of one component at the nodes, shape (nodes, 1)."""
+    if value is None:
+        return np.zeros((len(nodes), 1))
+    if callable(value):
+        return np.array(evaluate_scalar(value, nodes, what))[:, None]
+    given = real_array(value, what)
+    if given.shape not in ((), (1,), (len(nodes),), (len(nodes), 1)):
+        raise ProblemError(
+            f"the {what} has shape {given.shape}; give a number, a function of points, or a number for each of the "
+            f"{len(nodes)} nodes"
+        )
+    return np.array(np.broadcast_to(given.reshape(-1, 1), (len(nodes), 1)))

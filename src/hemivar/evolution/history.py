@@ -1,0 +1,256 @@
+"""What an evolution leaves behind: a table with a row for each step, and the body at some times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from hemivar.basics.display import Displayed
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.moment import Moment
+from hemivar.evolution.time_error import TimeError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+__all__ = ["Frame", "History", "Row"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table.
+
+    Attributes
+    ----------
+    time, step : float
+    solver_steps : int
+        Steps of the method in all stages.
+    residual : float
+        Relative residual.
+    margin : float
+        Smallness margin of the step's problem: positive if it has one solution only.
+    largest_step : float
+        Largest step with a positive margin; nan where it was not looked for.
+    values : mapping
+        Forces, contact measure, probes and the ledger by name.
+    jumped : bool
+    """
+
+    time: float
+    step: float
+    solver_steps: int
+    residual: float
+    margin: float
+    largest_step: float
+    values: Mapping[str, float]
+    jumped: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Frame(Portable):
+    """The body at one time.
+
+    Attributes
+    ----------
+    time : float
+    displacement, velocity : arrays (nodes, d)
+    local, multiplier, rate : arrays (m, c)
+        At the contact points: penetration and slip, pressure and friction, velocity of penetration and slip.
+    memory : mapping of name to array (m, ...)
+    temperature : array (nodes,) or None
+        Of a body with heat.
+    """
+
+    time: float
+    displacement: Array
+    velocity: Array
+    local: Array
+    multiplier: Array
+    rate: Array
+    memory: Mapping[str, Array] = field(default_factory=dict)
+    temperature: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class History(Portable, Displayed):
+    """An evolution that was computed.
+
+    ``history["normal_force"]`` is a column of the table; ``history.times`` the times of its rows.
+
+    Attributes
+    ----------
+    discrete : DiscreteEvolution
+    rows : tuple of Row
+        The first is the initial state.
+    frames : tuple of Frame
+        What was saved.
+    moment : Moment
+        Where it ended.
+    ended : str
+        ``"finished"``, or what ended it before.
+    events : tuple of (time, name)
+    messages : tuple of str
+        What the numbers do not show by themselves.
+    time_error : TimeError
+        How far the end is from the solution that is continuous in time, where a theorem says it.
+    """
+
+    discrete: DiscreteEvolution
+    rows: tuple[Row, ...]
+    frames: tuple[Frame, ...]
+    moment: Moment
+    ended: str = "finished"
+    events: tuple[tuple[float, str], ...] = ()
+    messages: tuple[str, ...] = ()
+    time_error: TimeError = field(default_factory=lambda: TimeError("", math.nan, "not looked for"))
+
+    def __repr__(self) -> str:
+        steps = len(self.rows) - 1
+        return (
+            f"History({steps} steps to t = {self.moment.time:g}, {self.ended}; least margin {self.margin:.3g}, "
+            f"largest residual {self.residual:.2g}, {len(self.frames)} frames)"
+        )
+
+    @property
+    def finished(self) -> bool:
+        """Whether it reached its end."""
+        return self.ended == "finished"
+
+    @cached_property
+    def times(self) -> Array:
+        """Times of the rows."""
+        return np.array([row.time for row in self.rows])
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns."""
+        return (*_OWN, *self.rows[0].values)
+
+    def __getitem__(self, name: str) -> Array:
+        if name in _OWN:
+            return np.array([getattr(row, name) for row in self.rows], dtype=float)
+        if name not in self.rows[0].values:
+            raise ProblemError(f"the history has no column '{name}' (known: {', '.join(self.columns)})")
+        return np.array([row.values[name] for row in self.rows])
+
+    @cached_property
+    def table(self) -> Any:
+        """All rows as a numpy structured array."""
+        out = np.empty(len(self.rows), dtype=[(name, float) for name in self.columns])
+        for name in self.columns:
+            out[name] = self[name]
+        return out
+
+    @property
+    def ledger(self) -> Mapping[str, float]:
+        """Energies at the end, and all work and losses."""
+        thermal = {} if self.moment.heat is None else {"thermal": self.moment.ledger.thermal}
+        return {**self.moment.ledger.record(), **thermal}
+
+    @property
+    def margin(self) -> float:
+        """Least margin of all steps."""
+        return float(np.nanmin([row.margin for row in self.rows[1:]], initial=np.inf))
+
+    @property
+    def residual(self) -> float:
+        """Largest relative residual of all steps."""
+        return float(max((row.residual for row in self.rows[1:]), default=0.0))
+
+    def at(self, time: float) -> Frame:
+        """The body at a time, between two frames on a straight line.
+
+        Raises
+        ------
+        ProblemError
+            The time lies outside of what was saved.
+        """
+        if not self.frames:
+            raise ProblemError("no frames were saved; march(..., save=Save(every=...)) saves them")
+        known = np.array([frame.time for frame in self.frames])
+        if not known[0] <= time <= known[-1]:
+            raise ProblemError(f"t = {time:g} lies outside of what was saved, {known[0]:g} to {known[-1]:g}")
+        after = int(np.searchsorted(known, time))
+        if known[after] == time:
+            return self.frames[after]
+        first, second = self.frames[after - 1], self.frames[after]
+        part = (time - first.time) / (second.time - first.time)
+
+        def between(a: Array, b: Array) -> Array:
+            return (1.0 - part) * a + part * b
+
+        return Frame(
+            time,
+            between(first.displacement, second.displacement),
+            between(first.velocity, second.velocity),
+            between(first.local, second.local),
+            between(first.multiplier, second.multiplier),
+            between(first.rate, second.rate),
+            {name: between(value, second.memory[name]) for name, value in first.memory.items()},
+            None if first.temperature is None else between(first.temperature, second.temperature),  # type: ignore[arg-type]
+        )
+
+    def write(self, path: str | Path) -> tuple[Path, ...]:
+        """Write ``.pvd``, ``.xdmf`` (frames), ``.csv``, ``.parquet`` or ``.json`` (table), see
+        :func:`hemivar.files.write_history`; returns the files."""
+        from hemivar.files import write_history
+
+        return write_history(self, path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, lists and texts, see :func:`hemivar.files.history_record`."""
+        from hemivar.files import history_record
+
+        return history_record(self)
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write :meth:`to_dict` to a file that ends in ``.json``; returns its path."""
+        from hemivar.files import write_history_json
+
+        return write_history_json(self, path)
+
+    def to_dataframe(self) -> DataFrame:
+        """The table as a pandas DataFrame.
+
+        Raises
+        ------
+        ProblemError
+            pandas is not installed.
+        """
+        from hemivar.files import history_frame
+
+        return history_frame(self)
+
+    def plot(
+        self,
+        kind: Literal["ledger", "forces", "loop", "map", "steps", "columns"] = "ledger",
+        **options: Any,
+    ) -> Figure:
+        """A figure, see :func:`hemivar.report.plot_march`.
+
+        ``"ledger"`` energies, losses and work; ``"forces"`` on the foundation and the measure of contact; ``"loop"`` a
+        force over a displacement; ``"map"`` states and pressure along a boundary over time; ``"steps"`` steps,
+        residuals and margins; ``"columns"`` any others.
+        """
+        from hemivar.report import plot_march
+
+        return plot_march(self, kind, **options)
+
+    def animate(self, path: str | Path, **options: Any) -> Path:
+        """Write the frames as a film, ``.gif`` or ``.mp4``, see :func:`hemivar.report.animate`."""
+        from hemivar.report import animate
+
+        return animate(self, path, **options)
+
+
+_OWN = ("time", "step", "solver_steps", "residual", "margin", "largest_step", "jumped")

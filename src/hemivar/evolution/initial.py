@@ -1,0 +1,94 @@
+"""The moment at which an evolution begins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution.advance import Advance
+from hemivar.evolution.ledger import Ledger
+from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.step_laws import StepLaw, initial_memory
+
+__all__ = ["initial_moment"]
+
+
+def initial_moment(advance: Advance) -> Moment:
+    """Displacement and velocity as stated, the acceleration that the forces ask for, nothing remembered yet.
+
+    Raises
+    ------
+    ProblemError
+        The initial displacement contradicts supports or leaves the domain of a contact law.
+    """
+    discrete, evolution = advance.discrete, advance.discrete.evolution
+    acting = advance.acting(evolution.start)
+    stated = evolution.initial("displacement")
+    place = discrete.restrict(stated, acting.prescribed)
+    off = np.abs(discrete.full(place) - stated).max(initial=0.0)
+    size, off, far = discrete.vectors.largest(
+        float(np.abs(stated).max(initial=0.0)), float(off), float(np.abs(acting.offset).max(initial=0.0))
+    )
+    # Heat may be held at another temperature from the start on: what is held has it at once.
+    if evolution.displacement is not None and off > 1e-9 * size and not discrete.stores:
+        raise ProblemError("the initial displacement contradicts the supports; make them agree")
+    speed = evolution.initial("velocity")
+    velocity = discrete.restrict(speed, np.zeros(acting.prescribed.size))
+    contact = discrete.problem.contact
+    n = discrete.unknowns
+    local = np.asarray(contact.trace @ place[:n]).reshape(acting.offset.shape) - acting.offset
+    rate = np.asarray(contact.trace @ velocity[:n]).reshape(acting.offset.shape)
+    ends = acting.law.normal.domain
+    deep = np.maximum(np.maximum(ends.lower - local[:, 0], local[:, 0] - ends.upper), 0.0)
+    (deepest,) = discrete.vectors.largest(float(deep.max(initial=0.0)))
+    if deepest > 1e-12 * max(size, far):
+        which = f"the contact point {int(np.argmax(deep))}" if discrete.vectors.alone else "a contact point"
+        raise ProblemError(
+            f"at the start {which} is {deepest:.3g} beyond what its law allows; change the initial displacement or the "
+            "gap"
+        )
+    lam = np.zeros(local.shape)
+    if local.size:
+        inside = local.copy()
+        inside[:, 0] = np.clip(inside[:, 0], ends.lower, ends.upper)
+        interval = acting.law.normal.subdifferential(inside[:, 0])
+        lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
+    still = np.zeros_like(place)
+    moment = Moment(
+        evolution.start,
+        0,
+        Motion(place, velocity, still),
+        Motion(local, rate, np.zeros_like(local)),
+        lam,
+        tuple(np.zeros_like(place) for _ in discrete.branches),
+        initial_memory(discrete, acting.law, local),
+    )
+    if discrete.mass is not None:
+        acceleration = _acceleration(advance, moment, acting.load)
+        pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape)
+        moment = replace(
+            moment,
+            body=replace(moment.body, acceleration=acceleration),
+            local=replace(moment.local, acceleration=pushed),
+        )
+    energies = advance.energies(moment, StepLaw(acting.law))
+    return advance.started(replace(moment, ledger=Ledger(start=sum(energies.values()), **energies)))
+
+
+def _acceleration(advance: Advance, moment: Moment, load: Array) -> Array:
+    """``M^-1`` of the forces that do not balance at the start."""
+    discrete, n = advance.discrete, advance.discrete.unknowns
+    assert discrete.mass is not None
+    force = load - discrete.stiffness.times(moment.body.place)
+    if discrete.viscosity is not None:
+        force -= discrete.viscosity.times(moment.body.velocity)
+    right = force[:n]
+    if moment.multiplier.size:
+        right = right - discrete.problem.contact_force(moment.multiplier)
+    found = discrete.mass.solved(right)
+    if found is None:
+        raise ProblemError("the mass matrix could not be solved for the initial acceleration; check the density")
+    return np.concatenate([found, np.zeros(moment.body.place.size - n)])

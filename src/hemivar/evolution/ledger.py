@@ -1,0 +1,96 @@
+"""Where the work goes: an identity that every step books, closed to what the solver's residual allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+__all__ = ["Entry", "Ledger"]
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Energies of a moment, and work and losses up to it.
+
+    ``work + moved + thermal = (elastic + branches + contact + kinetic) - (the same at the start) + viscous +
+    branch_loss + friction + damping + memory + numerical + jumps + gap``.
+
+    Attributes
+    ----------
+    work : float
+        Work of the loads.
+    moved : float
+        Work of moved supports and foundations.
+    thermal : float
+        Work of thermal stress; a column of evolutions with heat only.
+    elastic, branches, contact, kinetic : float
+        Energy stored in the body, in the branches of its material, by the foundation; kinetic energy.
+    start : float
+        Their sum at the beginning.
+    viscous, branch_loss : float
+        Dissipated by the viscosity of the body and by the branches of its material.
+    friction, damping : float
+        Dissipated by friction and by laws of the rate along the normal.
+    memory : float
+        Dissipated by what contact points remember: broken bonds, worn material.
+    numerical : float
+        What the scheme takes; negative where it gives.
+    jumps : float
+        What is lost where the body jumps from one equilibrium to another.
+    gap : float
+        What is left: the work of the solver's residual.
+    """
+
+    work: float = 0.0
+    moved: float = 0.0
+    elastic: float = 0.0
+    branches: float = 0.0
+    contact: float = 0.0
+    kinetic: float = 0.0
+    start: float = 0.0
+    viscous: float = 0.0
+    branch_loss: float = 0.0
+    friction: float = 0.0
+    damping: float = 0.0
+    memory: float = 0.0
+    numerical: float = 0.0
+    jumps: float = 0.0
+    gap: float = 0.0
+    thermal: float = 0.0
+
+    @property
+    def stored(self) -> float:
+        """All energy that can come back."""
+        return self.elastic + self.branches + self.contact + self.kinetic
+
+    @property
+    def lost(self) -> float:
+        """All that cannot."""
+        return (
+            self.viscous + self.branch_loss + self.friction + self.damping + self.memory + self.numerical + self.jumps
+        )
+
+    def closed(self) -> Ledger:
+        """The ledger with its gap computed from all else."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        values["gap"] = self.work + self.moved + self.thermal - (self.stored - self.start) - self.lost
+        return Ledger(**values)
+
+    def record(self) -> dict[str, float]:
+        """Numbers by name."""
+        return {
+            entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name not in ("start", "thermal")
+        }
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Work and losses of one step; names as in :class:`Ledger`."""
+
+    work: float
+    moved: float
+    viscous: float
+    branch_loss: float
+    friction: float
+    damping: float
+    memory: float
+    numerical: float

@@ -1,0 +1,269 @@
+"""Checkpoints: a march in a file, to go on from as if it had never stopped."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from hemivar.basics import disk
+from hemivar.basics.arguments import number
+from hemivar.basics.types import Array
+from hemivar.errors import FileError, ProblemError
+from hemivar.evolution.heat_book import HeatBook, Warmth
+from hemivar.evolution.history import Frame, Row
+from hemivar.evolution.ledger import Ledger
+from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.steps import Pace
+
+__all__ = ["Checkpoint", "MarchState"]
+
+_FORMAT = 3
+_LARGEST = 1 << 36
+
+
+@dataclass(frozen=True, eq=False)
+class MarchState:
+    """All that a march needs to go on.
+
+    Attributes
+    ----------
+    moment : Moment
+    pace : Pace
+    rows : tuple of Row
+    frames : tuple of Frame
+    frame_place : pair of int
+        Moments offered so far, and which of them are kept.
+    events : tuple of (time, name)
+    messages : tuple of str
+    largest : float
+        Largest size that errors of steps were held against.
+    farthest : float
+        Largest displacement since the start that they were held against.
+    origin : array (n + k,)
+        Where the body was at the start.
+    bound : float
+        Square of the bound of the error in time so far; nan where there is none.
+    """
+
+    moment: Moment
+    pace: Pace
+    rows: tuple[Row, ...]
+    frames: tuple[Frame, ...]
+    frame_place: tuple[int, int]
+    events: tuple[tuple[float, str], ...]
+    messages: tuple[str, ...]
+    largest: float
+    farthest: float
+    origin: Array
+    bound: float
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A file that a march is kept in.
+
+    Parameters
+    ----------
+    file : Path
+        Written beside its place and then renamed: it is always whole.
+    minutes : float
+        Least time between two writings; 0 writes after every step. It is written at the end as well.
+    """
+
+    file: Path
+    minutes: float = 10.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "file", Path(self.file))
+        if not number(self.minutes, "minutes of Checkpoint", "give a time >= 0") >= 0.0:
+            raise ProblemError(f"Checkpoint(minutes={self.minutes:g}): give a time >= 0")
+
+    def write(self, state: MarchState, identity: str) -> None:
+        """Write a march."""
+        with disk.whole_file(self.file) as path, open(path, "wb") as stream:
+            self.pack(stream, state, identity)
+
+    def pack(self, stream: IO[bytes], state: MarchState, identity: str) -> None:
+        """Write a march to a stream."""
+        moment = state.moment
+        arrays: dict[str, Array] = {
+            "multiplier": moment.multiplier,
+            "origin": state.origin,
+            "rows": np.array([list(row.values.values()) for row in state.rows]),
+            "own": np.array(
+                [
+                    [row.time, row.step, row.solver_steps, row.residual, row.margin, row.largest_step, row.jumped]
+                    for row in state.rows
+                ]
+            ),
+        }
+        for name, motion in (("body", moment.body), ("local", moment.local)):
+            for part in ("place", "velocity", "acceleration"):
+                arrays[f"{name}.{part}"] = getattr(motion, part)
+        for k, branch in enumerate(moment.branches):
+            arrays[f"branch.{k}"] = branch
+        if moment.heat is not None:
+            warm = moment.heat.moment
+            arrays["heat.multiplier"] = warm.multiplier
+            for name, motion in (("heat.body", warm.body), ("heat.local", warm.local)):
+                for part in ("place", "velocity", "acceleration"):
+                    arrays[f"{name}.{part}"] = getattr(motion, part)
+        memory = []
+        for number_, (boundary, states) in enumerate(moment.memory.items()):
+            memory.append([boundary, list(states)])
+            for name, values in states.items():
+                arrays[f"memory.{number_}.{name}"] = np.asarray(values)
+        for k, frame in enumerate(state.frames):
+            for name in _FRAME:
+                arrays[f"frame.{k}.{name}"] = getattr(frame, name)
+            if frame.temperature is not None:
+                arrays[f"frame.{k}.temperature"] = frame.temperature
+            for name, values in frame.memory.items():
+                arrays[f"frame.{k}.memory.{name}"] = values
+        head = {
+            "format": _FORMAT,
+            "identity": identity,
+            "time": float(moment.time).hex(),
+            "index": moment.index,
+            "ledger": _hex(moment.ledger),
+            "heat": None if moment.heat is None else _heat_head(moment.heat),
+            "pace": [float(state.pace.step).hex(), state.pace.rung, state.pace.waiting],
+            "columns": list(state.rows[0].values),
+            "frames": [[float(frame.time).hex(), list(frame.memory)] for frame in state.frames],
+            "frame_place": list(state.frame_place),
+            "branches": len(moment.branches),
+            "memory": memory,
+            "events": [[float(time).hex(), name] for time, name in state.events],
+            "messages": list(state.messages),
+            "largest": float(state.largest).hex(),
+            "farthest": float(state.farthest).hex(),
+            "bound": float(state.bound).hex(),
+        }
+        np.savez(stream, head=np.frombuffer(json.dumps(head).encode(), dtype=np.uint8), **arrays)  # type: ignore[arg-type]
+
+    def read(self, identity: str) -> MarchState | None:
+        """The march in the file; None if there is no file.
+
+        Raises
+        ------
+        FileError
+            The file is no checkpoint, or that of another evolution or version.
+        """
+        if not self.file.exists():
+            return None
+        return self.unpack(disk.read_bytes(self.file, "checkpoint", _LARGEST), identity)
+
+    def unpack(self, data: bytes, identity: str) -> MarchState:
+        """The march that was packed.
+
+        Raises
+        ------
+        FileError
+            As :meth:`read`.
+        """
+        shown = disk.shown(self.file)
+        try:
+            with np.load(io.BytesIO(data), allow_pickle=False) as found:
+                arrays = {name: found[name] for name in found.files}
+            head = json.loads(arrays.pop("head").tobytes().decode())
+            version, owner = head["format"], head["identity"]
+        except (zipfile.BadZipFile, ValueError, KeyError, EOFError, OSError) as error:
+            raise FileError(f"{shown}: this is no checkpoint of a march ({error}); name another file") from None
+        if version != _FORMAT:
+            raise FileError(
+                f"{shown}: the checkpoint has format {version}, this version reads {_FORMAT}; go on with the version "
+                "that wrote it, or begin anew without resume"
+            )
+        if owner != identity:
+            raise FileError(
+                f"{shown}: the checkpoint belongs to another evolution, scheme or version; name its own file, or begin "
+                "anew without resume"
+            )
+        return _state(head, arrays)
+
+
+def _hex(ledger: Ledger | HeatBook) -> dict[str, str]:
+    return {name: float(value).hex() for name, value in asdict(ledger).items()}
+
+
+def _heat_head(heat: Warmth) -> dict[str, object]:
+    moment = heat.moment
+    return {
+        "time": float(moment.time).hex(),
+        "index": moment.index,
+        "ledger": _hex(moment.ledger),
+        "book": _hex(heat.book),
+        "rounds": heat.rounds,
+        "contraction": float(heat.contraction).hex(),
+    }
+
+
+_FRAME = ("displacement", "velocity", "local", "multiplier", "rate")
+
+
+def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
+    def motion(name: str) -> Motion:
+        return Motion(arrays[f"{name}.place"], arrays[f"{name}.velocity"], arrays[f"{name}.acceleration"])
+
+    def numbers(entries: Mapping[str, str]) -> dict[str, float]:
+        return {name: float.fromhex(value) for name, value in entries.items()}
+
+    memory = {
+        boundary: {name: arrays[f"memory.{k}.{name}"] for name in names}
+        for k, (boundary, names) in enumerate(head["memory"])
+    }
+    moment = Moment(
+        float.fromhex(head["time"]),
+        head["index"],
+        motion("body"),
+        motion("local"),
+        arrays["multiplier"],
+        tuple(arrays[f"branch.{k}"] for k in range(head["branches"])),
+        memory,
+        Ledger(**numbers(head["ledger"])),
+    )
+    if head["heat"] is not None:
+        warm = head["heat"]
+        flow = Moment(
+            float.fromhex(warm["time"]), warm["index"], motion("heat.body"), motion("heat.local"),
+            arrays["heat.multiplier"], ledger=Ledger(**numbers(warm["ledger"])),
+        )  # fmt: skip
+        book = HeatBook(**numbers(warm["book"]))
+        moment = replace(moment, heat=Warmth(flow, book, warm["rounds"], float.fromhex(warm["contraction"])))
+    rows = tuple(
+        Row(
+            own[0], own[1], int(own[2]), own[3], own[4], own[5],
+            dict(zip(head["columns"], values, strict=True)), bool(own[6]),
+        )
+        for own, values in zip(arrays["own"].tolist(), arrays["rows"].tolist(), strict=True)
+    )  # fmt: skip
+    frames = tuple(
+        Frame(
+            float.fromhex(time),
+            **{name: arrays[f"frame.{k}.{name}"] for name in _FRAME},
+            memory={name: arrays[f"frame.{k}.memory.{name}"] for name in names},
+            temperature=arrays.get(f"frame.{k}.temperature"),
+        )
+        for k, (time, names) in enumerate(head["frames"])
+    )
+    step, rung, waiting = head["pace"]
+    return MarchState(
+        moment,
+        Pace(float.fromhex(step), rung, waiting),
+        rows,
+        frames,
+        (head["frame_place"][0], head["frame_place"][1]),
+        tuple((float.fromhex(time), name) for time, name in head["events"]),
+        tuple(head["messages"]),
+        float.fromhex(head["largest"]),
+        float.fromhex(head["farthest"]),
+        arrays["origin"],
+        float.fromhex(head["bound"]),
+    )

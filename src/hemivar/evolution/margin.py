@@ -1,0 +1,136 @@
+"""Uniqueness of the steps: margin, and the largest step for which it is positive."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+
+import numpy as np
+import scipy.linalg as la
+
+from hemivar.basics.types import Array
+from hemivar.certify.smallness import smallness
+from hemivar.errors import ProblemError
+from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.moment import Moment
+from hemivar.evolution.stage import Stage
+from hemivar.solvers import Solution
+from hemivar.systems.elimination import Elimination
+
+__all__ = ["Margins"]
+
+#: Unknowns up to which the largest step is looked for, and how near it is found.
+_SMALL = 20_000
+#: Steps that are looked at in each factor of two, and powers of two that are.
+_PARTS, _WIDEST = 70, 24
+#: Condensed bodies of such steps that are kept.
+_FEWEST, _BYTES = 8, 1 << 25
+
+
+class Margins:
+    """Margins of steps; those of laws with the same constants on the same body are computed once.
+
+    Where a law depends on the state, the margin is that of the solution at hand.
+    """
+
+    def __init__(self, advance: Advance) -> None:
+        self.advance = advance
+        self._largest: tuple[bytes, float] = b"", math.nan
+        self._matrices: OrderedDict[tuple[float, ...], Array | None] = OrderedDict()
+
+    def margin(self, taken: Taken) -> float:
+        """Least margin of the stages of a step, and of heat."""
+        own = min(self._of(stage, solution) for stage, solution in zip(taken.stages, taken.solutions, strict=True))
+        beside = self.advance.beside
+        return own if taken.heat is None or beside is None else min(own, Margins(beside).margin(taken.heat))
+
+    def _of(self, stage: Stage, solution: Solution) -> float:
+        problem = stage.problem
+        if not problem.contact_points:
+            return 1.0
+        if problem.law.state_dependent:
+            return smallness(
+                problem,
+                displacement=solution.unknowns,
+                multiplier=solution.multiplier,
+                trace_constant=False,
+                workspace=self.advance.workspace,
+            ).margin
+        if not any(alpha.any() for alpha in problem.law.weak_convexity):
+            return 1.0
+        return 1.0 - self.advance.constant(problem)
+
+    def largest_step(self, taken: Taken) -> float:
+        """Largest step with a positive margin, to a percent; inf if any, nan where it is not looked for."""
+        problem = taken.stages[0].problem
+        alphas = [np.asarray(alpha) for alpha in problem.law.frozen_at(-problem.contact.offset).weak_convexity]
+        if all(not alpha.any() for alpha in alphas):
+            return math.inf
+        if problem.unknowns > _SMALL or problem.law.state_dependent:
+            return math.nan
+        key = b"".join(alpha.tobytes() for alpha in (np.array(taken.step), *alphas))
+        if key != self._largest[0]:
+            self._largest = key, self._sought(taken)
+        return self._largest[1]
+
+    def _sought(self, taken: Taken) -> float:
+        """The largest of the steps ``taken.step * 2^(k / 70)`` with a positive margin, which falls with the step.
+
+        Looked for from the last answer outwards; what is found does not depend on that one.
+        """
+        step, last = taken.step, self._largest[1]
+        near = round(_PARTS * math.log2(last / step)) if 0.0 < last < math.inf else 0
+        stride = 1 if near else 3 * _PARTS
+
+        def positive(k: int) -> bool:
+            return self._positive(taken.before, math.ldexp(step * 2.0 ** (k % _PARTS / _PARTS), k // _PARTS))
+
+        good = bad = near
+        if positive(near):
+            while positive(bad := good + stride):
+                good, stride = bad, min(2 * stride, 3 * _PARTS)
+                if good > _WIDEST * _PARTS:
+                    return math.inf
+        else:
+            while not positive(good := bad - stride):
+                bad, stride = good, min(2 * stride, 3 * _PARTS)
+                if bad < -_WIDEST * _PARTS:
+                    return 0.0
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            good, bad = (middle, bad) if positive(middle) else (good, middle)
+        return math.ldexp(step * 2.0 ** (good % _PARTS / _PARTS), good // _PARTS)
+
+    def _positive(self, before: Moment, step: float) -> bool:
+        """Whether a step of this length has a positive margin: whether the body condensed onto its contact points,
+        less what the laws may soften, is positive definite."""
+        contact = self.advance.discrete.problem.contact
+        for factors, law in self.advance.tried(before, step):
+            matrix = self._condensed(factors)
+            alphas = law.weak_convexity
+            if matrix is None or not all(np.isfinite(alpha).all() for alpha in alphas):
+                return False
+            softened = np.empty((contact.count, contact.components))
+            softened[:, 0], softened[:, 1:] = alphas[0], alphas[1][:, None]
+            softened *= contact.weights[:, None]
+            there = np.diagonal(matrix) != 0.0  # a support holds the others
+            less = matrix[np.ix_(there, there)] - np.diag(softened.ravel()[there])
+            try:
+                la.cholesky(less, overwrite_a=True, check_finite=False)
+            except la.LinAlgError:
+                return False
+        return True
+
+    def _condensed(self, factors: tuple[float, ...]) -> Array | None:
+        """Stiffness (m d, m d) between the contact points of a body; None where it is not held."""
+        if factors not in self._matrices:
+            try:
+                found = Elimination.of(self.advance.bodies.body(*factors, keep=False)).matrix
+            except ProblemError:
+                found = None
+            self._matrices[factors] = found
+            size = 1 if found is None else found.nbytes
+            while len(self._matrices) > max(_FEWEST, _BYTES // max(size, 1)):
+                self._matrices.popitem(last=False)
+        self._matrices.move_to_end(factors)
+        return self._matrices[factors]

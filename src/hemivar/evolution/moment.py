@@ -1,0 +1,66 @@
+"""The state of an evolution at one time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+from hemivar.evolution.ledger import Ledger
+
+if TYPE_CHECKING:
+    from hemivar.evolution.heat_book import Warmth
+
+__all__ = ["Moment", "Motion"]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion(Portable):
+    """Something that moves, with its rate and acceleration; arrays of one shape.
+
+    Attributes
+    ----------
+    place, velocity, acceleration : arrays
+    """
+
+    place: Array
+    velocity: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Moment(Portable):
+    """All that the future of an evolution depends on.  A step is a function from one moment to the next.
+
+    Attributes
+    ----------
+    time : float
+    index : int
+        Steps taken so far.
+    body : Motion
+        Unknowns and prescribed displacements, (n + k,).
+    local : Motion
+        Penetration and slip of the contact points relative to their foundation, (m, c).
+    multiplier : array (m, c)
+        Pressure and friction, force per area, at the last stage.
+    branches : tuple of arrays (n + k,)
+        Displacement that each branch of the material remembers.
+    memory : mapping
+        States of the memories of contact boundaries, by their names: arrays by name.
+    ledger : Ledger
+        Energies, and all work and losses so far.
+    heat : Warmth or None
+        Temperatures and the balance of heat, of a body with heat.
+    """
+
+    time: float
+    index: int
+    body: Motion
+    local: Motion
+    multiplier: Array
+    branches: tuple[Array, ...] = ()
+    memory: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    ledger: Ledger = field(default_factory=Ledger)
+    heat: Warmth | None = None

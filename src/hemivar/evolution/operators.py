@@ -1,0 +1,70 @@
+"""Matrices of a body over its unknowns and over the displacements of its moved supports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator, cg
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+
+__all__ = ["Operator", "combined"]
+
+
+@dataclass(frozen=True, eq=False)
+class Operator(Portable):
+    """A symmetric matrix over ``x = (u, z)``: the unknowns u (n,) and the prescribed displacements z (k,).
+
+    Attributes
+    ----------
+    inner : sparse array, shape (n, n)
+    coupling : sparse array, shape (n, k)
+    held : sparse array, shape (k, k)
+    """
+
+    inner: sp.csr_array
+    coupling: sp.csr_array
+    held: sp.csr_array
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return int(self.inner.shape[0])
+
+    def times(self, x: Array) -> Array:
+        """The product with ``x`` (n + k,)."""
+        if not self.held.shape[0]:
+            return np.asarray(self.inner @ x)
+        n = self.unknowns
+        u, z = x[:n], x[n:]
+        return np.concatenate([self.inner @ u + self.coupling @ z, self.coupling.T @ u + self.held @ z])
+
+    def energy(self, x: Array) -> float:
+        """``x'Ax / 2``, the part of this process."""
+        return 0.5 * float(x @ self.times(x))
+
+    def solved(self, right: Array) -> Array | None:
+        """Unknowns u (n,) with ``inner u = right`` (n,), zero where the diagonal is; None if they are not found."""
+        diagonal = self.inner.diagonal()
+        there = diagonal > 0.0
+        scaled = LinearOperator(self.inner.shape, matvec=lambda x: x / np.where(there, diagonal, 1.0))
+        found, failed = cg(self.inner, np.where(there, right, 0.0), rtol=1e-12, M=scaled, maxiter=500)
+        return None if failed else np.where(there, found, 0.0)
+
+    @property
+    def numbers(self) -> tuple[Array, ...]:
+        """All entries, for comparisons."""
+        return self.inner.data, self.coupling.data, self.held.data
+
+
+def combined(parts: Sequence[tuple[float, sp.csr_array]]) -> sp.csr_array:
+    """A sum of multiples of matrices with the same places of entries, which it shares with the first."""
+    factor, first = parts[0]
+    data = factor * first.data
+    for factor, matrix in parts[1:]:
+        data += factor * matrix.data
+    return sp.csr_array((data, first.indices, first.indptr), shape=first.shape)

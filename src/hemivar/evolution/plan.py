@@ -1,0 +1,155 @@
+"""How an evolution is to be computed, and what does not fit it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hemivar.basics.arguments import expect, number
+from hemivar.errors import ProblemError
+from hemivar.evolution.evolution_problem import Evolution
+from hemivar.evolution.happenings import Event
+from hemivar.evolution.jumps import Jump
+from hemivar.evolution.march_state import Checkpoint
+from hemivar.evolution.save import Save
+from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.evolution.steps import FixedStep, Stepping
+from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.solvers import Controls, Solver
+
+__all__ = ["March", "refuse_plan"]
+
+
+@dataclass(frozen=True, eq=False)
+class March:
+    """How an evolution is computed.
+
+    Parameters
+    ----------
+    until : float
+        Time at which it ends.
+    scheme : Scheme
+        :class:`ImplicitEuler` by default.
+    step : float or Stepping, optional
+        A length, :class:`FixedStep` or :class:`AdaptiveStep`; a hundredth of the whole by default.
+    save : Save
+    stops : sequence of float
+        Times at which a step ends exactly, such as kinks of loads that are functions in Python; those of formulas
+        (``min``, ``max``, ``abs`` of the time) are found by themselves.
+    events : sequence of Event
+        A step ends where one happens.
+    jump : Jump or str
+        What happens where a step may have several solutions and nothing viscous chooses one.
+    solver : Solver, optional
+        For the steps; chosen by their size by default.
+    controls : Controls
+        Of every step.
+    max_time : float
+        Seconds; what there is by then is returned.
+    checkpoint : Checkpoint or path, optional
+        A file from which the march can go on.
+    resume : bool
+        Go on from the checkpoint; where there is none, begin.
+
+    Raises
+    ------
+    ProblemError
+        An option is of the wrong kind or out of its range.
+    """
+
+    until: float
+    scheme: Scheme = field(default_factory=ImplicitEuler)
+    step: Stepping | float | None = None
+    save: Save = field(default_factory=Save)
+    stops: Sequence[float] = ()
+    events: Sequence[Event] = ()
+    jump: Jump | str = Jump.LOCAL
+    solver: Solver | None = None
+    controls: Controls = field(default_factory=Controls)
+    max_time: float = math.inf
+    checkpoint: Checkpoint | str | Path | None = None
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        number(self.until, "until", "give the time at which it ends")
+        expect(self.scheme, Scheme, "the scheme", "give ImplicitEuler() or the like")
+        if self.step is not None and not isinstance(self.step, Stepping):
+            object.__setattr__(self, "step", FixedStep(number(self.step, "the step", "give a time > 0")))
+        expect(self.save, Save, "save", "give Save(every=...)")
+        for event in self.events:
+            expect(event, Event, "an event", "give Touch(), Release() or the like")
+        stops = tuple(number(stop, "a stop", "give times") for stop in self.stops)
+        object.__setattr__(self, "stops", stops)
+        object.__setattr__(self, "events", tuple(self.events))
+        try:
+            object.__setattr__(self, "jump", Jump(self.jump))
+        except ValueError:
+            raise ProblemError(f"jump = {self.jump!r}; choose one of {', '.join(Jump)}") from None
+        if self.solver is not None:
+            expect(self.solver, Solver, "the solver", "give NonsmoothNewton(), NonsmoothMultigrid() or the like")
+        expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
+        if isinstance(self.checkpoint, str | Path):
+            object.__setattr__(self, "checkpoint", Checkpoint(Path(self.checkpoint)))
+        if self.resume and self.checkpoint is None:
+            raise ProblemError("resume needs a checkpoint; name its file, checkpoint='run.ckpt'")
+
+    def stepping(self, span: float) -> Stepping:
+        """The control of steps of an evolution that lasts ``span``."""
+        return FixedStep(span / 100.0) if self.step is None else self.step  # type: ignore[return-value]
+
+
+def refuse_plan(stated: Evolution, plan: March) -> None:
+    """Refuse a way of computing an evolution that does not fit it.
+
+    Raises
+    ------
+    ProblemError
+    """
+    scheme = plan.scheme
+    span = plan.until - stated.start
+    if not 0.0 < span < math.inf:
+        raise ProblemError(
+            f"the evolution starts at t = {stated.start:g} and is to end at {plan.until:g}; let it end later"
+        )
+    if scheme.needs_mass and not stated.inertia:
+        raise ProblemError(
+            f"the scheme {scheme.name} is one for bodies with mass; take inertia=True with a density, or the scheme "
+            f"{ImplicitEuler.name} or sdirk2"
+        )
+    if stated.inertia and not scheme.takes_mass:
+        raise ProblemError(
+            f"the scheme {scheme.name} is one for bodies without mass; take {ImplicitEuler.name} or generalized-alpha"
+        )
+    if stated.heat is not None and len(scheme.rules(1.0)) > 1:
+        raise ProblemError(
+            f"the scheme {scheme.name} has several stages, over which heat and motion are not coupled here; take "
+            f"{ImplicitEuler.name} or midpoint"
+        )
+    plan.stepping(span).first(span)
+    if Jump(plan.jump).follows:
+        _refuse_path(stated, plan)
+
+
+def _refuse_path(stated: Evolution, plan: March) -> None:
+    """Refuse to follow paths of equilibria where there are none."""
+    problem = stated.problem
+    if isinstance(problem, ScalarProblem):
+        resists = problem.viscosity is not None or problem.capacity is not None
+        inert = problem.inert
+    else:
+        resists = problem.material.viscous or bool(problem.material.relaxation_times)
+        inert = problem.material.inert
+    if resists or stated.inertia:
+        return
+    if not isinstance(plan.scheme, ImplicitEuler):
+        raise ProblemError(
+            f"jump = '{plan.jump}' follows equilibria at the ends of steps, which the scheme {plan.scheme.name} does "
+            f"not have; take {ImplicitEuler.name}"
+        )
+    if plan.jump is Jump.DYNAMIC and not inert:
+        raise ProblemError(
+            "jump = 'dynamic' lets the body move by its inertia, but it has no density; give one, such as "
+            "Material.lame(..., density=rho), or take jump = 'arc-length'"
+        )

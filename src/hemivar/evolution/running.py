@@ -1,0 +1,304 @@
+"""A march that is going on: the next step, what happens in it, and what is told of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from hemivar.basics.types import Array
+from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.happenings import OnEvent
+from hemivar.evolution.history import Frame, History, Row
+from hemivar.evolution.identity import identity
+from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.jumps import Jump
+from hemivar.evolution.kinks import kinks_in_time
+from hemivar.evolution.march_state import Checkpoint, MarchState
+from hemivar.evolution.margin import Margins
+from hemivar.evolution.measures import contact_forces
+from hemivar.evolution.moment import Moment
+from hemivar.evolution.plan import March
+from hemivar.evolution.save import Frames, probed
+from hemivar.evolution.schemes import Scheme
+from hemivar.evolution.step_error import step_error
+from hemivar.evolution.thermal_advance import advance_of
+from hemivar.evolution.time_error import TimeBound, bound_in_time
+from hemivar.solvers import Controls, Solver, Status
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["Run", "Stepped", "Tools"]
+
+#: How near an event is found, as a part of the step in which it happens, and evaluations for it at most.
+_NEAR = 1e-6
+_TRIALS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """A step of a march that was taken, for whoever watches.
+
+    Attributes
+    ----------
+    row : Row
+    frame : Frame or None
+        If one was saved.
+    moment : Moment
+    done : float
+        Part of the whole time that is behind.
+    happened : tuple of str
+        Events at its end.
+    earlier : tuple of (int, Frame)
+        With the first step only: what was saved before it, the initial state at least, with the numbers of its steps.
+    """
+
+    row: Row
+    frame: Frame | None
+    moment: Moment
+    done: float
+    happened: tuple[str, ...] = ()
+    earlier: tuple[tuple[int, Frame], ...] = ()
+
+
+@dataclass(frozen=True)
+class Tools:
+    """What a march works with: the parts that an engine on many processes has of its own.
+
+    Attributes
+    ----------
+    advance : callable
+        Makes what takes steps of a discrete evolution, scheme, solver, controls and workspace.
+    margins, bound, identity : callables
+        What tells margins, bounds of the error in time, and one evolution from another.
+    probes : callable
+        What measures displacements at points.
+    """
+
+    advance: Callable[[DiscreteEvolution, Scheme, Solver | None, Controls, Workspace | None], Advance] = advance_of
+    margins: Callable[[Advance], Margins] = Margins
+    bound: Callable[[Advance], TimeBound] = bound_in_time
+    identity: Callable[..., str] = identity
+    probes: Callable[[DiscreteEvolution, Mapping[str, object]], Callable[[Array], dict[str, Array]]] = probed
+
+
+class Run:
+    """A march that is going on."""
+
+    def __init__(self, discrete: DiscreteEvolution, plan: March, workspace: Workspace | None, tools: Tools) -> None:
+        self.discrete, self.plan = discrete, plan
+        self.start = discrete.evolution.start
+        span = plan.until - self.start
+        self.stepping = plan.stepping(span)
+        self.pace = self.stepping.first(span)
+        self.probes = tools.probes(discrete, plan.save.probes)
+        self.advance = tools.advance(discrete, plan.scheme, plan.solver, plan.controls, workspace)
+        self.margins = tools.margins(self.advance)
+        self.bound = tools.bound(self.advance)
+        kinks, self.doubts = kinks_in_time(discrete.evolution.problem, self.start, plan.until)
+        self.ends = _ends(plan, self.start, kinks)
+        self.identity = ""
+        if plan.checkpoint is not None:
+            self.identity = tools.identity(
+                self.advance, self.stepping, self.ends[:-1], plan.save, plan.events, plan.jump
+            )
+        self.moment: Moment
+        self.levels: dict[int, float] = {}
+        self.told = False
+
+    def begin(self) -> None:
+        """The initial state, or that of the checkpoint."""
+        kept = self.plan.checkpoint
+        state = kept.read(self.identity) if self.plan.resume and isinstance(kept, Checkpoint) else None
+        if state is None:
+            self.moment = initial_moment(self.advance)
+            self.frames = Frames(self.plan.save, self.start)
+            self.frames.offer(self.discrete, self.moment)
+            self.rows = [self._row(None)]
+            self.events: list[tuple[float, str]] = []
+            self.messages: list[str] = list(self.doubts)
+            self.largest = self.farthest = 0.0
+            self.origin = self.moment.body.place
+        else:
+            self.moment, self.pace = state.moment, state.pace
+            self.largest, self.farthest, self.origin = state.largest, state.farthest, state.origin
+            self.frames = Frames(self.plan.save, self.start, state.frames, state.frame_place)
+            self.rows, self.events, self.messages = list(state.rows), list(state.events), list(state.messages)
+            self.bound.square = state.bound
+        self.levels = self._levels(self.moment, self.rows[-1].margin)
+
+    def step(self) -> tuple[Taken | None, tuple[str, ...], bool]:
+        """The next step that stands, the events at its end and whether one of them ends the march.
+
+        Without a step, the reason in the place of the events.
+        """
+        goal = next(end for end in self.ends if end > self.moment.time)
+        whole = True
+        while True:
+            length, reached = _fitted(self.pace.step, self.moment.time, goal)
+            taken = self.advance.take(self.moment, length, reached, Jump(self.plan.jump))
+            if taken.status is not Status.CONVERGED:
+                outside = taken.status in (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
+                smaller = None if outside else self.stepping.smaller(self.pace)
+                if smaller is None:
+                    self.messages.append(
+                        f"the step from t = {self.moment.time:g} to {reached:g} could not be solved: "
+                        f"{taken.status.remedy}"
+                    )
+                    return None, (taken.status.value,), True
+                self.pace, whole = smaller, True
+                continue
+            error = None
+            if self.stepping.estimates:
+                found = step_error(self.advance, taken, self.origin)
+                self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
+                error = found.relative(self.largest, self.farthest)
+            stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
+            if not stands:
+                self.pace = following
+                continue
+            if self.plan.jump is Jump.STOP and not self.advance.resists and self.margins.margin(taken) <= 0.0:
+                where = f"at t = {taken.moment.time:g} a step may have several solutions"
+                self.messages.append(f"{where}; the march stops before it, as asked")
+                return None, ("margin lost",), True
+            taken, happened, stop = self._located(taken)
+            if whole and taken.step >= self.pace.step * (1.0 - 1e-6):
+                self.pace = following
+            return taken, happened, stop
+
+    def accept(self, taken: Taken, happened: tuple[str, ...]) -> Stepped:
+        """Book a step."""
+        margin = self.margins.margin(taken)
+        told = Jump(self.plan.jump).follows
+        jumped = bool(taken.leaps) if told else not self.advance.resists and margin <= 0.0 and _leaps(taken)
+        if jumped and not taken.leaps:
+            ledger = taken.moment.ledger
+            lost = ledger.numerical - taken.before.ledger.numerical
+            ledger = replace(ledger, numerical=taken.before.ledger.numerical, jumps=ledger.jumps + lost)
+            taken = replace(taken, moment=replace(taken.moment, ledger=ledger))
+        if jumped and not any(message.startswith("the body jumped") for message in self.messages):
+            when = taken.moment.time if not taken.leaps else taken.before.time + taken.leaps[0].part * taken.step
+            self.messages.append(
+                f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
+                f"and nothing viscous chooses one; jump = '{self.plan.jump}' did"
+            )
+        self.bound.add(taken)
+        self.moment = taken.moment
+        self.rows.append(self._row(taken, margin, jumped))
+        self.events += [(self.moment.time, name) for name in happened]
+        self.levels = self._levels(self.moment, margin)
+        last = self.moment.time >= self.plan.until
+        earlier = () if self.told else self._earlier()
+        self.told = True
+        frame = self.frames.offer(self.discrete, self.moment, last=last or bool(happened))
+        done = (self.moment.time - self.start) / (self.plan.until - self.start)
+        return Stepped(self.rows[-1], frame, self.moment, done, happened, earlier)
+
+    def _earlier(self) -> tuple[tuple[int, Frame], ...]:
+        numbers = {row.time: number for number, row in enumerate(self.rows)}
+        return tuple((numbers[frame.time], frame) for frame in self.frames.kept)
+
+    def state(self) -> MarchState:
+        """What a checkpoint keeps."""
+        return MarchState(
+            self.moment,
+            self.pace,
+            tuple(self.rows),
+            tuple(self.frames.kept),
+            self.frames.place,
+            tuple(self.events),
+            tuple(self.messages),
+            self.largest,
+            self.farthest,
+            self.origin,
+            self.bound.square,
+        )
+
+    def history(self, ended: str) -> History:
+        """What there is."""
+        if self.frames.kept[-1].time != self.moment.time:
+            self.frames.offer(self.discrete, self.moment, last=True)
+        return History(
+            self.discrete,
+            tuple(self.rows),
+            tuple(self.frames.kept),
+            self.moment,
+            ended,
+            tuple(self.events),
+            tuple(self.messages),
+            self.bound.now,
+        )
+
+    # ---- events ----------------------------------------------------------------------------------------------
+
+    def _levels(self, moment: Moment, margin: float) -> dict[int, float]:
+        return {k: event.level(self.discrete, moment, margin) for k, event in enumerate(self.plan.events)}
+
+    def _located(self, taken: Taken) -> tuple[Taken, tuple[str, ...], bool]:
+        """The step, ended where the first event happens."""
+        if not self.plan.events:
+            return taken, (), False
+
+        def risen(trial: Taken) -> list[int]:
+            levels = self._levels(trial.moment, self.margins.margin(trial))
+            return [k for k, level in levels.items() if level > 0.0 and not self.levels[k] > 0.0]
+
+        if not risen(taken):
+            return taken, (), False
+        low, high = 0.0, taken
+        for _ in range(_TRIALS):
+            if high.step - low <= _NEAR * taken.step:
+                break
+            middle = self.advance.take(self.moment, 0.5 * (low + high.step), jump=Jump(self.plan.jump))
+            if middle.status is not Status.CONVERGED:
+                break
+            if risen(middle):
+                high = middle
+            else:
+                low = middle.step
+        found = [self.plan.events[k] for k in risen(high)]
+        names = tuple(getattr(event, "label", event.name) for event in found)
+        return high, names, any(event.then is OnEvent.STOP for event in found)
+
+    # ---- the table -------------------------------------------------------------------------------------------
+
+    def _row(self, taken: Taken | None, margin: float = math.nan, jumped: bool = False) -> Row:
+        moment = self.moment
+        values: dict[str, float] = contact_forces(self.discrete, moment)
+        for name, moved in self.probes(moment.body.place).items():
+            ends = ("u",) if moved.size == 1 else ("u_x", "u_y", "u_z")
+            for end, value in zip(ends, moved, strict=False):
+                values[f"{name}.{end}"] = float(value)
+        values.update(moment.ledger.record())
+        values.update(self.advance.told(moment))
+        values["time_error"] = math.sqrt(self.bound.square) if self.bound.norm else math.nan
+        if taken is None:
+            return Row(moment.time, 0.0, 0, 0.0, math.nan, math.nan, values)
+        steps = sum(solution.steps for solution in taken.solutions)
+        largest = self.margins.largest_step(taken)
+        return Row(moment.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
+
+
+def _ends(plan: March, start: float, kinks: tuple[float, ...]) -> list[float]:
+    """Where steps end exactly: stops as they were named, kinks that lie apart from them, and the end."""
+    named = sorted({float(stop) for stop in plan.stops if start < stop < plan.until} | {float(plan.until)})
+    near = 1e-9 * (plan.until - start)
+    return sorted({*named, *(kink for kink in kinks if all(abs(kink - stop) > near for stop in named))})
+
+
+def _fitted(step: float, time: float, goal: float) -> tuple[float, float]:
+    """A step that meets a stop: its length and where it ends."""
+    rest = goal - time
+    if rest <= step * (1.0 + 1e-6):
+        return (rest if abs(rest - step) > 1e-9 * step else step), goal
+    return step, time + step
+
+
+def _leaps(taken: Taken) -> bool:
+    """Whether more is lost in a step than its length explains: against the work that was done in it."""
+    lost = taken.moment.ledger.numerical - taken.before.ledger.numerical
+    done = abs(taken.moment.ledger.work - taken.before.ledger.work) + abs(
+        taken.moment.ledger.moved - taken.before.ledger.moved
+    )
+    ledger = taken.moment.ledger
+    return lost > 1.001 * done and lost > 1e-4 * (abs(ledger.work) + abs(ledger.moved) + abs(ledger.start))

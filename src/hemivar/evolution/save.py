@@ -1,0 +1,181 @@
+"""What is kept of an evolution while it goes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.arguments import number, whole_number
+from hemivar.basics.arrays import real_array
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.history import Frame
+from hemivar.evolution.moment import Moment
+from hemivar.fem.elements import barycentric_gradients, shape_values
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["PROBED", "Frames", "Save", "nearest_cell", "probe_outside", "probe_point", "probe_rows", "probed"]
+
+#: Distance from the body, as a part of its size, at which a probe counts as outside.
+PROBED = 1e-6
+
+
+@dataclass(frozen=True)
+class Save:
+    """Which moments are kept, and what is measured at every step.
+
+    Parameters
+    ----------
+    every : float, optional
+        Time between frames; frames are moments of the computation, the first at or after each multiple. By default as
+        many evenly spread ones as ``most``.
+    most : int
+        Frames that are kept where ``every`` is not given: when there are more, every second one goes.
+    probes : mapping of name to point
+        Columns ``name.u_x``, ``name.u_y`` ...: the displacement at each point of the body.
+    """
+
+    every: float | None = None
+    most: int = 200
+    probes: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.every is not None and not 0.0 < number(self.every, "every of Save") < math.inf:
+            raise ProblemError(f"Save(every={self.every:g}): it must be a time > 0")
+        whole_number(self.most, "most of Save", 2)
+
+
+class Frames:
+    """Frames as they come, of constant memory."""
+
+    def __init__(self, save: Save, start: float, kept: tuple[Frame, ...] = (), place: tuple[int, int] = (0, 1)) -> None:
+        self.save = save
+        self.kept = list(kept)
+        self._start = start
+        self._count, self._stride = place
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Moments offered so far, and which of them are kept."""
+        return self._count, self._stride
+
+    def offer(self, discrete: DiscreteEvolution, moment: Moment, last: bool = False) -> Frame | None:
+        """Keep a moment if it is due; the frame, if so."""
+        every = self.save.every
+        if every is None:
+            due = self._count % self._stride == 0
+            self._count += 1
+        else:
+            due = moment.time >= self._start + self._count * every - 1e-9 * every
+            self._count += due
+        if not (due or last):
+            return None
+        frame = frame_of(discrete, moment)
+        self.kept.append(frame)
+        if every is None and len(self.kept) > self.save.most:
+            self.kept = self.kept[::2]
+            self._stride *= 2
+        return frame
+
+
+def frame_of(discrete: DiscreteEvolution, moment: Moment) -> Frame:
+    """The body at a moment."""
+    memory: dict[str, Array] = {}
+    m = moment.multiplier.shape[0]
+    index_of = dict(discrete.blocks)
+    for name, states in moment.memory.items():
+        for what, values in states.items():
+            whole = memory.setdefault(what, np.full((m, *np.shape(values)[1:]), np.nan))
+            whole[index_of[name]] = values
+    return Frame(
+        moment.time,
+        discrete.full(moment.body.place),
+        discrete.full(moment.body.velocity),
+        moment.local.place,
+        moment.multiplier,
+        moment.local.velocity,
+        memory,
+        None
+        if discrete.heat is None or moment.heat is None
+        else discrete.heat.temperature(moment.heat.moment.body.place),
+    )
+
+
+def probed(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> Callable[[Array], dict[str, Array]]:
+    """What gives the displacement (d,) of each probe, of unknowns and prescribed displacements (n + k,).
+
+    Raises
+    ------
+    ProblemError
+        As :func:`probe_rows`.
+    """
+    rows = probe_rows(discrete, probes)
+    return lambda place: {name: np.asarray(row @ place) for name, row in rows.items()}
+
+
+def probe_rows(discrete: DiscreteEvolution, probes: Mapping[str, Any]) -> dict[str, sp.csr_array]:
+    """For each probe the matrix (d, n + k) that gives its displacement.
+
+    Raises
+    ------
+    ProblemError
+        A point has the wrong number of coordinates, or lies outside of the body.
+    """
+    mesh, field = discrete.field.mesh, discrete.field
+    size = float(np.ptp(mesh.points, axis=0).max())
+    moved = sp.csr_array(
+        (np.ones(discrete.moved.size), (discrete.moved, np.arange(discrete.moved.size))),
+        shape=(field.basis.shape[0], discrete.moved.size),
+    )
+    full = sp.csr_array(sp.hstack([field.basis, moved]))
+    found = {}
+    for name, place in probes.items():
+        point = probe_point(name, place, mesh.dim)
+        cell, share, off = nearest_cell(mesh, point)
+        if off > PROBED * size:
+            raise probe_outside(name, mesh.points.min(axis=0), mesh.points.max(axis=0))
+        nodes = mesh.cell_nodes(field.order)[cell]
+        weights = shape_values(field.order, share)
+        d = field.components
+        rows = np.tile(np.arange(d), len(nodes))
+        columns = (nodes[:, None] * d + np.arange(d)).ravel()
+        here = sp.csr_array((np.repeat(weights, d), (rows, columns)), shape=(d, field.basis.shape[0]))
+        found[name] = sp.csr_array(here @ full)
+    return found
+
+
+def probe_point(name: str, place: Any, dim: int) -> Array:
+    """The point (d,) of a probe.
+
+    Raises
+    ------
+    ProblemError
+    """
+    point = real_array(place, f"the probe '{name}'")
+    if point.shape != (dim,):
+        raise ProblemError(f"the probe '{name}' has shape {point.shape}; give {dim} coordinates")
+    return point
+
+
+def nearest_cell(mesh: Mesh, point: Array) -> tuple[int, Array, float]:
+    """The cell that a point (d,) lies in, its barycentric coordinates there, and its distance if it lies in none."""
+    corner = mesh.points[mesh.cells[:, 0]]
+    share = np.einsum("mkd,md->mk", barycentric_gradients(mesh), point - corner)
+    share[:, 0] += 1.0
+    cell = int(np.argmax(share.min(axis=1)))
+    off = np.clip(share[cell], 0.0, 1.0) @ mesh.points[mesh.cells[cell]] - point
+    return cell, share[cell], float(np.linalg.norm(off))
+
+
+def probe_outside(name: str, low: Array, high: Array) -> ProblemError:
+    """That a probe lies outside of a body between two corners (d,)."""
+    return ProblemError(
+        f"the probe '{name}' lies outside of the body; give a point on it (its coordinates run from {low.tolist()} to "
+        f"{high.tolist()})"
+    )

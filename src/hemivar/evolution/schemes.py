@@ -1,0 +1,286 @@
+"""Schemes: how a step of time becomes one static problem, or two.
+
+A stage has the displacement ``u*`` for its unknown.  Rate and acceleration there are linear in it,
+
+    v* = a (u* - u_n) + p,      w* = b (u* - u_n) + q,
+
+with p and q made of the velocity v and the acceleration w at the beginning of the step; all a scheme says are numbers.
+The same numbers serve the local displacements of contact points and the displacements of moved supports.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+from hemivar.basics.arguments import expect, number
+from hemivar.errors import ProblemError
+
+__all__ = [
+    "SCHEMES",
+    "SDIRK2",
+    "GeneralizedAlpha",
+    "ImplicitEuler",
+    "Linear",
+    "Midpoint",
+    "MoreauJean",
+    "Newmark",
+    "Rule",
+    "Scheme",
+]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """``difference * (u - u_n) + velocity * v + acceleration * w``, the values at the beginning of the step.
+
+    Attributes
+    ----------
+    difference, velocity, acceleration : float
+    """
+
+    difference: float
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One stage of a step.
+
+    Attributes
+    ----------
+    at : float
+        Time of the stage as a part of the step: loads and laws hold there.
+    rate, acceleration : Linear
+        v* and w* of the unknown u* of the stage.
+    reach : float
+        ``u_{n+1} - u_n = reach (u* - u_n)``, along a straight line in time.
+    share : float
+        Part of the step that this stage answers for: it adds ``share * step * v*`` where stages are several; 1 where
+        there is one.
+    new_velocity, new_acceleration : Linear
+        v and w at the end, of the difference ``u_{n+1} - u_n``.
+    restitution : float or None
+        If given, obstacles are rigid, and contact is a law of the velocity at the end: Newton's law of impact.
+    conserving : bool
+        Whether the foundation pushes with the mean of its law over the step, which takes and gives no energy.
+    """
+
+    at: float
+    rate: Linear
+    acceleration: Linear
+    reach: float
+    new_velocity: Linear
+    new_acceleration: Linear
+    share: float = 1.0
+    restitution: float | None = None
+    conserving: bool = False
+
+
+class Scheme(ABC):
+    """A scheme: a frozen dataclass of options."""
+
+    #: Name in problem files and tables.
+    name: ClassVar[str]
+    #: Order in the step for smooth solutions.
+    order: ClassVar[int] = 2
+    #: Whether it needs a mass, and whether it can have one.
+    needs_mass: ClassVar[bool] = False
+    takes_mass: ClassVar[bool] = True
+
+    @abstractmethod
+    def rules(self, step: float) -> tuple[Rule, ...]:
+        """The stages of a step of a given length, in their order."""
+
+    @property
+    def factors(self) -> int:
+        """Number of different matrices in a step."""
+        return 1
+
+
+@dataclass(frozen=True)
+class ImplicitEuler(Scheme):
+    """Implicit Euler: the scheme of the literature on hemivariational inequalities; order 1, and it dissipates."""
+
+    name: ClassVar[str] = "implicit-euler"
+    order: ClassVar[int] = 1
+
+    def rules(self, step: float) -> tuple[Rule, ...]:
+        rate = Linear(1.0 / step)
+        acceleration = Linear(1.0 / step**2, -1.0 / step)
+        return (Rule(1.0, rate, acceleration, 1.0, rate, acceleration),)
+
+
+@dataclass(frozen=True)
+class Midpoint(Scheme):
+    """The midpoint rule: order 2; keeps the energy of a linear body.  Contact laws hold at the midpoint.
+
+    Parameters
+    ----------
+    conserving : bool
+        Whether the foundation pushes with ``(j(r) - j(r_n))/(r - r_n)``, the mean of its law over the step, so that
+        energy is kept on foundations that are not linear as well; for piecewise quadratic laws without an end, without
+        memory and damping.
+    """
+
+    name: ClassVar[str] = "midpoint"
+
+    conserving: bool = False
+
+    def __post_init__(self) -> None:
+        expect(self.conserving, bool, "conserving of Midpoint", "write True or False")
+
+    def rules(self, step: float) -> tuple[Rule, ...]:
+        rate = Linear(2.0 / step)
+        acceleration = Linear(4.0 / step**2, -2.0 / step)
+        velocity = Linear(2.0 / step, -1.0)
+        end = Linear(2.0 / step**2, -2.0 / step)
+        return (Rule(0.5, rate, acceleration, 2.0, velocity, end, conserving=self.conserving),)
+
+
+@dataclass(frozen=True)
+class Newmark(Scheme):
+    """Newmark's scheme, the contact laws at the end of the step.
+
+    Where a rigid obstacle is hit it oscillates and may gain energy: take a compliant foundation, :class:`MoreauJean`,
+    or ``Evolution(mass="redistributed")``.
+
+    Parameters
+    ----------
+    beta, gamma : float
+        ``beta > 0`` and ``gamma >= 1/2``; by default the trapezoidal rule, without dissipation.
+    """
+
+    name: ClassVar[str] = "newmark"
+    needs_mass: ClassVar[bool] = True
+
+    beta: float = 0.25
+    gamma: float = 0.5
+
+    def __post_init__(self) -> None:
+        beta, gamma = number(self.beta, "beta of Newmark"), number(self.gamma, "gamma of Newmark")
+        if not (0.5 <= gamma < math.inf and gamma / 2.0 <= beta < math.inf):
+            raise ProblemError(
+                f"Newmark(beta={beta:g}, gamma={gamma:g}) is not stable; take gamma >= 1/2 and beta >= gamma/2"
+            )
+
+    def rules(self, step: float) -> tuple[Rule, ...]:
+        velocity, acceleration = _newmark(self.beta, self.gamma, step)
+        return (Rule(1.0, velocity, acceleration, 1.0, velocity, acceleration),)
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha(Scheme):
+    """The generalised-alpha scheme of Chung and Hulbert (10.1115/1.2900803), contact laws at its own place in the step.
+
+    Parameters
+    ----------
+    rho : float
+        Spectral radius at infinite frequency, in [0, 1]: 1 keeps the energy of a linear body, 0 removes in one step
+        what the step cannot resolve.
+    """
+
+    name: ClassVar[str] = "generalized-alpha"
+    needs_mass: ClassVar[bool] = True
+
+    rho: float = 0.8
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= number(self.rho, "rho of GeneralizedAlpha") <= 1.0:
+            raise ProblemError(f"GeneralizedAlpha(rho={self.rho:g}): rho must lie in [0, 1]")
+
+    def rules(self, step: float) -> tuple[Rule, ...]:
+        rho = self.rho
+        am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        gamma = 0.5 - am + af
+        v, w = _newmark(0.25 * (1.0 - am + af) ** 2, gamma, step)
+        # u_{n+1} - u_n = (u* - u_n)/(1 - af), so that the difference keeps its factor in v*.
+        rate = Linear(v.difference, (1.0 - af) * v.velocity + af, (1.0 - af) * v.acceleration)
+        whole = (1.0 - am) / (1.0 - af)
+        acceleration = Linear(whole * w.difference, (1.0 - am) * w.velocity, (1.0 - am) * w.acceleration + am)
+        return (Rule(1.0 - af, rate, acceleration, 1.0 / (1.0 - af), v, w),)
+
+
+@dataclass(frozen=True)
+class SDIRK2(Scheme):
+    """The L-stable diagonally implicit Runge-Kutta method of order 2 with one matrix for both stages; without mass."""
+
+    name: ClassVar[str] = "sdirk2"
+    takes_mass: ClassVar[bool] = False
+
+    def rules(self, step: float) -> tuple[Rule, ...]:
+        gamma = 1.0 - 1.0 / math.sqrt(2.0)
+        nothing = Linear(0.0)
+        first = Linear(1.0 / (gamma * step))
+        # The velocity that the second stage finds is that of the first.
+        second = Linear(1.0 / (gamma * step), -(1.0 - gamma) / gamma)
+        return (
+            Rule(gamma, first, nothing, 1.0 / gamma, first, nothing, 1.0 - gamma),
+            Rule(1.0, second, nothing, 1.0, second, nothing, gamma),
+        )
+
+
+@dataclass(frozen=True)
+class MoreauJean(Scheme):
+    """The scheme of Moreau and Jean: impacts with restitution on rigid obstacles (Acary, arXiv:1410.2499).
+
+    With ``v* = theta v_{n+1} + (1 - theta) v_n`` and ``u* = u_n + theta step v*`` the balance holds at the stage, and
+    where the predicted gap ``r_n + step v_n / 2`` is closed, Newton's law of impact at the end,
+    ``v_{n+1} <= -restitution v_n`` along the normal.
+
+    Parameters
+    ----------
+    restitution : float
+        In [0, 1]: part of its velocity with which a contact node leaves the obstacle that it hits.
+    theta : float
+        At least 1/2, which keeps the energy of a linear body; at most 1/(1 + restitution), for impacts to give none.
+    """
+
+    name: ClassVar[str] = "moreau-jean"
+    order: ClassVar[int] = 1
+    needs_mass: ClassVar[bool] = True
+
+    restitution: float = 0.0
+    theta: float = 0.5
+
+    def __post_init__(self) -> None:
+        restitution, theta = number(self.restitution, "restitution"), number(self.theta, "theta of MoreauJean")
+        if not 0.0 <= restitution <= 1.0:
+            raise ProblemError(f"MoreauJean(restitution={restitution:g}): it must lie in [0, 1]")
+        if not 0.5 <= theta <= 1.0 / (1.0 + restitution) + 1e-12:
+            raise ProblemError(
+                f"MoreauJean(restitution={restitution:g}, theta={theta:g}) may gain energy in impacts; take "
+                f"1/2 <= theta <= 1/(1 + restitution) = {1.0 / (1.0 + restitution):.3g}"
+            )
+
+    def rules(self, step: float) -> tuple[Rule, ...]:
+        span = self.theta * step
+        return (
+            Rule(
+                self.theta,
+                Linear(1.0 / span),
+                Linear(1.0 / span**2, -1.0 / span),
+                1.0 / self.theta,
+                Linear(1.0 / span, 1.0 - 1.0 / self.theta),
+                Linear(1.0 / (span * step), -1.0 / span),
+                restitution=self.restitution,
+            ),
+        )
+
+
+def _newmark(beta: float, gamma: float, step: float) -> tuple[Linear, Linear]:
+    """Velocity and acceleration at the end of a step."""
+    return (
+        Linear(gamma / (beta * step), 1.0 - gamma / beta, step * (1.0 - gamma / (2.0 * beta))),
+        Linear(1.0 / (beta * step**2), -1.0 / (beta * step), 1.0 - 1.0 / (2.0 * beta)),
+    )
+
+
+#: Schemes with their standard options, by name.
+SCHEMES: dict[str, Scheme] = {
+    scheme.name: scheme
+    for scheme in (ImplicitEuler(), Midpoint(), Newmark(), GeneralizedAlpha(), SDIRK2(), MoreauJean())
+}

@@ -1,0 +1,199 @@
+"""The law of a stage: stored energies, friction in increments, rates along the normal, memory of contact points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.moment import Moment
+from hemivar.evolution.schemes import Rule, Scheme
+from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential
+from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments, in_increments, law_of_step
+from hemivar.laws.stacked import StackedLaw
+from hemivar.laws.transformed import affine, averaged
+
+__all__ = ["BlockLaw", "StepLaw", "stage_law"]
+
+States = Mapping[str, Mapping[str, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockLaw:
+    """What the contact points of one boundary obey in a stage.
+
+    Attributes
+    ----------
+    name : str
+        The boundary.
+    index : int array (p,)
+        Its contact points.
+    base : ContactLaw
+        The law as it was stated, at these points.
+    memory : Memory
+        What they remember, maybe nothing.
+    given : ContactLaw
+        The law that the memory is given.
+    damping : Superpotential or None
+        Law of the normal rate, at these points.
+    local : LocalStep
+    law, undamped : ContactLaw
+        Of the stage, with and without the damping.
+    """
+
+    name: str
+    index: IntArray
+    base: ContactLaw
+    memory: Memory
+    given: ContactLaw
+    damping: Superpotential | None
+    local: LocalStep
+    law: ContactLaw
+    undamped: ContactLaw
+
+
+@dataclass(frozen=True, eq=False)
+class StepLaw:
+    """The law of a stage, of all contact points.
+
+    Attributes
+    ----------
+    law : ContactLaw
+    blocks : tuple of BlockLaw
+        Boundaries with memory or damping, all boundaries if there is one; empty where the law is as stated.
+    storing : ContactLaw or None
+        The law whose energy is stored, where the law of the stage is another one.
+    """
+
+    law: ContactLaw
+    blocks: tuple[BlockLaw, ...] = field(default_factory=tuple)
+    storing: ContactLaw | None = None
+
+    @property
+    def stored(self) -> ContactLaw:
+        """The law whose energy is stored where there are no blocks."""
+        return self.law if self.storing is None else self.storing
+
+    @property
+    def iterates(self) -> bool:
+        """Whether the law depends on the solution of the stage, beyond what the law itself does."""
+        return any(block.memory.iterates for block in self.blocks)
+
+
+def stage_law(
+    discrete: DiscreteEvolution,
+    stated: ContactLaw,
+    before: Moment,
+    rule: Rule,
+    step: float,
+    guess: Array,
+    guess_multiplier: Array,
+) -> StepLaw:
+    """The law of a stage.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    stated : ContactLaw
+        As it acts at the time of the stage.
+    before : Moment
+    rule : Rule
+    step : float
+    guess, guess_multiplier : arrays (m, c)
+        Of the stage: penetration, and slip since ``before``.
+    """
+    rate = rule.rate.difference
+    contact = discrete.contacts
+    plain = all(not contact[name].memory and contact[name].damping is None for name, _ in discrete.blocks)
+    if rule.restitution is not None:
+        return StepLaw(_impact(stated, before, step, rate))
+    if plain:
+        normal = stated.normal
+        if rule.conserving:
+            start = before.local.place[:, 0]
+            normal = affine(averaged(normal, start), rule.reach, (1.0 - rule.reach) * start)
+        law = ContactLaw(normal, friction_in_increments(stated.friction, rate))
+        return StepLaw(law, storing=stated if rule.conserving else None)
+    blocks = []
+    for name, index in discrete.blocks:
+        if not index.size:
+            continue
+        memory, damping = _foundation(discrete, name, index)
+        base, motion = stated.take(index), before.local
+        drift = rule.rate.velocity * motion.velocity[index] + rule.rate.acceleration * motion.acceleration[index]
+        local = LocalStep(rule.at * step, rate, motion.place[index], guess[index], guess_multiplier[index], drift)
+        given = base if memory.of_slip else in_increments(base, rate)
+        state = before.memory.get(name, {})
+        undamped = law_of_step(base, memory, state, local)
+        law = undamped if damping is None else law_of_step(base, memory, state, local, damping)
+        blocks.append(BlockLaw(name, index, base, memory, given, damping, local, law, undamped))
+    if not blocks:  # no contact points of this process
+        return StepLaw(stated)
+    return StepLaw(ContactLaw.concatenate([(block.law, block.index.size) for block in blocks]), tuple(blocks))
+
+
+def refuse_compliant(discrete: DiscreteEvolution, scheme: Scheme) -> None:
+    """Refuse foundations that a law of impact cannot stand for.
+
+    Raises
+    ------
+    ProblemError
+    """
+    for name, contact in discrete.contacts.items():
+        if not isinstance(contact.normal, Signorini) or contact.memory or contact.damping is not None:
+            raise ProblemError(
+                f"the scheme {scheme.name} is one for rigid obstacles, but contact '{name}' has the law "
+                f"'{contact.normal.name}'; take Signorini() without damping and memory, or the scheme generalized-alpha"
+            )
+
+
+def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
+    """Refuse foundations whose energy a scheme that averages them cannot keep.
+
+    Raises
+    ------
+    ProblemError
+    """
+    for name, contact in discrete.contacts.items():
+        if contact.memory or contact.damping is not None:
+            raise ProblemError(
+                f"the scheme {scheme.name} is to conserve energy, but contact '{name}' has a memory or a damping, "
+                "which do not; leave conserving out"
+            )
+    averaged(discrete.problem.law.normal, 0.0)
+
+
+def _impact(stated: ContactLaw, before: Moment, step: float, rate: float) -> ContactLaw:
+    """Rigid where the gap is closed, as it is predicted for the middle of the step; nothing elsewhere."""
+    local, friction = before.local, friction_in_increments(stated.friction, rate)
+    shut = local.place[:, 0] + 0.5 * step * local.velocity[:, 0] >= 0.0
+    parts: list[tuple[Superpotential, IntArray]] = [
+        (law.at(None), np.flatnonzero(points))
+        for law, points in ((Signorini(), shut), (NoContact(), ~shut))
+        if points.any()
+    ]
+    normal = parts[0][0] if parts else stated.normal
+    if len(parts) > 1:
+        normal = StackedLaw(tuple(law for law, _ in parts), tuple(points for _, points in parts), name="impact")
+    return ContactLaw(normal, friction)
+
+
+def initial_memory(discrete: DiscreteEvolution, law: ContactLaw, local: Array) -> States:
+    """States of all memories at the start, local displacements (m, c) being what they are."""
+    found = {}
+    for name, index in discrete.blocks:
+        if index.size and discrete.contacts[name].memory:
+            memory, _ = _foundation(discrete, name, index)
+            found[name] = memory.start(law.take(index), local[index])
+    return found
+
+
+def _foundation(discrete: DiscreteEvolution, name: str, index: IntArray) -> tuple[Memory, Superpotential | None]:
+    """Memory and damping of a boundary, at its contact points."""
+    contact, points = discrete.contacts[name], discrete.problem.contact.points
+    here = None if points is None else points[index]
+    return Chain(contact.memory).at(here), None if contact.damping is None else contact.damping.at(here)

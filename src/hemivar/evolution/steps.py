@@ -1,0 +1,152 @@
+"""Lengths of steps: fixed, or chosen by an estimate of the error on a ladder of powers of two."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from hemivar.basics.arguments import number
+from hemivar.errors import ProblemError
+
+__all__ = ["AdaptiveStep", "FixedStep", "Pace", "Stepping"]
+
+#: Steps are this many halvings below the first one at most, unless a least step is given.
+_HALVINGS = 30
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What a control of steps remembers.
+
+    Attributes
+    ----------
+    step : float
+        Length of the next step.
+    rung : int
+        Doublings above the first step.
+    waiting : int
+        Good steps to wait before the step may grow again.
+    """
+
+    step: float
+    rung: int = 0
+    waiting: int = 0
+
+
+class Stepping(ABC):
+    """How long steps are: a frozen dataclass of options; all it remembers is a :class:`Pace`."""
+
+    #: Whether the error of every step is estimated.
+    estimates: bool = False
+
+    @abstractmethod
+    def first(self, span: float) -> Pace:
+        """The first step of an evolution that lasts ``span``."""
+
+    @abstractmethod
+    def after(self, pace: Pace, error: float | None, order: int) -> tuple[bool, Pace]:
+        """Whether a step of a relative ``error`` stands, and the next one."""
+
+    @abstractmethod
+    def smaller(self, pace: Pace) -> Pace | None:
+        """What to try after a step that failed; None if there is nothing smaller."""
+
+
+@dataclass(frozen=True)
+class FixedStep(Stepping):
+    """Steps of one length; one that fails is divided, a few times at most.
+
+    Parameters
+    ----------
+    step : float
+    halvings : int
+        How often a step may be halved where its problem cannot be solved.
+    """
+
+    step: float
+    halvings: int = 6
+
+    def __post_init__(self) -> None:
+        if not 0.0 < number(self.step, "the step", "give a time > 0") < math.inf:
+            raise ProblemError(f"the step is {self.step:g}; it must be positive and finite")
+
+    def first(self, span: float) -> Pace:
+        if self.step > span * (1.0 + 1e-9):
+            raise ProblemError(f"the step is {self.step:g}, longer than the whole evolution, {span:g}; take a smaller")
+        return Pace(self.step)
+
+    def after(self, pace: Pace, error: float | None, order: int) -> tuple[bool, Pace]:
+        if pace.rung == 0:
+            return True, pace
+        if pace.waiting > 1:
+            return True, Pace(pace.step, pace.rung, pace.waiting - 1)
+        return True, Pace(self.step * 2.0 ** (pace.rung + 1), pace.rung + 1, 1 if pace.rung == -1 else 2)
+
+    def smaller(self, pace: Pace) -> Pace | None:
+        if pace.rung <= -self.halvings:
+            return None
+        return Pace(self.step * 2.0 ** (pace.rung - 1), pace.rung - 1, 2)
+
+
+@dataclass(frozen=True)
+class AdaptiveStep(Stepping):
+    """Steps whose estimated error stays below a tolerance, each the first one times a power of two.
+
+    Matrices of a step length that comes again are not factorised again.
+
+    Parameters
+    ----------
+    rtol : float
+        Error of a step relative to the largest energy norm so far.
+    first_step : float, optional
+        A thousandth of the evolution by default.
+    least, most : float, optional
+        Limits.
+    """
+
+    rtol: float = 1e-3
+    first_step: float | None = None
+    least: float | None = None
+    most: float | None = None
+
+    estimates = True
+
+    def __post_init__(self) -> None:
+        if not 0.0 < number(self.rtol, "rtol of AdaptiveStep") < 1.0:
+            raise ProblemError(f"AdaptiveStep(rtol={self.rtol:g}): rtol must lie between 0 and 1")
+        for name in ("first_step", "least", "most"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < number(value, f"{name} of AdaptiveStep") < math.inf:
+                raise ProblemError(f"AdaptiveStep({name}={value:g}): it must be positive and finite")
+        if self.least is not None and self.most is not None and self.least > self.most:
+            raise ProblemError(f"AdaptiveStep: least = {self.least:g} is larger than most = {self.most:g}")
+
+    def first(self, span: float) -> Pace:
+        step = self.first_step if self.first_step is not None else 1e-3 * span
+        return Pace(min(step, self.most or step, span))
+
+    def after(self, pace: Pace, error: float | None, order: int) -> tuple[bool, Pace]:
+        assert error is not None
+        error /= self.rtol
+        if error > 1.0:
+            rungs = max(1, math.ceil(math.log2(error) / (order + 1) + 0.1))
+            found = self._down(pace, rungs)
+            return (True, pace) if found is None else (False, found)
+        grown = 2.0 * pace.step
+        fits = self.most is None or grown <= self.most * (1.0 + 1e-9)
+        if fits and error < 0.8 * 2.0 ** -(order + 1):
+            if pace.waiting:
+                return True, Pace(pace.step, pace.rung, pace.waiting - 1)
+            return True, Pace(grown, pace.rung + 1, 1)
+        return True, Pace(pace.step, pace.rung, min(pace.waiting, 1))
+
+    def smaller(self, pace: Pace) -> Pace | None:
+        return self._down(pace, 1)
+
+    def _down(self, pace: Pace, rungs: int) -> Pace | None:
+        for down in range(rungs, 0, -1):
+            step = pace.step * 0.5**down
+            if (self.least is None or step >= self.least * (1.0 - 1e-9)) and pace.rung - down >= -_HALVINGS:
+                return Pace(step, pace.rung - down, 2)
+        return None

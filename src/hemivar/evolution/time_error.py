@@ -1,0 +1,276 @@
+"""How far implicit Euler is from the solution that is continuous in time: guaranteed, where a proof covers the problem.
+
+Both bounds compare with the problem that is discrete in space; loads are straight lines in every step.  U is piecewise
+linear through the computed states, ``e = u - U``, ``l = (t_n - t)/tau``, and ``dU``, ``df`` are differences over tau.
+
+* Laws of the rate (friction, damping), no mass, ``c = lmax(B'W diag(alpha) B, C) < 1``.  The computed rate fulfils the
+  inclusion with the forces of the end of its step, so that the difference of both problems leaves the force
+  ``(t_n - t) R``, ``R = K dU - df``; tested with ``e'`` it gives
+
+      d/dt |e|_K^2 / 2 + (1 - c) |e'|_C^2 <= (t_n - t) |R|_{C^-1} |e'|_C.
+
+  The largest right-hand side less left-hand side over ``|e'|_C`` bounds the displacement,
+
+      |e(T)|_K^2 <= |e(0)|_K^2 + sum tau^3/6 |R|_{C^-1}^2 / (1 - c),
+
+  and half of the dissipation kept, with tau^3/3, it bounds ``|e(T)|_K^2 + (1 - c) int |e'|_C^2``.  No error is ever
+  forgotten, nor can it be: two bodies that differ and stick are both at rest for ever.
+
+* Laws of the displacement, ``c = lmax(B'W diag(alpha) B, K) <= 1``: the flow is the gradient flow of an energy E in the
+  norm of C, which is convex, and more so by ``s |.|_K^2 / 2``, ``s = 1 - c``.  With the energy E_n under the loads of
+  the end of the step, ``D = E_n(U_{n-1}) - E_n(U_n) - tau |dU|_C^2`` (at least half of ``q = s tau^2 |dU|_K^2``), the
+  inequality of Nochetto, Savare and Verdi (2000), in which nothing of the convexity is dropped, is
+
+      d/dt |e|_C^2 / 2 + s (|e|_K^2 + |e - l tau dU|_K^2) / 2 <= l D - l (1 - l) q / 2 + l tau |df|_{C^-1} |e|_C.
+
+  Of the square brackets a part beta of ``s |e|_K^2 >= s a |e|_C^2`` is kept, ``K >= a C``, which forgets errors at the
+  rate ``rho = s beta a``; the rest takes ``e`` at its worst.  So a step leads from a bound y to
+
+      sqrt(exp(-2 rho tau) y^2 + tau int_0^1 exp(-2 rho tau l) (l (2 D - q) + l^2 q / (2 (1 - beta))) dl)
+          + tau^2 |df|_{C^-1} int_0^1 exp(-rho tau l) l dl
+
+  for any beta of [0, 1); the one that is best for short steps is taken.  For beta = 0 and steady loads this is
+  ``y^2 + tau (D - q/3)``, a third of the published ``y^2 + tau D`` where the energy is quadratic.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU, splu
+from scipy.special import gammainc
+
+from hemivar.basics.types import Array
+from hemivar.certify.smallness import smallness
+from hemivar.discrete.bulk import Quadratic
+from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.moment import Moment
+from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.fem.assembly import quadrature_rule, region_masks
+from hemivar.laws import Bilateral, NoContact
+from hemivar.linear.definite import positive_pivots
+from hemivar.mechanics.scalar import Statement
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["TimeBound", "TimeError", "bound_in_time"]
+
+_SAMPLED = "the weak convexity of a law is known from samples only"
+#: Largest part beta of the convexity that errors fade by.
+_MOST = 1.0 - 1e-9
+#: A pivot of the viscosity that counts as none, against its diagonal.
+_FELT = 1e-10
+
+
+@dataclass(frozen=True)
+class TimeError:
+    """A bound of the distance to the solution that is continuous in time, the same mesh.
+
+    Attributes
+    ----------
+    norm : str
+        ``"stiffness"``: ``sqrt(e'K e)``; ``"viscosity"``: ``sqrt(e'C e)``; ``""`` where there is none.
+    bound : float
+        At the time of the last step; guaranteed up to rounding and the solver's residual; nan where no theorem covers
+        the problem.
+    why : str
+        The theorem, or why none covers the problem.
+    """
+
+    norm: str
+    bound: float
+    why: str
+
+
+class TimeBound:
+    """A bound of the error in time, step by step.
+
+    Parameters
+    ----------
+    advance : Advance
+    norm, why : str
+        As in :class:`TimeError`.
+    contraction : float
+        c of the theorem.
+    fading : float
+        a of ``K >= a C``, which errors of laws of the displacement fade by.
+    viscosity : SuperLU, optional
+        Factors of C, where forces are measured against it.
+
+    Attributes
+    ----------
+    square : float
+        Of the bound at the end of the last step.
+    """
+
+    def __init__(
+        self,
+        advance: Advance,
+        norm: str,
+        why: str,
+        contraction: float = 0.0,
+        fading: float = 0.0,
+        viscosity: SuperLU | None = None,
+    ) -> None:
+        self.advance = advance
+        self.norm = norm
+        self.why = why
+        self.square = 0.0 if norm else math.nan
+        self._contraction = contraction
+        self._fading = fading
+        self._viscosity = viscosity
+
+    @property
+    def now(self) -> TimeError:
+        """The bound so far."""
+        return TimeError(self.norm, math.sqrt(self.square) if self.norm else math.nan, self.why)
+
+    def add(self, taken: Taken) -> float:
+        """Count a step; returns the square of the bound at its end."""
+        if not self.norm:
+            return self.square
+        discrete, step = self.advance.discrete, taken.step
+        n = discrete.unknowns
+        begin, end = self.advance.acting(taken.before.time).load, self.advance.acting(taken.moment.time).load
+        moved = (taken.moment.body.place - taken.before.body.place) / step
+        if self.norm == "stiffness":
+            rest = (discrete.stiffness.times(moved) - (end - begin) / step)[:n]
+            self.square += step**3 / 6.0 * self._dual(rest) / (1.0 - self._contraction)
+            return self.square
+        assert discrete.viscosity is not None
+        energies = (discrete.viscosity.energy(moved), discrete.stiffness.energy(moved))
+        viscous, elastic = discrete.vectors.total(*energies).tolist()
+        convexity = 1.0 - self._contraction
+        q = convexity * 2.0 * step**2 * elastic
+        fell = self._energy(taken.before, end) - self._energy(taken.moment, end)
+        loads = 0.0 if begin is end else math.sqrt(self._dual((end - begin)[:n]))  # tau |df|
+        # The best part for short steps: 1 - beta = tau |dU|_K / (sqrt(12 a) y).
+        beta = 0.0
+        if self._fading > 0.0 and self.square > 0.0:
+            least = math.sqrt(step**2 * 2.0 * elastic / (12.0 * self._fading * self.square))
+            beta = min(max(0.0, 1.0 - least), _MOST)
+        rho = convexity * beta * self._fading * step
+        own = max(2.0 * (fell - step * 2.0 * viscous) - q, 0.0)
+        source = own * _moment(1, 2.0 * rho) + 0.5 * q / (1.0 - beta) * _moment(2, 2.0 * rho)
+        bound = math.sqrt(math.exp(-2.0 * rho) * self.square + step * source) + step * loads * _moment(1, rho)
+        self.square = bound**2
+        return self.square
+
+    def _dual(self, force: Array) -> float:
+        """``|f|_{C^-1}^2`` of a force on the unknowns."""
+        assert self._viscosity is not None
+        (square,) = self.advance.discrete.vectors.total(float(force @ self._viscosity.solve(force)))
+        return max(float(square), 0.0)
+
+    def _energy(self, moment: Moment, load: Array) -> float:
+        """E of a moment under a load."""
+        ledger = moment.ledger
+        (work,) = self.advance.discrete.vectors.total(float(load @ moment.body.place))
+        return float(ledger.elastic + ledger.contact - work)
+
+
+def _moment(power: int, x: float) -> float:
+    """``int_0^1 l^power exp(-x l) dl``."""
+    if x < 1e-4:
+        return 1.0 / (power + 1)  # not less, and nearer than 1e-4
+    return float(gammainc(power + 1, x)) * math.factorial(power) / x ** (power + 1)
+
+
+def bound_in_time(advance: Advance) -> TimeBound:
+    """The bound that a theorem allows for an evolution, or why there is none."""
+    discrete = advance.discrete
+    why = _uncovered(discrete, advance.scheme)
+    if why is not None:
+        return TimeBound(advance, "", why)
+    assert discrete.viscosity is not None
+    stated = discrete.evolution.problem
+    law = discrete.problem.law
+    moving = not np.any(law.friction.bounds)
+    still = moving and all(contact.damping is None for contact in discrete.contacts.values())
+    if stated.time_dependent - {"load"}:
+        return TimeBound(advance, "", "supports, gaps or laws change with time")
+    straight = ", for loads that go straight in every step" if stated.time_dependent else ""
+    factor = None if still and not stated.time_dependent else _definite(discrete.viscosity.inner)
+    if factor is None and not (still and not stated.time_dependent):
+        return TimeBound(advance, "", "the viscosity does not resist every motion of the body")
+    if still:
+        known = advance.smallness(discrete.problem)
+        if known.sampled:
+            return TimeBound(advance, "", _SAMPLED)
+        if not known.margin >= 0.0:
+            return TimeBound(advance, "", "the energy is not convex: the law softens faster than the body is stiff")
+        why = f"convex gradient flow (Nochetto, Savare, Verdi){straight}"
+        return TimeBound(advance, "viscosity", why, 1.0 - known.margin, _fading(stated), factor)
+    points = discrete.problem.contact.points
+    rates = [contact.damping.at(points) for contact in discrete.contacts.values() if contact.damping is not None]
+    if any(rate.weak_convexity.any() or rate.alpha_sampled for rate in rates):
+        return TimeBound(advance, "", "a law of the normal rate is not monotone, or not known to be")
+    if not all(isinstance(contact.normal, Bilateral | NoContact) for contact in discrete.contacts.values()):
+        return TimeBound(advance, "", "a law of the penetration acts beside a law of the rate")
+    viscous = discrete.problem.with_(
+        bulk=Quadratic(discrete.viscosity.inner, np.zeros(discrete.unknowns), assembled=True)
+    )
+    known = smallness(viscous, trace_constant=False, workspace=Workspace(1))
+    if known.sampled:
+        return TimeBound(advance, "", _SAMPLED)
+    constant = known.constant
+    if not constant < 1.0:
+        return TimeBound(
+            advance, "", f"the law of the rate softens faster than the body is viscous (c = {constant:.3g})"
+        )
+    return TimeBound(advance, "stiffness", f"law of the rate, c = {constant:.3g}{straight}", constant, viscosity=factor)
+
+
+def _definite(C: sp.csr_array) -> SuperLU | None:
+    """Factors of a viscosity that is positive definite by more than rounding; None where it is not."""
+    diagonal = C.diagonal()
+    if not (diagonal > 0.0).all():
+        return None
+    options = {"SymmetricMode": True, "Equil": False}
+    try:
+        factor = splu(C.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    except RuntimeError:  # singular
+        return None
+    return factor if positive_pivots(factor) and (factor.U.diagonal()[factor.perm_c] > _FELT * diagonal).all() else None
+
+
+def _fading(stated: Statement) -> float:
+    """An a >= 0 with ``K >= a C``: the largest with ``A >= a V``, elasticity and viscosity, at every place of a body.
+
+    What varies is looked at in the quadrature points of both matrices.  Of fields of one component none is looked for.
+    """
+    if not isinstance(stated, ContactProblem):
+        return 0.0
+    mesh, material = stated.mesh, stated.material
+    points, masks = mesh.points[:1], None
+    if not (material.homogeneous and material.homogeneous_in(True)):
+        barycentric, weights = quadrature_rule(mesh.dim, 2 * stated.order)
+        points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, mesh.dim)
+        masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
+    half = np.linalg.inv(np.linalg.cholesky(material.stiffness_tensor(points, masks)))
+    viscous = half @ material.viscosity_tensor(points, masks) @ half.swapaxes(-1, -2)
+    largest = float(np.linalg.eigvalsh(viscous)[:, -1].max())
+    return 1.0 / largest if largest > 0.0 else 0.0
+
+
+def _uncovered(discrete: DiscreteEvolution, scheme: Scheme) -> str | None:
+    contact = discrete.contacts.values()
+    if not isinstance(scheme, ImplicitEuler):
+        return f"the bounds are proved for implicit Euler, not for {scheme.name}"
+    if discrete.heat is not None:
+        return "no bound is known where heat is coupled with motion"
+    if discrete.mass is not None:
+        return "no bound is known with inertia"
+    if discrete.viscosity is None:
+        return "no bound is known without viscosity"
+    if discrete.branches:
+        return "no bound is known with branches of the material"
+    if any(stated.memory for stated in contact):
+        return "no bound is known where contact points remember"
+    if discrete.problem.law.state_dependent:
+        return "no bound is known where a friction bound depends on the solution"
+    return None

@@ -1,0 +1,97 @@
+"""Evolutions of one degree of freedom and of uniform bodies against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.basics.types import Array
+from hemivar.evolution import Evolution, Scheme, march
+
+
+@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.SDIRK2()], ids=lambda s: s.name)
+def test_relaxation(scheme: Scheme) -> None:
+    """Standard solid on a spring: the branch is integrated exactly, the error is that of a straight line in a step."""
+    known = gallery.relaxing_block()
+    assert known.exact(1.0) == pytest.approx(0.156833711943, abs=1e-12)
+    errors = []
+    for count in (20, 40, 80):
+        history = march(known.evolution, 1.0, step=1.0 / count, stops=known.stops, scheme=scheme)
+        errors.append(abs(history["normal_force"][-1] - known.exact(1.0)))
+        assert abs(history.ledger["gap"]) < 1e-14
+    assert errors[0] < 1e-4
+    assert min(np.log2(errors[0] / errors[1]), np.log2(errors[1] / errors[2])) > 1.8  # exact for straight lines
+
+
+def test_memory_of_penetration() -> None:
+    """``kappa (r0 - r) = k r + int b e^{-(t-s)/T} r ds``."""
+    known = gallery.penetration_memory_block()
+    assert known.exact(0.5) == pytest.approx(0.026573963357, abs=1e-12)
+    errors = []
+    for count in (10, 20, 40):
+        history = march(known.evolution, 0.5, step=0.5 / count, stops=known.stops)
+        errors.append(abs(history["penetration"][-1] - known.exact(0.5)))
+    assert errors[-1] < 1e-4
+    assert np.log2(errors[1] / errors[2]) > 0.9
+
+
+def test_a_bond_fades_at_a_fixed_opening() -> None:
+    """beta of a bond that is held open by 0.1."""
+    known = gallery.bonded_block()
+    assert known.exact(1.0) == pytest.approx(0.173876498762, abs=1e-12)
+    errors = []
+    for count in (20, 40):
+        history = march(known.evolution, 1.0, step=1.0 / count, stops=known.stops)
+        (state,) = history.moment.memory.values()
+        bond = next(values for name, values in state.items() if "bond" in name)
+        errors.append(float(np.abs(bond - known.exact(1.0)).max()))
+    assert errors[1] < 1e-2  # of order one in the step
+    assert 1.7 < errors[0] / errors[1] < 2.3
+
+
+@pytest.mark.slow
+def test_a_damper_that_cannot_pull() -> None:
+    """Restitution .571740027585 and contact .279535444073 of m = 1, k = 100, c = 4."""
+    duration, restitution = gallery.bounce(100.0, 4.0)
+    assert (duration, restitution) == pytest.approx((0.279535444073, 0.571740027585), abs=1e-12)
+    known = gallery.bouncing_block()
+    history = march(known.evolution, known.until, step=5e-4, scheme=hv.Midpoint())
+    up = float(np.abs(history.moment.body.velocity).max())
+    assert up == pytest.approx(known.exact(known.until), rel=2e-3)
+    touching = history["normal_force"] > 0.0
+    assert touching.sum() * 5e-4 == pytest.approx(duration, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_a_manufactured_motion() -> None:
+    """``u = sin(t) (2xy + xy^2, -x^2 (1 + y))/20``: order one in the step with implicit Euler, two with alpha."""
+    lam, mu, lam_v, mu_v, rho = 2.0, 1.0, 0.5, 0.3, 1.5
+
+    def shape(x: Array) -> Array:
+        return np.stack([2 * x[:, 0] * x[:, 1] + x[:, 0] * x[:, 1] ** 2, -(x[:, 0] ** 2) * (1 + x[:, 1])], axis=1) / 20
+
+    def force(x: Array, t: float) -> Array:
+        elastic = np.stack([x[:, 0], -(1 + x[:, 1])], axis=1) / 10
+        return rho * -np.sin(t) * shape(x) + (lam * np.sin(t) + lam_v * np.cos(t)) * elastic
+
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 1.0), (8, 4)),
+        material=hv.Material.lame(lam, mu, density=rho, viscosity=(lam_v, mu_v)),
+        supports={
+            name: hv.Prescribed(lambda x, t: np.sin(t) * shape(x)) for name in ("left", "right", "top", "bottom")
+        },
+        body_force=force,
+        order=2,
+    )
+    evolution = Evolution(problem, inertia=True, velocity=shape)
+    for scheme, order in ((hv.ImplicitEuler(), 1), (hv.GeneralizedAlpha(0.8), 2)):
+        ends = [
+            march(evolution, 1.0, step=1.0 / count, scheme=scheme).frames[-1].displacement for count in (5, 10, 160)
+        ]
+        errors = [float(np.abs(end - ends[-1]).max()) for end in ends[:-1]]
+        assert np.log2(errors[0] / errors[1]) > order - 0.15, (scheme.name, errors)
+        nodes = hv.discretize(problem.at_time(0.0)).field.nodes  # type: ignore[union-attr]
+        off = float(np.abs(ends[-1] - np.sin(1.0) * shape(nodes)).max())
+        assert off < 1.5 * 1e-4  # of the mesh, and of the smallest step

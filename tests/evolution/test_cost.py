@@ -1,0 +1,227 @@
+"""What a step costs, counted: factorisations, sweeps through factors, calls, memory; and whether it is right."""
+
+from __future__ import annotations
+
+import gc
+import tracemalloc
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.basics.types import Array
+from hemivar.certify.smallness import smallness
+from hemivar.evolution import Evolution, march
+from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.march import March, marching
+from hemivar.evolution.margin import Margins
+from hemivar.evolution.save import Save
+from hemivar.evolution.stage import forces
+from hemivar.linear import factorisation
+from hemivar.solvers.nearby import Pieces, nearby_solution
+from hemivar.systems import elimination
+from tests.counting import at_most_calls
+
+STEP = 0.01
+NONE = Save(every=1e9)
+
+
+def body(law: str, n: int = 8) -> Evolution:
+    """One of the survey's bodies with mass and viscosity."""
+    made = {
+        "survey": lambda: gallery.survey("5.1", n, "right"),
+        "softening": lambda: gallery.survey_logarithmic(0.3, n, "right"),
+        "cube": lambda: gallery.survey_cube("5.1", n // 2),
+    }[law]()
+    return Evolution(replace(made, material=replace(made.material, density=1.0, viscosity=(0.4, 0.4))), inertia=True)
+
+
+def glued(n: int = 4) -> Evolution:
+    """A block pulled off its glue, which breaks slowly."""
+    bond = hv.Contact(hv.NoContact(), memory=(hv.Bonding(50.0, 0.05, 0.2),))
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), (n, n)),
+        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4)),
+        supports={"top": hv.Fixed(x=0.0, y=lambda x, t: np.full(len(x), 0.5 * t))},
+        contact={"bottom": bond},
+    )
+    return Evolution(problem)
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Factorisations of condensed bodies, whole solves and sweeps through a half of the factors."""
+    found: Counter[str] = Counter()
+
+    def watch(owner: object, name: str, what: str) -> None:
+        original = getattr(owner, name)
+
+        def counting(*given: object) -> object:
+            found[what] += 1
+            return original(*given)
+
+        monkeypatch.setattr(owner, name, counting)
+
+    watch(elimination, "factorise", "factors")
+    watch(factorisation.SuperLUFactorisation, "_solve", "solves")
+    watch(factorisation._Halves, "forward", "halves")
+    watch(factorisation._Halves, "backward", "halves")
+    return found
+
+
+@pytest.mark.parametrize("law", ["survey", "softening", "cube"])
+def test_a_step_that_stays_costs_two_half_sweeps_and_no_factorisation(law: str, counted: Counter[str]) -> None:
+    run = marching(body(law), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+    next(run)  # with the search for the largest step, whose bodies are condensed as well
+    counted.clear()
+    for _ in range(30):
+        next(run)
+    assert counted["factors"] == counted["solves"] == 0
+    assert 2 * 30 <= counted["halves"] <= 2 * 30 + 4
+
+
+def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:
+    control = hv.AdaptiveStep(rtol=1e-2, first_step=STEP)
+    history = march(body("survey"), 0.5, step=control, save=NONE, solver=hv.NonsmoothNewton())
+    lengths = np.unique(np.round(np.log2(history["step"][1:] / STEP), 9))
+    assert history.times.size > 3 * lengths.size
+    assert counted["factors"] <= lengths.size + 2  # and where steps were rejected
+
+
+def test_a_step_calls_few_functions() -> None:
+    run = marching(body("survey"), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+    for _ in range(10):
+        next(run)
+    with at_most_calls(20 * 1500):
+        for _ in range(20):
+            next(run)
+
+
+def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
+    def growth(n: int) -> float:
+        """KiB for each of the steps 100 to 300."""
+        run = marching(body("survey", n), March(10.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+        for _ in range(100):
+            next(run)
+        gc.collect()
+        tracemalloc.start()
+        for _ in range(200):
+            next(run)
+        gc.collect()
+        kept = tracemalloc.get_traced_memory()[0]
+        tracemalloc.stop()
+        return kept / 1024.0 / 200
+
+    small, large = growth(4), growth(24)
+    assert large < 4.0
+    assert large < small + 0.5  # a vector of the larger body alone would be 9 KiB
+
+
+@pytest.mark.parametrize("law", ["survey", "softening", "cube"])
+def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = {"step": STEP, "save": NONE, "solver": hv.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
+    quick = march(body(law), 20 * STEP, **options)
+    monkeypatch.setattr(Advance, "_nearby", lambda *_: None)
+    searched = march(body(law), 20 * STEP, **options)
+    for name in ("place", "velocity"):
+        one, other = getattr(quick.moment.body, name), getattr(searched.moment.body, name)
+        np.testing.assert_allclose(one, other, atol=1e-8 * np.abs(other).max())
+    lam = searched.moment.multiplier
+    np.testing.assert_allclose(quick.moment.multiplier, lam, atol=1e-7 * np.abs(lam).max())
+    np.testing.assert_allclose(quick["margin"], searched["margin"], rtol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_far_start_ends_at_the_solution_or_is_given_up(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    problem = hv.discretize(gallery.survey("5.1", 6, "right"))
+    system = hv.Workspace().condensed(problem, many=True)
+    known = hv.solve(problem)
+    r = known.local + random.normal(scale=10.0 ** random.uniform(-4, 1), size=known.local.shape)
+    lam = random.normal(scale=np.abs(known.multiplier).max(), size=known.local.shape)
+    found = nearby_solution(system, r, lam, hv.Controls(), Pieces())
+    if found is not None:
+        assert hv.residual(problem, found.unknowns, found.multiplier).below(0.0, 1e-9)
+        np.testing.assert_allclose(found.unknowns, known.unknowns, atol=1e-7 * np.abs(known.unknowns).max())
+
+
+def test_where_a_step_may_have_several_solutions_it_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise AssertionError("a step with several solutions was not searched")
+
+    monkeypatch.setattr("hemivar.evolution.advance.nearby_solution", refused)
+    law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 0.5),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=lambda x, t: np.full(len(x), -t))},
+        contact={"bottom": hv.Contact(law)},
+    )
+    history = march(Evolution(problem), 0.05, step=0.01, save=NONE)
+    assert (history["margin"][1:] < 0.0).all()
+
+
+def last(evolution: Evolution, steps: int) -> tuple[Advance, list[Taken], Margins, list[float]]:
+    """Steps of a march, with the largest steps that its margins have told."""
+    advance = Advance(discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
+    moment, taken, margins = initial_moment(advance), [], Margins(advance)
+    told = []
+    for _ in range(steps):
+        taken.append(advance.take(moment, STEP))
+        moment = taken[-1].moment
+        told.append(margins.largest_step(taken[-1]))
+    return advance, taken, margins, told
+
+
+def test_the_largest_step_does_not_depend_on_what_was_asked_before(counted: Counter[str]) -> None:
+    advance, taken, _, told = last(glued(), 60)
+    assert len(set(told)) > 5  # the glue breaks
+    spent = counted["factors"]
+    assert spent < 20 + 2 * len(set(told))
+    again = Margins(advance)
+    assert [again.largest_step(one) for one in taken[::-7]] == told[::-7]
+
+
+def test_the_margin_changes_its_sign_at_the_largest_step() -> None:
+    advance, taken, _, told = last(glued(), 40)
+    before, largest = taken[-1].before, told[-1]
+
+    def margin(step: float) -> float:
+        [(factors, law)] = advance.tried(before, step)
+        return smallness(advance.bodies.body(*factors).with_(law=law), trace_constant=False).margin
+
+    assert 0.0 < largest < np.inf
+    assert margin(largest) > 0.0 > margin(1.011 * largest)
+
+
+def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
+    for evolution in (glued(), body("softening"), body("softening", 32)):
+        advance = Advance(discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
+        problem = advance.take(initial_moment(advance), STEP).stages[0].problem
+        assert advance.constant(problem) == pytest.approx(smallness(problem, trace_constant=False).constant, rel=1e-7)
+
+
+def test_forces_of_a_coasting_body_lack_nothing() -> None:
+    discrete = discretize_evolution(body("survey"))
+    advance = Advance(discrete, hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
+    taken = advance.take(initial_moment(advance), STEP)
+    stage = advance.take(taken.moment, STEP).stages[0]
+    whole, less = (
+        forces(discrete, stage.rule, stage.before, stage.place, (), (), coasting) for coasting in (False, True)
+    )
+    assert "inertial" not in less
+    size = float(np.abs(discrete.mass.times(taken.moment.body.velocity / STEP)).max())  # type: ignore[union-attr]
+    np.testing.assert_allclose(whole["inertial"], np.zeros_like(stage.place), atol=1e-12 * size)
+
+
+def test_softening_is_infinite_where_a_law_falls_off_a_cliff() -> None:
+    problem = hv.discretize(gallery.survey("5.1", 4, "right"))
+    reduced = hv.Workspace().condensed(problem).body
+    none: Array = np.zeros(1)
+    assert reduced.softening(none, none) == 0.0
+    assert reduced.softening(np.array([np.inf]), none) == np.inf

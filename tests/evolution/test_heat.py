@@ -1,0 +1,290 @@
+"""Heat in bodies: what is refused, files, restarts, what stands in tables and frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.errors import FileError
+from hemivar.evolution import Evolution, march
+from hemivar.fem.thermal_stress import cell_thermal_stress, stress_per_degree, thermal_matrix
+from hemivar.files.problem_file import ProblemFile, parse_problem_file
+from hemivar.files.unsaid import difference
+from hemivar.mechanics import ScalarKind
+from hemivar.mechanics.thermal import Heat, HeatContact
+from hemivar.workflows.marching import evolution_of
+
+MESH = hv.rectangle((1.0, 1.0), 2)
+
+
+def body(**more: Any) -> hv.ContactProblem:
+    given = {
+        "mesh": MESH, "material": hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4), density=1.0),
+        "supports": {"left": hv.Clamped()},
+        "contact": {"bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.1))},
+        "tractions": {"top": (0.3, -0.5)},
+    }  # fmt: skip
+    return hv.ContactProblem(**given | more)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: HeatContact(conductance=-1.0), "conductance = -1; it must be a finite number that is not negative"),
+        (lambda: HeatContact(conductance=np.nan), "conductance"),
+        (lambda: HeatContact(conductance="2*p"), "the conductance is the text '2\\*p'|the conductance is"),
+        (lambda: HeatContact(share=1.2), "share = 1.2; the part of the heat of friction that the body takes lies"),
+        (lambda: HeatContact(temperature=np.inf), "temperature of a foundation"),
+        (lambda: HeatContact(1.0, exchange=hv.Compliance(1.0)), "conductance and exchange are both given"),
+        (lambda: HeatContact(exchange=2.0), "give a law of the difference of temperatures"),  # type: ignore[arg-type]
+        (lambda: HeatContact.touching(-1.0), "closed = -1 of a conductance"),
+        (lambda: HeatContact.touching(1.0, 1.0, 0.0), "exponent = 0 of a conductance"),
+        (lambda: Heat(1.0, 1.0, expansion=1.0, thermal_stress=1.0), "expansion and thermal_stress are both given"),
+        (lambda: Heat(1.0, 1.0, coupling=-1.0), "coupling = -1 of Heat; give a finite number >= 0"),
+        (lambda: Heat(1.0, 1.0, stress_free=np.inf), "stress_free = inf of Heat"),
+        (lambda: Heat(1.0, 1.0, rtol=0.0), "rtol = 0 of Heat; it must lie between 0 and 1"),
+        (lambda: Heat(1.0, 1.0, contact={"bottom": 2.0}), "give HeatContact\\(conductance"),  # type: ignore[dict-item]
+        (lambda: Heat(1.0, 1.0, contact=HeatContact()), "give a HeatContact for each boundary"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_heat_refuses(make: Any, words: str) -> None:
+    with pytest.raises(hv.ProblemError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("heat", "words"),
+    [
+        (Heat(-1.0, 1.0), "the conductivity is -1; it must be positive"),
+        (Heat(1.0, 0.0), "capacity = 0 of Heat; it must be positive"),
+        (Heat(1.0, -1.0), "capacity = -1"),
+        (Heat(1.0, 1.0, expansion=-1.0), "expansion = -1; it must not be negative"),
+        (Heat(1.0, 1.0, expansion={"steel": 1.0}), "expansion names region 'steel'"),
+        (Heat(1.0, lambda x, t: t), "capacity depends on time"),
+        (Heat(1.0, 1.0, supports={"lft": 0.0}), "did you mean 'left'"),
+        (Heat(1.0, 1.0, contact={"botom": HeatContact()}), "contact of Heat names boundary 'botom'"),
+        (Heat(1.0, 1.0, contact={"top": HeatContact(share=0.5)}), "share of the heat of friction, but the body has no"),
+        (
+            Heat(1.0, 1.0, contact={"top": HeatContact(HeatContact.touching(1.0))}),
+            "a conductance that depends on contact, but the body has no contact there",
+        ),
+        (Heat(1.0, 1.0, contact={"bottom": HeatContact(1.0)}, supports={"bottom": 0.0}), "is held by support 'bottom'"),
+        (Heat(1.0, 1.0, temperature=[1.0, 2.0]), "initial displacement has shape|initial temperature has shape"),
+        ("warm", "the heat of an evolution"),
+    ],
+)  # fmt: skip
+def test_what_bodies_with_heat_refuse(heat: Any, words: str) -> None:
+    with pytest.raises(hv.ProblemError, match=words):
+        Evolution(body(), heat=heat)
+
+
+def test_what_goes_with_heat() -> None:
+    scalar = hv.ScalarProblem(MESH, 1.0, kind=ScalarKind.HEAT, capacity=1.0)
+    with pytest.raises(hv.ProblemError, match="heat= goes with a body"):
+        Evolution(scalar, heat=Heat(1.0, 1.0))
+    with pytest.raises(hv.ProblemError, match="contact at midpoints"):
+        Evolution(body(quadrature=hv.Quadrature.MIDPOINT), heat=Heat(1.0, 1.0))
+    with pytest.raises(hv.ProblemError, match="has several stages"):
+        march(Evolution(body(), heat=Heat(1.0, 1.0)), 1.0, step=0.5, scheme=hv.SDIRK2())
+    falling = {"bottom": HeatContact(lambda r, p: -np.ones_like(r))}
+    with pytest.raises(hv.ProblemError, match="the conductance is -1 at some point"):
+        march(Evolution(body(), heat=Heat(1.0, 1.0, contact=falling)), 1.0, step=0.5)
+    short = {"bottom": HeatContact(lambda r, p: np.ones(2))}
+    with pytest.raises(hv.ProblemError, match=r"the conductance has shape \(2,\) at 3 points|has shape \(2,\)"):
+        march(Evolution(body(), heat=Heat(1.0, 1.0, contact=short)), 1.0, step=0.5)
+
+
+RICH = Heat(
+    2.0, lambda x: 1.0 + x[:, 0], expansion=0.05, coupling=2.0, stress_free=0.1, temperature=lambda x: 0.5 * x[:, 1],
+    supports={"right": lambda x, t: np.full(len(x), 0.1 * t)}, fluxes={"top": 0.2}, source=0.3,
+    contact={"bottom": HeatContact(HeatContact.touching(0.5, 2.0), lambda x, t: np.full(len(x), t), share=0.5)},
+)  # fmt: skip
+
+
+def test_a_march_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    evolution = Evolution(body(), inertia=True, heat=RICH)
+    options: dict[str, Any] = {"step": 0.05, "scheme": hv.GeneralizedAlpha(0.7)}
+    whole = march(evolution, 0.5, **options)
+    assert whole.finished
+    file = tmp_path / "run.ckpt"
+    march(evolution, 0.5, checkpoint=file, max_time=0.0, **options)
+    again = march(evolution, 0.5, checkpoint=file, resume=True, **options)
+    assert whole.table.tobytes() == again.table.tobytes()
+    for one, other in zip(whole.frames, again.frames, strict=True):
+        assert np.array_equal(one.temperature, other.temperature)  # type: ignore[arg-type]
+    other = Evolution(body(), inertia=True, heat=Heat(2.0, 1.0))
+    with pytest.raises(FileError, match="another evolution"):
+        march(other, 0.5, checkpoint=file, resume=True, **options)
+
+
+def test_a_step_is_a_function_of_the_moment() -> None:
+    """A step that is forgotten leaves nothing behind."""
+    from hemivar.evolution.discrete import discretize_evolution
+    from hemivar.evolution.initial import initial_moment
+    from hemivar.evolution.thermal_advance import advance_of
+
+    discrete = discretize_evolution(Evolution(body(), heat=RICH))
+    advance = advance_of(discrete, hv.ImplicitEuler(), None, hv.Controls())
+    first = initial_moment(advance)
+    one = advance.take(first, 0.1).moment
+    two = advance.take(one, 0.1).moment
+    advance.take(two, 0.3)
+    again = advance.take(one, 0.1).moment
+    assert np.array_equal(two.body.place, again.body.place)
+    assert two.heat is not None
+    assert again.heat is not None
+    assert np.array_equal(two.heat.moment.body.place, again.heat.moment.body.place)
+    assert two.ledger == again.ledger
+    assert two.heat.book == again.heat.book
+
+
+def test_books_of_a_body_with_everything() -> None:
+    for scheme, inertia in ((hv.ImplicitEuler(), False), (hv.Midpoint(), True), (hv.GeneralizedAlpha(0.5), True)):
+        history = march(Evolution(body(), inertia=inertia, heat=RICH), 1.0, step=0.05, scheme=scheme)
+        assert history.finished
+        assert history.moment.heat is not None
+        book = history.moment.heat.book
+        assert abs(book.gap) < 1e-10
+        assert book.friction == pytest.approx(0.5 * history.ledger["friction"], rel=1e-8)
+        assert min(abs(value) for name, value in book.record().items() if name != "heat.gap") > 1e-6
+        assert abs(history.ledger["gap"]) < 1e-9
+        assert history.ledger["thermal"] != 0.0
+        assert history["heat.content"][-1] == book.content
+        assert (history["rounds"][1:] <= 12).all()
+
+
+def test_other_units_give_the_same() -> None:
+    """Lengths in mm, temperatures in tenths of a degree, seconds: the same steps."""
+    mm, degree = 1e3, 10.0
+    contact = hv.Contact(hv.Compliance(20.0 / mm), hv.Tresca(0.1))
+    large = body(mesh=hv.rectangle((mm, mm), 2), contact={"bottom": contact}, supports={"left": hv.Clamped()})
+    heat = Heat(2.0 * mm / degree * mm, 1.0 / degree, expansion=0.05 / degree, temperature=0.5 * degree, source=0.3)
+    there = Heat(2.0, 1.0, expansion=0.05, temperature=0.5, source=0.3)
+    # with the energy per volume the same unit: conductivity carries two lengths
+    small = march(Evolution(body(), heat=there), 0.5, step=0.1)
+    big = march(Evolution(large, heat=heat), 0.5, step=0.1)
+    np.testing.assert_allclose(big.frames[-1].temperature, degree * small.frames[-1].temperature, rtol=1e-9)  # type: ignore[arg-type, operator]
+    np.testing.assert_allclose(big.frames[-1].displacement, mm * small.frames[-1].displacement, rtol=1e-7, atol=1e-7)
+
+
+def test_thermal_stress_of_materials() -> None:
+    """By the matrices that isotropic materials have, and by regions."""
+    lam, mu, points = 3.0, 2.0, np.array([[0.3, 0.4]])
+    mesh = hv.rectangle((1.0, 1.0), 2)
+    C = np.array([[lam + 2 * mu, lam, 0.0], [lam, lam + 2 * mu, 0.0], [0.0, 0.0, mu]])
+    heat = Heat(1.0, 1.0, expansion=0.1)
+    for out, beta in ((None, (2 * lam + 2 * mu) * 0.1), ((lam, lam, 0.0), (3 * lam + 2 * mu) * 0.1)):
+        stated = body(mesh=mesh, material=hv.Material.tensor(C, out))
+        np.testing.assert_allclose(stress_per_degree(stated, heat, points, {})[0], beta * np.eye(2), rtol=1e-13)
+    low = np.flatnonzero(mesh.points[mesh.cells].mean(axis=1)[:, 1] < 0.5)
+    halves = hv.Mesh(mesh.points, mesh.cells, mesh.boundaries, {"low": low, "high": np.setdiff1d(np.arange(8), low)})
+    stated = body(mesh=halves, material=hv.Material.lame(lam, mu))
+    regional = Heat(1.0, 1.0, thermal_stress={"low": 1.0, "high": 4.0}, stress_free=1.0)
+    found = cell_thermal_stress(stated, regional, np.full(9, 3.0))
+    np.testing.assert_allclose(found[low], np.broadcast_to(2.0 * np.eye(2), (4, 2, 2)))
+    # int beta th tr eps(v) of th = x, v = (x, y): 2 beta int x
+    matrix = thermal_matrix(stated, Heat(1.0, 1.0, thermal_stress=5.0))
+    assert mesh.points.ravel() @ (matrix @ mesh.points[:, 0]) == pytest.approx(5.0, rel=1e-13)
+    # of quadratic elements int beta th div v with th = x y, v = (x^2, 0): 2 beta int x^2 y
+    crooked = mesh.points + np.where(np.abs(mesh.points - 0.5).max(axis=1) < 0.4, 1.0, 0.0)[:, None] * [0.13, 0.07]
+    crooked_mesh = hv.Mesh(crooked, mesh.cells, mesh.boundaries)
+    quadratic, nodes = body(mesh=crooked_mesh, order=2), crooked_mesh.nodes(2)
+    matrix = thermal_matrix(quadratic, Heat(1.0, 1.0, thermal_stress=5.0))
+    v = np.column_stack([nodes[:, 0] ** 2, np.zeros(len(nodes))])
+    assert v.ravel() @ (matrix @ nodes.prod(axis=1)) == pytest.approx(5.0 / 3.0, rel=1e-13)
+
+
+FILE = """\
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+[material]
+lame = [4.0, 4.0]
+viscosity = [0.4, 0.4]
+[loads]
+traction = { top = [0.3, -0.5] }
+[supports]
+left = "clamped"
+[contact.bottom]
+normal = { law = "compliance", stiffness = 20.0 }
+friction = { law = "tresca", bound = 0.1 }
+[heat]
+conductivity = 2.0
+capacity = "1 + x"
+expansion = 0.05
+coupling = 2.0
+stress_free = 0.1
+temperature = "0.5*y"
+source = 0.3
+supports = { right = "0.1*t" }
+flux = { top = 0.2 }
+[heat.contact.bottom]
+conductance = { closed = 0.5, per_pressure = 2.0 }
+temperature = "t"
+share = 0.5
+[heat.contact.left]
+exchange = { law = "compliance", stiffness = 2.0 }
+[time]
+until = 0.5
+step = 0.1
+"""
+
+
+def test_a_file_says_what_the_library_says(tmp_path: Path) -> None:
+    found = parse_problem_file(FILE)
+    hv.write_problem(found, tmp_path / "body.toml")
+    again = parse_problem_file((tmp_path / "body.toml").read_text(), tmp_path)
+    assert difference(found.heat, again.heat) is None
+    assert difference(found.problem, again.problem) is None
+    contact = {**RICH.contact, "left": HeatContact(exchange=hv.Compliance(2.0))}
+    by_hand = Heat(**{name: getattr(RICH, name) for name in RICH.__dataclass_fields__} | {"contact": contact})
+    one, two = (march(evolution, 0.5, step=0.1) for evolution in (evolution_of(found), Evolution(body(), heat=by_hand)))
+    np.testing.assert_allclose(one.frames[-1].temperature, two.frames[-1].temperature, rtol=1e-9)  # type: ignore[arg-type]
+    np.testing.assert_allclose(one.frames[-1].displacement, two.frames[-1].displacement, atol=1e-10)
+    one.write(tmp_path / "body.pvd")
+    files = sorted(file for file in (tmp_path / "body").iterdir() if "contact" not in file.name)
+    last = meshio.read(files[-1])
+    np.testing.assert_allclose(last.point_data["temperature"], one.frames[-1].temperature)
+    assert last.cell_data["thermal_stress"][0].shape == (8, 4)
+    with meshio.xdmf.TimeSeriesReader(one.write(tmp_path / "body.xdmf")[0]) as reader:
+        reader.read_points_cells()
+        _, data, _ = reader.read_data(reader.num_steps - 1)
+        np.testing.assert_allclose(data["temperature"], one.frames[-1].temperature)
+    unsaid = ProblemFile(found.problem, time=found.time, heat=Heat(1.0, 1.0, contact={"bottom": HeatContact(_leaning)}))
+    with pytest.raises(hv.ProblemError, match="conductance"):
+        hv.write_problem(unsaid, tmp_path / "no.toml")
+
+
+def _leaning(penetration: Array, pressure: Array) -> Array:
+    return 1.0 + pressure
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("conductivity = 2.0\n", "", "conductivity: is missing; heat needs a conductivity and a capacity"),
+        ('capacity = "1 + x"\n', "", "capacity: is missing"),
+        ('capacity = "1 + x"', "capacity = -1", "capacity"),
+        ("expansion = 0.05", "expansion = 0.05\nthermal_stress = 1.0", "both given"),
+        ("expansion = 0.05", "expansion = { steel = 1.0 }", "the mesh has no region 'steel'"),
+        ("coupling = 2.0", "coupling = -2.0", "coupling = -2"),
+        ("share = 0.5", "share = 2", "share = 2"),
+        ("share = 0.5", "part = 2", "part"),
+        ("[heat.contact.left]", "[heat.contact.lft]", "no boundary 'lft'"),
+        ("{ closed = 0.5, per_pressure = 2.0 }", "{ per_pressure = 2.0 }", "closed: is missing"),
+        ("{ closed = 0.5, per_pressure = 2.0 }", '"2*p"', "must be a number or"),
+        ("supports = { right", "supports = { rigth", "no boundary 'rigth'"),
+        ('temperature = "0.5*y"', 'temperature = "0.5*t"', "cannot change with time"),
+        ("[time]\nuntil = 0.5\nstep = 0.1\n", "", "heat: flows in time; add a table"),
+    ],
+)
+def test_what_files_refuse(old: str, new: str, words: str) -> None:
+    assert old in FILE
+    with pytest.raises(hv.ProblemError, match=words):
+        parse_problem_file(FILE.replace(old, new))

@@ -1,0 +1,166 @@
+"""Jumps of a body on a law that softens faster than the body is stiff: which equilibrium follows, and what is lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution import Evolution, History, march
+
+#: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2.
+KAPPA, STIFF, DELTA, FALL = 1.0, 2.0, 0.1, 2.0
+UP, DOWN = DELTA * (1 + STIFF / KAPPA), DELTA * (1 + STIFF / FALL)
+LOSS = KAPPA * STIFF * (UP**2 - DOWN**2) / (2 * (KAPPA + STIFF))
+
+
+#: j' of the block's foundation.
+LAW = hv.PiecewiseQuadratic([0.0, DELTA, DELTA * (1 + STIFF / FALL)], [0.0, STIFF, -FALL, 0.0], np.zeros(3))
+
+
+def cycle(
+    jump: str,
+    step: float,
+    viscosity: object = None,
+    law: hv.Superpotential = LAW,
+    until: float = 0.8,
+    width: float = 1.0,
+) -> tuple[History, Array]:
+    """The top of a block pushed down by r0 = t up to 0.4 and back; r0 at every row."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((width, 1.0), 1),
+        material=hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=viscosity, density=1.0),  # type: ignore[arg-type]
+        supports={
+            "left": hv.Roller(),
+            "right": hv.Roller(),
+            "top": hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, 0.8 - t))),
+        },
+        contact={"bottom": hv.Contact(law)},
+    )
+    history = march(Evolution(problem), until, step=step, stops=(0.4,), jump=jump)
+    return history, np.minimum(history.times, 0.8 - history.times)
+
+
+def jumps(history: History, pushed: Array) -> tuple[float, float]:
+    """r0 at which the pressure drops on the way in, and comes back on the way out."""
+    force = history["normal_force"]
+    inward = history.times <= 0.4
+    gone = pushed[inward][np.flatnonzero(force[inward] > 0.05)[-1]]
+    back = pushed[~inward][np.flatnonzero(force[~inward] > 0.05)[0]]
+    return float(gone), float(back)
+
+
+@pytest.mark.slow
+def test_local_jumps_are_late_both_ways() -> None:
+    step = 0.002
+    history, pushed = cycle("local", step)
+    up, down = jumps(history, pushed)
+    assert up == pytest.approx(UP, abs=1.01 * step)
+    assert down == pytest.approx(DOWN, abs=1.01 * step)
+    assert history["jumped"].sum() == 2
+    assert history.ledger["jumps"] == pytest.approx(LOSS, rel=0.05)
+    assert abs(history.ledger["gap"]) < 1e-12
+    assert any("jumped" in message for message in history.messages)
+
+
+@pytest.mark.slow
+def test_energetic_solutions_jump_at_the_maxwell_load() -> None:
+    step = 0.002
+    history, pushed = cycle("global", step)
+    up, down = jumps(history, pushed)
+    assert up == pytest.approx(np.sqrt(UP * DOWN), abs=1.01 * step)
+    assert down == pytest.approx(np.sqrt(UP * DOWN), abs=1.01 * step)
+
+
+@pytest.mark.slow
+def test_viscous_jumps_are_the_local_ones() -> None:
+    step = 0.004
+    history, pushed = cycle("viscous", step)
+    assert jumps(history, pushed) == pytest.approx((UP, DOWN), abs=2.01 * step)  # the jump takes some steps
+    assert history.ledger["jumps"] > 0.5 * LOSS
+    slow, pushed = cycle("local", step, viscosity=(0.0, 1e-4))
+    assert jumps(slow, pushed) == pytest.approx((UP, DOWN), abs=3 * step)
+
+
+def test_the_march_stops_where_it_is_told() -> None:
+    history, _ = cycle("stop", 0.002)
+    assert history.ended == "margin lost"
+    assert history.moment.time < UP
+    assert "several solutions" in history.messages[-1]
+
+
+@pytest.mark.parametrize("jump", ["arc-length", "dynamic"])
+def test_along_the_path_jumps_do_not_depend_on_the_step(jump: str) -> None:
+    """With steps of a quarter of the load: both jumps where they are, and what each of them loses."""
+    history, _ = cycle(jump, 0.1)
+    assert history.finished, history.messages
+    assert history["jumped"].sum() == 2
+    lost = np.diff(history["jumps"])
+    there = KAPPA * STIFF * UP**2 / (2 * (KAPPA + STIFF))  # stored at r0 = UP, less the strength of the foundation
+    strength = 0.5 * STIFF * DELTA**2 + 0.5 * (STIFF * DELTA) ** 2 / FALL
+    up = 0.5 * KAPPA * (UP - DELTA) ** 2 + 0.5 * STIFF * DELTA**2 - strength
+    down = strength - KAPPA * STIFF * DOWN**2 / (2 * (KAPPA + STIFF))
+    assert there - strength == pytest.approx(up)
+    assert lost[lost > 0.0] == pytest.approx([up, down], rel=1e-5)
+    assert history.ledger["jumps"] == pytest.approx(LOSS, rel=1e-5)
+    assert abs(history.ledger["gap"]) < 1e-12
+    assert any(f"t = {UP:.8g}" in message for message in history.messages)
+
+
+#: A second hump behind the first one, before which a body that moves slowly stays.
+HUMPS = hv.PiecewiseQuadratic([0.0, 0.1, 0.2, 0.22, 0.24, 0.5], [0.0, 2.0, -2.0, 19.0, -19.0, 0.0, 0.0], np.zeros(6))
+
+
+@pytest.mark.slow
+def test_inertia_carries_beyond_the_next_equilibrium() -> None:
+    """The next one is where ``r0 - r = 19 (r - .2)``; at r0 = .3 a body without loss has .0005 left behind it."""
+    slow, _ = cycle("arc-length", 0.1, law=HUMPS, until=0.35, width=0.05)
+    fast, _ = cycle("dynamic", 0.1, law=HUMPS, until=0.35, width=0.05)
+    assert slow["penetration"][-1] == pytest.approx((0.35 + 3.8) / 20.0, abs=1e-9)
+    assert fast["penetration"][-1] == pytest.approx(0.35, abs=1e-9)
+    assert fast.ledger["jumps"] == pytest.approx(0.05 * (0.03 - 0.02 - 0.0076), rel=1e-5)  # both humps are left behind
+    for history in (slow, fast):
+        assert history["jumped"].sum() == 1
+        assert abs(history.ledger["gap"]) < 1e-12
+        lost = history.ledger["jumps"] + history.ledger["numerical"]
+        assert lost == pytest.approx(history.ledger["moved"] - history.ledger["elastic"] - history.ledger["contact"])
+
+
+@pytest.mark.slow
+def test_a_body_of_many_points_jumps_point_by_point() -> None:
+    """A strip is bent onto glue-like ground and back: what is lost in jumps is the same with steps of a third."""
+    law = hv.PiecewiseQuadratic([0.0, 0.02, 0.04], [0.0, 40.0, -40.0, 0.0], np.zeros(3))
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 0.5), (6, 1)),
+        material=hv.Material.lame(1.0, 1.0),
+        supports={
+            "left": hv.Clamped(),
+            "top": hv.Prescribed(lambda x, t: np.stack([0.0 * x[:, 0], -0.2 * min(t, 2.0 - t) * x[:, 0]], 1)),
+        },
+        contact={"bottom": hv.Contact(law)},
+    )
+    histories = [march(Evolution(problem), 2.0, step=step, jump="arc-length") for step in (0.5, 1.0 / 6.0)]
+    for history in histories:
+        assert history.finished
+        assert history.residual < 1e-9
+        assert abs(history.ledger["gap"]) < 1e-12
+    coarse, fine = (history.ledger["jumps"] for history in histories)
+    assert coarse > 0.0
+    assert coarse == pytest.approx(fine, rel=1e-5)
+    local = march(Evolution(problem), 2.0, step=0.5, jump="local")
+    assert local["normal_force"] == pytest.approx(histories[0]["normal_force"], abs=1e-9)
+
+
+def test_what_the_ways_of_jumping_need_is_said_before() -> None:
+    still = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 0.5),
+        supports={"top": hv.Clamped()},
+        contact={"bottom": hv.Contact(LAW)},
+    )
+    with pytest.raises(ProblemError, match="no density"):
+        march(Evolution(still), 1.0, jump="dynamic")
+    with pytest.raises(ProblemError, match="ends of steps"):
+        march(Evolution(still), 1.0, jump="arc-length", scheme=hv.Midpoint())

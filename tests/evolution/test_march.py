@@ -1,0 +1,324 @@
+"""The march: events, restarts, rejected steps, bounds of the error in time, refusals."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.errors import FileError, ProblemError
+from hemivar.evolution import Evolution, History, March, Save, Scheme, Touch, When, march, marching
+from hemivar.evolution.advance import Advance
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.initial import initial_moment
+from hemivar.formula import Formula, FormulaArray
+from hemivar.solvers import Controls
+
+
+def beam(inertia: bool = True, load: float = -0.5, **contact: Any) -> Evolution:
+    """A clamped body above a foundation, with viscosity and a branch."""
+    material = hv.Material.lame(
+        4, 4, density=1.0, viscosity=(0.4, 0.4), branches=[hv.Branch(lame=(2, 2), time=0.5)] if inertia else ()
+    )
+    given = {"normal": hv.Compliance(20.0), "friction": hv.Tresca(0.05), "gap": 0.02} | contact
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 1.0), (6, 3)),
+        material=material,
+        supports={"left": hv.Clamped()},
+        body_force=(0.0, load),
+        contact={"bottom": hv.Contact(**given)},
+    )
+    return Evolution(problem, inertia=inertia)
+
+
+@pytest.mark.parametrize("step", [0.05, hv.AdaptiveStep(3e-3)], ids=["fixed", "adaptive"])
+@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.GeneralizedAlpha(0.8)], ids=lambda s: s.name)
+def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Scheme, step: Any) -> None:
+    options: dict[str, Any] = {"scheme": scheme, "step": step, "events": [Touch()], "save": Save(0.2)}
+    whole = march(beam(), 0.6, **options)
+    kept = hv.Checkpoint(tmp_path / "run.ckpt", 0.0)
+    begun = marching(beam(), March(0.6, checkpoint=kept, **options))
+    for _ in range(5):
+        next(begun)
+    begun.close()
+    resumed = march(beam(), 0.6, checkpoint=kept, resume=True, **options)
+    assert resumed.events == whole.events
+    assert len(whole.events) == 1
+    for name in whole.columns:
+        np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
+    np.testing.assert_array_equal(resumed.moment.body.place, whole.moment.body.place)
+    assert [frame.time for frame in resumed.frames] == [frame.time for frame in whole.frames]
+    with pytest.raises(FileError, match="another evolution"):
+        march(beam(load=-0.6), 0.6, checkpoint=kept, resume=True, **options)
+    kept.file.write_bytes(b"no checkpoint")
+    with pytest.raises(FileError, match="no checkpoint"):
+        march(beam(), 0.6, checkpoint=kept, resume=True, **options)
+
+
+def test_a_rejected_step_leaves_no_trace() -> None:
+    discrete = discretize_evolution(beam())
+    advance = Advance(discrete, hv.GeneralizedAlpha(0.8), None, Controls())
+    moment = initial_moment(advance)
+    first = advance.take(moment, 0.1).moment
+    for step in (0.4, 0.05, 0.013):
+        advance.take(moment, step)
+    again = advance.take(moment, 0.1).moment
+    np.testing.assert_array_equal(again.body.place, first.body.place)
+    np.testing.assert_array_equal(again.multiplier, first.multiplier)
+    assert again.ledger == first.ledger
+
+
+def test_a_falling_block_touches_when_it_should() -> None:
+    """A block falls freely by the gap 0.05: t = sqrt(0.1)."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(400.0, 400.0, density=1.0),
+        body_force=(0.0, -1.0),
+        contact={"bottom": hv.Contact(hv.Compliance(400.0), gap=0.05)},
+    )
+    half = When(function=lambda discrete, moment: moment.time - 0.123, label="half way")
+    stop = Touch("stop")
+    history = march(Evolution(problem, inertia=True), 1.0, step=0.03, scheme=hv.Midpoint(), events=[half, stop])
+    assert history.ended == "event: touch"
+    (first, name), (touched, _) = history.events
+    assert (name, first) == ("half way", pytest.approx(0.123, abs=1e-7))
+    assert touched == pytest.approx(np.sqrt(0.1), abs=1e-7)
+    assert history.moment.time == touched
+
+
+def test_bounds_of_the_error_in_time_hold() -> None:
+    """Against a run with steps 40 times shorter, at every time that both have; laws of the rate, and of the place."""
+    rng = np.random.default_rng(7)
+    for case in range(4):
+        bound, load = 0.02 + 0.2 * rng.random(), -0.2 - rng.random()
+        if case % 2:
+            evolution = beam(False, load, normal=hv.Bilateral(), friction=hv.Tresca(bound), gap=0.0)
+            norm = "stiffness"
+        else:
+            evolution = beam(False, load, friction=hv.NoFriction(), normal=hv.SurveyLaw(0.1 * bound))
+            norm = "viscosity"
+        coarse = march(evolution, 0.4, step=0.1, save=Save(0.1))
+        fine = march(evolution, 0.4, step=0.1 / 40, save=Save(0.1))
+        assert coarse.time_error.norm == norm, coarse.time_error.why
+        operator = getattr(coarse.discrete, norm)
+        largest = 0.0
+        for one, other in zip(coarse.frames, fine.frames, strict=True):
+            assert one.time == pytest.approx(other.time)
+            off = coarse.discrete.restrict(one.displacement - other.displacement, np.zeros(0))
+            largest = max(largest, np.sqrt(2.0 * operator.energy(off)))
+        assert largest <= coarse["time_error"].max()
+        assert largest > 1e-3 * coarse["time_error"].max()  # no empty claim either
+        assert march(evolution, 0.4, step=0.05).time_error.bound < 0.75 * coarse.time_error.bound
+
+
+REFUSED: dict[str, tuple[Any, str]] = {
+    "inertia without density": (
+        lambda: Evolution(_static(), inertia=True),
+        "density",
+    ),
+    "velocity without inertia": (lambda: Evolution(_static(), velocity=(0.0, 1.0)), "no inertia"),
+    "no problem": (lambda: Evolution("block.toml"), "ContactProblem"),  # type: ignore[arg-type]
+    "velocity of the wrong size": (lambda: Evolution(beam().problem, inertia=True, velocity=(1.0,)), "shape"),
+    "infinite start": (lambda: Evolution(_static(), start=np.inf), "finite"),
+    "unknown mass": (lambda: Evolution(_static(), mass="lumped"), "consistent"),  # type: ignore[arg-type]
+    "until before the start": (lambda: march(_moving(), -1.0), "later"),
+    "no step": (lambda: march(_moving(), 1.0, step=0.0), "positive"),
+    "a step longer than all": (lambda: march(_moving(), 1.0, step=2.0), "longer"),
+    "Newmark without mass": (lambda: march(_moving(), 1.0, scheme=hv.Newmark()), "bodies with mass"),
+    "SDIRK2 with mass": (lambda: march(beam(), 1.0, scheme=hv.SDIRK2()), "without mass"),
+    "Moreau-Jean on springs": (lambda: march(beam(), 1.0, scheme=hv.MoreauJean()), "rigid obstacles"),
+    "unstable Newmark": (lambda: hv.Newmark(0.1, 0.5), "not stable"),
+    "rho": (lambda: hv.GeneralizedAlpha(1.5), r"\[0, 1\]"),
+    "impact with gain": (lambda: hv.MoreauJean(1.0, 0.8), "gain energy"),
+    "scheme by name": (lambda: march(_moving(), 1.0, scheme="newmark"), "scheme"),
+    "unknown jump": (lambda: march(_moving(), 1.0, jump="up"), "choose one of"),
+    "event that is none": (lambda: march(_moving(), 1.0, events=["touch"]), "Touch"),
+    "event without function": (lambda: When(), "needs a function"),
+    "event that does nothing": (lambda: Touch("shout"), "record"),  # type: ignore[arg-type]
+    "resume without file": (lambda: march(_moving(), 1.0, resume=True), "checkpoint"),
+    "probe outside": (lambda: march(_moving(), 1.0, save=Save(probes={"p": (9.0, 9.0)})), "outside"),
+    "probe in space": (lambda: march(_moving(), 1.0, save=Save(probes={"p": (0.0, 0.0, 0.0)})), "coordinates"),
+    "save nothing": (lambda: Save(every=0.0), "time > 0"),
+    "rtol": (lambda: hv.AdaptiveStep(2.0), "between 0 and 1"),
+    "limits": (lambda: hv.AdaptiveStep(1e-3, least=1.0, most=0.1), "larger than"),
+    "a body that nothing holds": (lambda: march(Evolution(_loose()), 1.0), "move|rigid|held|support"),
+    "a contradiction": (
+        lambda: march(Evolution(_static(), displacement=(0.0, 1.0)), 1.0),
+        "contradicts",
+    ),
+}
+
+
+def _static() -> hv.ContactProblem:
+    from hemivar import gallery
+
+    return gallery.survey("5.1", 4)
+
+
+def _moving() -> Evolution:
+    return beam(False)
+
+
+def _loose() -> hv.ContactProblem:
+    return hv.ContactProblem(
+        mesh=hv.rectangle(),
+        material=hv.Material.lame(1, 1, viscosity=(1, 1)),
+        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
+        body_force=(1.0, 0.0),
+    )
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_is_refused_in_words(case: str) -> None:
+    make, words = REFUSED[case]
+    with pytest.raises(ProblemError, match=words):
+        make()
+
+
+def test_interruption_and_time_leave_what_there_is() -> None:
+    begun = marching(beam(), March(1.0, step=0.1))
+    next(begun)
+    with pytest.raises(StopIteration) as end:
+        begun.send(True)
+    history = end.value.value
+    assert history.ended == "interrupted"
+    assert history.moment.time == pytest.approx(0.1)
+    assert march(beam(), 1.0, step=0.1, max_time=0.0).ended == "max_time"
+
+
+def test_frames_are_interpolated() -> None:
+    history = march(beam(), 0.4, step=0.1)
+    first, second = history.frames[1:3]
+    middle: Array = 0.5 * (first.displacement + second.displacement)
+    np.testing.assert_allclose(history.at(0.15).displacement, middle, atol=1e-14)
+    with pytest.raises(ProblemError, match="outside"):
+        history.at(0.5)
+
+
+def kinked(force: str, until: float = 2.0, **options: Any) -> History:
+    """A body whose load is a formula of the time."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(1.0, 1.0, viscosity=(1.0, 1.0)),
+        supports={"top": hv.Clamped()},
+        tractions={"right": FormulaArray((Formula(force), 0.0), (2,))},
+        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
+    )
+    return march(Evolution(problem), until, **options)
+
+
+def test_kinks_of_formulas_are_met_exactly() -> None:
+    times = kinked("min(t, 1) + max(0, t - 1.3) - 2*abs(sin(2*t) - x/10)", step=0.3).times
+    assert 1.0 in times  # to the last bit
+    assert np.abs(times - 1.3).min() < 1e-14
+    assert len(times) == 9  # 0, .3, .6, .9, 1, 1.3, 1.6, 1.9, 2: the third moves through the body and is none
+    nested = kinked("min(abs(t - 0.5), 0.25)", step=0.4).times
+    for kink in (0.25, 0.5, 0.75):
+        assert np.abs(nested - kink).min() < 1e-14
+    named = kinked("min(t, 1)", step=0.3, stops=(1.0 + 1e-13,)).times
+    assert np.diff(named).min() > 1e-3  # a kink that is a stop already is not met twice
+    dense = kinked("abs(sin(4000*t))", 1.0, step=0.5)
+    assert any("kinks in time, which are not met" in message for message in dense.messages)
+    assert len(dense.times) == 3
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_adaptive_steps_see_a_body_that_slides_as_a_whole(unit: float) -> None:
+    """It stops after v0^2/(2 mu g): its deceleration is constant, so that velocities and deformations have no error."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0 * unit, 0.2 * unit), (2, 1)),
+        material=hv.Material.lame(1e4, 1e4, density=5.0 / unit**2),
+        supports={"top": hv.Fixed(y=0.0)},
+        contact={"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.3))},
+    )
+    evolution = Evolution(problem, inertia=True, velocity=(1.0 * unit, 0.0))
+    way, errors, counts = 1.0 / 0.6 * unit, [], []
+    for rtol in (1e-3, 1e-4):
+        history = march(evolution, 3.0, step=hv.AdaptiveStep(rtol), save=Save(probes={"c": (0.5 * unit, 0.1 * unit)}))
+        exact = 3.0 * unit - 0.15 * 9.0 * unit
+        errors.append(abs(history["c.u_x"][-1] - exact) / way)
+        counts.append(len(history.rows))
+    assert errors[0] < 0.06
+    assert errors[1] < 0.5 * errors[0]
+    assert counts[1] < 300
+
+
+BEGUN = """
+import sys
+import numpy as np
+import hemivar as hv
+from hemivar.errors import FileError
+from hemivar.evolution import Checkpoint, Evolution, March, marching
+
+pad = [object() for _ in range({pad})]
+level = {level}
+problem = hv.ContactProblem(
+    mesh=hv.rectangle((1.0, 1.0), 2),
+    material=hv.Material.lame(1.0, 1.0, viscosity=(1.0, 1.0)),
+    supports={{"top": hv.Clamped()}},
+    tractions={{"right": lambda x, t: np.stack([level * t + 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1)}},
+    contact={{"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.05))}},
+)
+plan = March(0.5, step=0.1, checkpoint=Checkpoint(sys.argv[1], 0.0), resume={resume})
+steps = marching(Evolution(problem), plan)
+taken = 0
+try:
+    while taken < {most}:
+        next(steps)
+        taken += 1
+    steps.close()
+except StopIteration as end:
+    history = end.value
+    print(taken, float(history.time_error.bound).hex(), history.moment.body.place.tobytes().hex())
+except FileError as error:
+    print(error)
+"""
+
+
+def _begun(path: Path, **options: Any) -> str:
+    code = BEGUN.format(**{"pad": 0, "level": 0.3, "resume": True, "most": 99, **options})
+    return subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True).stdout
+
+
+def test_another_process_goes_on_bit_for_bit_with_its_bound(tmp_path: Path) -> None:
+    """The load is a lambda, whose address is another one in every process."""
+    whole = _begun(tmp_path / "whole.ckpt", resume=False).split()
+    assert whole[0] == "5"
+    assert np.isfinite(float.fromhex(whole[1]))
+    _begun(tmp_path / "part.ckpt", resume=False, most=2)
+    resumed = _begun(tmp_path / "part.ckpt", pad=54321).split()
+    assert resumed[0] == "4"  # the checkpoint is that of the first step: the second was not gone on from
+    assert resumed[1:] == whole[1:]
+    _begun(tmp_path / "other.ckpt", resume=False, most=2)
+    assert "another evolution" in _begun(tmp_path / "other.ckpt", level=0.31)
+
+
+def test_a_checkpoint_knows_all_numbers_of_an_array_and_all_kinks(tmp_path: Path) -> None:
+    shape = np.linspace(0.0, 0.01, 3000)
+
+    def evolution(values: Array) -> Evolution:
+        def load(x: Array, t: float) -> Array:
+            return np.stack([0.0 * x[:, 0], -t * np.interp(x[:, 0], np.linspace(0.0, 2.0, 3000), values)], axis=1)
+
+        problem = dataclasses.replace(beam(False).problem, body_force=load)
+        return Evolution(problem)
+
+    kept = hv.Checkpoint(tmp_path / "run.ckpt", 0.0)
+    march(evolution(shape), 0.2, step=0.1, checkpoint=kept)
+    assert march(evolution(shape), 0.2, step=0.1, checkpoint=kept, resume=True).finished
+    other = shape.copy()
+    other[1501] += 1e-12  # between all points at which loads are computed
+    with pytest.raises(FileError, match="another evolution"):
+        march(evolution(other), 0.2, step=0.1, checkpoint=kept, resume=True)
+    kinked("min(t, 1)", step=0.5, checkpoint=kept)
+    with pytest.raises(FileError, match="another evolution"):
+        kinked("min(t, 1)", step=0.5, checkpoint=kept, resume=True, stops=(0.75,))
+    with pytest.raises(FileError, match="another evolution"):
+        kinked("min(t, 1.2)", step=0.5, checkpoint=kept, resume=True)

@@ -1,0 +1,255 @@
+"""Scalar problems in time: what they refuse, restarts, files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.errors import FileError
+from hemivar.evolution import Evolution, march
+from hemivar.files.history_table import read_history_table
+from hemivar.files.problem_file import parse_problem_file
+from hemivar.files.unsaid import difference
+from hemivar.mechanics import ScalarKind
+from hemivar.workflows.marching import evolution_of
+
+MESH = hv.rectangle((1.0, 1.0), 4)
+STOP = hv.ScalarContact(hv.Signorini(), 0.1)
+RUBS = hv.ScalarContact(hv.Tresca(0.1))
+
+
+def membrane(**more: Any) -> hv.ScalarProblem:
+    return hv.ScalarProblem(**{"mesh": MESH, "coefficient": 1.0, "supports": {"left": 0.0}, "density": 1.0} | more)
+
+
+HEAT = membrane(kind=ScalarKind.HEAT, density=None, capacity=1.0)
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "words"),
+    [
+        (membrane(density=None), {"inertia": True}, "the membrane has no density; give ScalarProblem"),
+        (membrane(density=0.0), {"inertia": True}, "the membrane has no density"),
+        (HEAT, {"inertia": True}, "heat has no inertia"),
+        (HEAT, {"velocity": 1.0}, "an initial velocity is given, but the body has no inertia"),
+        (membrane(), {"displacement": [1.0, 2.0]}, r"initial displacement has shape \(2,\); give a number"),
+        (membrane(), {"inertia": True, "velocity": np.inf}, "initial velocity"),
+        (membrane(), {"displacement": "0.1*x"}, "initial displacement"),
+        (
+            membrane(kind=ScalarKind.HEAT, density=None, contact={"right": RUBS}), {},
+            "contact 'right' has friction, which acts on a rate",
+        ),
+        (membrane(area=STOP), {"inertia": True, "mass": "redistributed"}, "contact over an area has no nodes beside"),
+        ("membrane", {}, "give a ContactProblem or a ScalarProblem"),
+    ],
+)  # fmt: skip
+def test_what_scalar_evolutions_refuse(problem: Any, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(hv.ProblemError, match=words):
+        Evolution(problem, **options)
+
+
+@pytest.mark.parametrize(
+    ("evolution", "options", "words"),
+    [
+        (Evolution(HEAT), {"scheme": hv.Newmark()}, "the scheme newmark is one for bodies with mass"),
+        (Evolution(membrane(supports={}, viscosity=1.0)), {}, "free|constant|held"),
+        (Evolution(membrane(contact={"right": RUBS}), inertia=True), {"scheme": hv.MoreauJean()}, "rigid obstacles"),
+        (Evolution(membrane(), displacement=0.5), {}, "the initial displacement contradicts the supports"),
+        (
+            Evolution(membrane(contact={"right": STOP}), displacement=lambda x: x[:, 0]), {},
+            "beyond what its law allows",
+        ),
+        (Evolution(membrane(density=lambda x: x[:, 0] - 0.5), inertia=True), {}, "density = -0.*must not be negative"),
+    ],
+)  # fmt: skip
+def test_what_scalar_marches_refuse(evolution: Evolution, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(hv.ProblemError, match=words):
+        march(evolution, 1.0, step=0.5, **options)
+
+
+def test_a_body_is_quenched() -> None:
+    """Warm, and held cold from the start on: the series of the slab, quadratic in space and of order 2 in time."""
+    slab = hv.ScalarProblem(
+        hv.rectangle((1.0, 0.25), (16, 4)), 1.0, supports={"left": 0.0, "right": 0.0}, kind=ScalarKind.HEAT,
+        capacity=1.0, order=2,
+    )  # fmt: skip
+    history = march(Evolution(slab, displacement=1.0), 0.1, step=0.1 / 64, scheme=hv.SDIRK2())
+    x, odd = slab.mesh.nodes(2)[:, 0], np.arange(1, 60, 2)
+    exact = (4.0 / np.pi / odd * np.exp(-((odd * np.pi) ** 2) * 0.1)) @ np.sin(np.pi * np.outer(odd, x))
+    np.testing.assert_allclose(history.frames[-1].displacement[:, 0], exact, atol=2e-4)
+
+
+def test_the_effective_problem_is_that_of_a_step() -> None:
+    stated = membrane(viscosity=2.0)
+    with pytest.raises(hv.ProblemError, match="no branches"):
+        stated.effective(1.0, (1.0,))
+    with pytest.raises(hv.ProblemError, match="already"):
+        stated.effective(1.0).effective(1.0)
+    here = stated.effective(0.5, (), 3.0)
+    same = membrane(density=None, coefficient=2.0, bedding=3.0)
+    one, other = (hv.discretize(problem).linear.stiffness for problem in (here, same))
+    np.testing.assert_allclose(one.toarray(), other.toarray(), rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_parts_stand_on_one_sparsity(order: int) -> None:
+    """Also where entries vanish, as those of right angles do."""
+    from hemivar.evolution.discrete import discretize_evolution
+
+    stated = membrane(order=order, viscosity=2.0, supports={"left": lambda x, t: t * x[:, 1]})
+    discrete = discretize_evolution(Evolution(stated, inertia=True))
+    parts = [discrete.stiffness, discrete.viscosity, discrete.mass]
+    for part in parts:
+        assert part is not None
+        assert np.array_equal(part.inner.indptr, discrete.stiffness.inner.indptr)
+        assert np.array_equal(part.inner.indices, discrete.stiffness.inner.indices)
+    nodes, free = discrete.field.nodes, discrete.problem.unknowns
+    x = np.concatenate([discrete.field.basis.T @ nodes[:, 0] ** 0, np.ones(discrete.moved.size)])
+    assert discrete.mass is not None
+    assert discrete.mass.energy(x) == pytest.approx(0.5, rel=1e-13)  # of speed 1
+    linear = discrete.restrict(nodes[:, 1:], nodes[discrete.moved, 1])
+    assert discrete.viscosity is not None
+    assert discrete.viscosity.energy(linear) == pytest.approx(1.0, rel=1e-13)  # eta |grad y|^2 / 2
+    assert free + discrete.moved.size == len(nodes)
+
+
+def test_a_march_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    problem = membrane(
+        contact={"right": hv.ScalarContact(hv.Compliance(5.0), lambda x, t: 0.1 - 0.1 * t + 0.0 * x[:, 0])},
+        source=lambda x, t: np.sin(3.0 * t) + 0.0 * x[:, 0],
+    )
+    evolution = Evolution(problem, inertia=True)
+    options: dict[str, Any] = {"step": 0.05, "scheme": hv.GeneralizedAlpha(0.7)}
+    whole = march(evolution, 1.0, **options)
+    file = tmp_path / "run.ckpt"
+    march(evolution, 1.0, checkpoint=file, max_time=0.0, **options)
+    again = march(evolution, 1.0, checkpoint=file, resume=True, **options)
+    assert whole.table.tobytes() == again.table.tobytes()
+    with pytest.raises(FileError, match="another evolution"):
+        march(Evolution(membrane(), inertia=True), 1.0, checkpoint=file, resume=True, **options)
+
+
+FILE = """\
+kind = "heat"
+[mesh]
+rectangle = [1, 1]
+cells = 4
+[material]
+conductivity = 0.5
+capacity = "1 + x"
+[loads]
+source = "sin(t)"
+flux = { right = "t*y" }
+[supports]
+left = "0.1*t"
+[contact.bottom]
+normal = { law = "compliance", stiffness = 2.0 }
+level = "0.2*t"
+[time]
+until = 0.5
+step = 0.1
+initial = { temperature = "0.3*x" }
+[output]
+every = 0.1
+probes = { corner = [1.0, 1.0] }
+"""
+
+
+def test_a_file_says_what_the_library_says(tmp_path: Path) -> None:
+    found = parse_problem_file(FILE)
+    hv.write_problem(found, tmp_path / "heat.toml")
+    again = parse_problem_file((tmp_path / "heat.toml").read_text())
+    assert difference(found.problem, again.problem) is None
+    assert difference(found.time, again.time) is None
+    history = march(evolution_of(found), 0.5, step=0.1, save=hv.Save(probes={"corner": (1.0, 1.0)}))
+    assert history["corner.u"][0] == pytest.approx(0.3)
+    by_hand = hv.ScalarProblem(
+        hv.rectangle((1.0, 1.0), 4), 0.5,
+        {"bottom": hv.ScalarContact(hv.Compliance(2.0), lambda x, t: np.full(len(x), 0.2 * t))},
+        supports={"left": lambda x, t: np.full(len(x), 0.1 * t)}, source=lambda x, t: np.full(len(x), np.sin(t)),
+        fluxes={"right": lambda x, t: t * x[:, 1]}, kind=ScalarKind.HEAT, capacity=lambda x: 1.0 + x[:, 0],
+    )  # fmt: skip
+    same = march(Evolution(by_hand, displacement=lambda x: 0.3 * x[:, 0]), 0.5, step=0.1)
+    np.testing.assert_allclose(history.frames[-1].displacement, same.frames[-1].displacement, rtol=1e-13)
+
+
+def test_regions_of_a_file(tmp_path: Path) -> None:
+    cells = MESH.cells
+    halves = hv.Mesh(MESH.points, cells, MESH.boundaries, {"low": np.arange(16), "high": np.arange(16, 32)})
+    stated = membrane(mesh=halves, coefficient={"low": 1.0, "high": 2.0}, density={"low": 3.0, "high": 4.0})
+    hv.write_problem(stated, tmp_path / "halves.toml", beside=True)
+    assert difference(stated, hv.read_problem(tmp_path / "halves.toml")) is None
+    text = (tmp_path / "halves.toml").read_text()
+    for wrong, words in (
+        (text.replace("density = 4.0", ""), "density: is missing; give it in every"),
+        (
+            text.replace("[material.regions.low]", "[material]\ndensity = 1.0\n[material.regions.low]"),
+            "give one of the two",
+        ),
+    ):
+        assert wrong != text
+        with pytest.raises(hv.ProblemError, match=words):
+            parse_problem_file(wrong, tmp_path)
+    with pytest.raises(hv.ProblemError, match="by the regions that the tension is given by"):
+        hv.write_problem(membrane(mesh=halves, density={"low": 3.0, "high": 4.0}), tmp_path / "no.toml", beside=True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("step = 0.1", "step = 0.1\ninertia = true", "heat has none; remove it"),
+        ("temperature = ", "displacement = ", "displacement"),
+        ('capacity = "1 + x"', "density = 1", "density"),
+        ('capacity = "1 + x"', "capacity = -1", "capacity"),
+        ('capacity = "1 + x"', 'capacity = "1 + t"', "cannot change with time"),
+        ('temperature = "0.3*x"', "temperature = [1.0, 2.0]", "temperature"),
+        ("step = 0.1", 'step = 0.1\nscheme = "newmark"', "is for bodies with inertia"),
+    ],
+)
+def test_what_files_refuse(old: str, new: str, words: str) -> None:
+    assert old in FILE
+    with pytest.raises(hv.ProblemError, match=words):
+        parse_problem_file(FILE.replace(old, new))
+
+
+def test_frames_are_read_back(tmp_path: Path) -> None:
+    history = march(evolution_of(parse_problem_file(FILE)), 0.5, step=0.1)
+    history.write(tmp_path / "heat.pvd")
+    assert not (tmp_path / "heat_contact.pvd").exists()
+    last = meshio.read(sorted((tmp_path / "heat").iterdir())[-1])
+    np.testing.assert_allclose(last.point_data["temperature"], history.frames[-1].displacement[:, 0])
+    assert "velocity" not in last.point_data
+    # the gap is that of the time of the frame
+    at = last.point_data["boundary"] == 0
+    np.testing.assert_allclose(last.point_data["gap"][at], 0.2 * 0.5)
+    np.testing.assert_allclose(last.point_data["penetration"][at], last.point_data["temperature"][at] - 0.1, atol=1e-14)
+    with meshio.xdmf.TimeSeriesReader(history.write(tmp_path / "heat.xdmf")[0]) as reader:
+        reader.read_points_cells()
+        time, data, _ = reader.read_data(reader.num_steps - 1)
+        assert time == pytest.approx(0.5)
+        np.testing.assert_allclose(data["temperature"], history.frames[-1].displacement[:, 0])
+    with pytest.raises(hv.ProblemError, match="films show bodies that deform"):
+        history.animate(tmp_path / "heat.gif")
+    ringing = march(Evolution(membrane(source=1.0), inertia=True), 0.1, step=0.05)
+    ringing.write(tmp_path / "membrane.pvd")
+    last = meshio.read(sorted((tmp_path / "membrane").iterdir())[-1])
+    np.testing.assert_allclose(last.point_data["velocity"], ringing.frames[-1].velocity[:, 0])
+    np.testing.assert_allclose(last.point_data["displacement"][:, 2], last.point_data["deflection"])
+
+
+def test_the_command_marches_a_file(tmp_path: Path) -> None:
+    (tmp_path / "heat.toml").write_text(FILE)
+    command = [sys.executable, "-m", "hemivar", "march", "heat.toml", "--table", "heat.csv", "--fields", "heat.pvd"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    history = march(evolution_of(parse_problem_file(FILE)), 0.5, step=0.1, save=hv.Save(probes={"corner": (1.0, 1.0)}))
+    column = read_history_table(tmp_path / "heat.csv")["corner.u"]
+    assert np.array_equal(column, history["corner.u"])
+    assert (tmp_path / "heat.pvd").exists()

@@ -1,0 +1,166 @@
+"""Schemes against closed forms: order, energy, impacts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import hemivar as hv
+from hemivar.errors import ProblemError
+from hemivar.evolution import (
+    SDIRK2,
+    GeneralizedAlpha,
+    ImplicitEuler,
+    Midpoint,
+    MoreauJean,
+    Newmark,
+    Save,
+    Scheme,
+    march,
+)
+from hemivar.gallery import (
+    CANTILEVER,
+    bar_on_wall,
+    moving_bar,
+    sliding_block,
+    thrown_bar,
+    viscoelastic_cantilever,
+)
+
+TIP = Save(probes={"tip": (2.5, 0.0)})
+
+
+def test_a_cantilever_moves_and_books_as_computed_elsewhere() -> None:
+    history = march(viscoelastic_cantilever(True), 3.2, step=0.1, save=TIP)
+    assert (history["tip.u_x"][-1], history["tip.u_y"][-1]) == pytest.approx(CANTILEVER["with mass"], abs=1e-8)
+    ledger = history.ledger
+    for name, value in CANTILEVER["ledger"].items():
+        assert ledger[name] == pytest.approx(value, abs=1e-12), name
+    assert abs(ledger["gap"]) < 1e-14
+
+
+def test_without_mass_it_creeps_as_computed_elsewhere() -> None:
+    history = march(viscoelastic_cantilever(False), 3.2, step=0.1, save=TIP)
+    assert (history["tip.u_x"][-1], history["tip.u_y"][-1]) == pytest.approx(CANTILEVER["without"], abs=1e-7)
+
+
+@pytest.mark.parametrize("scheme", [Newmark(), GeneralizedAlpha(0.8), Midpoint()], ids=lambda s: s.name)
+def test_the_order_is_two_with_mass(scheme: Scheme) -> None:
+    finest = march(viscoelastic_cantilever(True), 1.0, step=1 / 640, scheme=scheme).moment.body.place
+    errors = [
+        np.linalg.norm(march(viscoelastic_cantilever(True), 1.0, step=step, scheme=scheme).moment.body.place - finest)
+        for step in (1 / 10, 1 / 20, 1 / 40)
+    ]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders.min() > 1.8
+    assert orders.max() < 2.6
+
+
+def test_the_orders_without_mass() -> None:
+    finest = march(viscoelastic_cantilever(False), 1.0, step=1 / 1280, scheme=SDIRK2()).moment.body.place
+    for scheme, least in ((ImplicitEuler(), 0.9), (SDIRK2(), 1.85), (Midpoint(), 1.85)):
+        errors = [
+            np.linalg.norm(
+                march(viscoelastic_cantilever(False), 1.0, step=step, scheme=scheme).moment.body.place - finest
+            )
+            for step in (1 / 20, 1 / 40, 1 / 80)
+        ]
+        assert np.log2(np.array(errors[:-1]) / errors[1:]).min() > least, scheme.name
+
+
+def test_implicit_euler_rings_down_and_the_midpoint_rule_does_not() -> None:
+    """The energy of a mode is divided by ``1 + omega^2 tau^2`` in a step."""
+    evolution, step = moving_bar(3, clamped=True), 0.05
+    body = march(evolution, step, step=step).discrete
+    K, M = body.stiffness.inner.toarray(), body.mass.inner.toarray()  # type: ignore[union-attr]
+    values, modes = scipy.linalg.eigh(K, M)
+    omega2 = float(values[1])
+    evolution = dataclasses.replace(evolution, displacement=body.full(modes[:, 1]))
+    euler = march(evolution, 1.0, step=step)
+    stored = euler["elastic"] + euler["kinetic"]
+    assert stored[1:] / stored[:-1] == pytest.approx(1.0 / (1.0 + omega2 * step**2), rel=1e-10)
+    middle = march(evolution, 1.0, step=step, scheme=Midpoint())
+    assert middle["elastic"] + middle["kinetic"] == pytest.approx(stored[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("scheme", [Newmark(), GeneralizedAlpha(0.8), Midpoint()], ids=lambda s: s.name)
+def test_a_bar_on_a_spring(scheme: Scheme) -> None:
+    """r(1) of a thrown bar, by its impedance: ``z r' = z v0 - p``, ``p = 24 r``, and what comes back after 2L/c."""
+    errors = []
+    for cells in (16, 64):
+        history = march(thrown_bar(cells), 1.0, step=0.5 / cells, scheme=scheme)
+        errors.append(abs(history["penetration"][-1] - 0.024542109028))
+        assert abs(history.ledger["gap"]) < 1e-12 * history.moment.ledger.start
+    assert errors[1] < 1e-4
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_a_bar_bounces_off_a_wall() -> None:
+    """Pressure 1/2 for 1 < t < 2, then it goes back; period 3."""
+    wall = hv.Contact(hv.Signorini())
+    cells = 64
+    for mass, scheme, ripple in (("redistributed", Newmark(), 0.1), ("consistent", MoreauJean(), 0.15)):
+        history = march(
+            moving_bar(cells, wall, clamped=True, mass=mass), 0.01, scheme=scheme
+        )  # at rest: nothing happens
+        assert history["normal_force"] == pytest.approx(0.0, abs=1e-12)
+        history = march(bar_on_wall(cells, mass), 3.0, step=1 / 256, scheme=scheme)
+        pressure, t = history["normal_force"] * cells, history.times
+        inside = (t > 1.1) & (t < 1.9)
+        assert pressure[inside].mean() == pytest.approx(0.5, abs=0.01)
+        assert pressure[inside].std() < ripple
+        assert np.abs(pressure[(t < 0.9) | (t > 2.15)]).max() < 0.2
+        assert history.moment.ledger.stored == pytest.approx(history.moment.ledger.start, rel=0.03)
+        assert history["penetration"][-1] == pytest.approx(-0.5, abs=0.04)
+
+
+@pytest.mark.slow
+def test_restitution_one_keeps_the_energy() -> None:
+    evolution = bar_on_wall(32, "consistent")
+    history = march(evolution, 3.0, step=1 / 128, scheme=MoreauJean(1.0))
+    assert history.moment.ledger.stored == pytest.approx(history.moment.ledger.start, rel=1e-12)
+    dull = march(evolution, 3.0, step=1 / 128, scheme=MoreauJean(0.0))
+    assert 0.9 < dull.moment.ledger.stored / dull.moment.ledger.start < 1.0
+
+
+@pytest.mark.parametrize("step", [0.1, 0.05])
+def test_a_sliding_block_comes_to_rest(step: float) -> None:
+    """v0 = 1, friction 0.3 on mass 1: implicit Euler's velocities are exact, and it stops at 1/0.3."""
+    history = march(sliding_block().evolution, 5.0, step=step, save=Save(probes={"c": (0.5, 0.1)}))
+    slowing = history.times < 3.2
+    speed = np.diff(history["c.u_x"]) / np.diff(history.times)
+    expected = 1.0 - 0.3 * history.times[1:]
+    assert speed[slowing[1:]] == pytest.approx(expected[slowing[1:]], abs=2e-4)
+    rest = history.times > 3.5
+    assert np.ptp(history["c.u_x"][rest]) < 1e-6
+    stopped = math.floor(1 / 0.3 / step) * step  # where the last whole step with the full friction ends
+    expected_place = sum((1.0 - 0.3 * k * step) * step for k in range(1, round(stopped / step) + 1))
+    assert history["c.u_x"][-1] == pytest.approx(expected_place, abs=1e-3 * step + 2e-4)
+    assert history.ledger["friction"] + history.ledger["numerical"] == pytest.approx(0.5, rel=1e-4)
+
+
+def test_a_block_on_ground_that_hardens_bounces_without_loss() -> None:
+    """The mean of the law over a step keeps the energy, to the solver's tolerance; the law at the midpoint does not."""
+    ground = hv.PiecewiseQuadratic([0.0, 0.02, 0.04], [0.0, 20.0, 200.0, 2000.0], np.zeros(3))
+    evolution = moving_bar(4, hv.Contact(ground), modulus=50.0, velocity=1.0)
+    kept = march(evolution, 1.0, step=0.02, scheme=Midpoint(conserving=True))
+    assert kept["normal_force"].max() > 0.5  # it has been down, and up again
+    assert kept["normal_force"][-1] == 0.0
+    stored = kept["elastic"] + kept["kinetic"] + kept["contact"]
+    assert stored == pytest.approx(stored[0], rel=1e-9)
+    plain = march(evolution, 1.0, step=0.02, scheme=Midpoint())
+    assert np.abs(plain["elastic"] + plain["kinetic"] + plain["contact"] - stored[0]).max() > 1e-3 * stored[0]
+
+
+def test_what_cannot_be_averaged_is_refused() -> None:
+    with pytest.raises(ProblemError, match="ends at some penetration"):
+        march(moving_bar(2, hv.Contact(hv.Signorini())), 1.0, scheme=Midpoint(conserving=True))
+    damped = hv.Contact(hv.Compliance(1.0), damping=hv.Compliance(1.0))
+    with pytest.raises(ProblemError, match="memory or a damping"):
+        march(moving_bar(2, damped), 1.0, scheme=Midpoint(conserving=True))
+    with pytest.raises(ProblemError, match="True or False"):
+        Midpoint(conserving=1)  # type: ignore[arg-type]
