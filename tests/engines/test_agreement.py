@@ -24,20 +24,37 @@ _HERE = Path(__file__).parent
 
 
 @cache
-def _over_ranks(ranks: int) -> dict[str, tuple[str, int, int, float]]:
-    done = mpirun(ranks, "-m", "tests.engines.agree", limit=300.0)
+def _over_ranks(ranks: int, *coarsest: str) -> dict[str, tuple[str, int, int, float]]:
+    done = mpirun(ranks, "-m", "tests.engines.agree", *coarsest, limit=300.0)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])  # type: ignore[no-any-return]
+
+
+@cache
+def _serial(name: str) -> hv.Solution:
+    state, size = PROBLEMS[name]
+    return hv.solve(hv.discretize(state(size)), hv.NonsmoothMultigrid(), RTOL)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_energy_steps_and_cycles_agree(name: str, ranks: int) -> None:
-    """Never more than one cycle more; fewer where PETSc smooths whole nodes and solves on a finer coarsest mesh."""
-    state, size = PROBLEMS[name]
-    serial = hv.solve(hv.discretize(state(size)), hv.NonsmoothMultigrid(), RTOL)
-    status, steps, cycles, energy = _over_ranks(ranks)[name]
+    """Down to as coarse a mesh the engines are within one cycle of each other."""
+    serial = _serial(name)
+    status, steps, cycles, energy = _over_ranks(ranks, "4")[name]
     assert status == serial.status.value == "converged"
     assert energy == pytest.approx(serial.energy, rel=1e-10)
     assert abs(steps - serial.steps) <= 1
-    assert 0.6 * serial.evaluations <= cycles <= serial.evaluations + 1
+    assert abs(cycles - serial.evaluations) <= 1
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_finer_coarsest_mesh_saves_cycles(name: str, ranks: int) -> None:
+    """PETSc has at least 400 cells for each rank on the coarsest mesh, which it solves by a factorisation."""
+    serial = _serial(name)
+    status, steps, cycles, energy = _over_ranks(ranks)[name]
+    assert status == "converged"
+    assert energy == pytest.approx(serial.energy, rel=1e-10)
+    assert abs(steps - serial.steps) <= 1
+    assert serial.evaluations - 6 <= cycles <= serial.evaluations

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.engines.running import environment, mpirun
+from tests.problem_files import block_file
 
 pytest.importorskip("petsc4py")
 pytest.importorskip("mpi4py")
@@ -24,20 +25,7 @@ if shutil.which("mpirun") is None:
 pytestmark = pytest.mark.mpi
 
 _HERE = Path(__file__).parent
-_TEXT = """
-[mesh]
-rectangle = [1.0, 1.0]
-cells = [24, 24]
-[material]
-lame = [4.0, 4.0]
-[loads]
-body = [-0.8, -0.8]
-[supports]
-left = "clamped"
-[contact.bottom]
-normal = { law = "survey", q_max = 0.3, p_const = 2.0 }
-friction = { law = "logarithmic", bound = 0.5 }
-"""
+_TEXT = block_file(24, friction='{ law = "logarithmic", bound = 0.5 }')
 
 
 def _problem(folder: Path, text: str = _TEXT) -> Path:

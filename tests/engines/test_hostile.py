@@ -16,6 +16,7 @@ import pytest
 
 from hemivar.basics.types import Array
 from tests.engines.running import mpirun
+from tests.problem_files import block_file
 
 pytest.importorskip("petsc4py")
 pytest.importorskip("mpi4py")
@@ -27,20 +28,7 @@ pytestmark = pytest.mark.mpi
 _HERE = Path(__file__).parent
 _LIMIT = 150.0
 
-_BASE = """
-[mesh]
-rectangle = [1.0, 1.0]
-cells = [12, 12]
-[material]
-lame = [4.0, 4.0]
-[loads]
-body = [-0.8, -0.8]
-[supports]
-left = "clamped"
-[contact.bottom]
-normal = { law = "survey", q_max = 0.3, p_const = 2.0 }
-friction = { law = "tresca", bound = 0.5 }
-"""
+_BASE = block_file(12)
 _COULOMB = _BASE.replace("bound = 0.5", "bound = { coulomb = 0.2 }")
 
 Change = Callable[[Path], object]

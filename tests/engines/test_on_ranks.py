@@ -17,6 +17,7 @@ from hemivar.fem import discretize
 from hemivar.files.problem_file import read_problem
 from hemivar.solvers import Controls, Solution, Status, solve
 from tests.engines.running import mpirun
+from tests.problem_files import block_file, conditions
 
 pytest.importorskip("petsc4py")
 pytest.importorskip("mpi4py")
@@ -28,32 +29,16 @@ pytestmark = pytest.mark.mpi
 _HERE = Path(__file__).parent
 _EXAMPLES = _HERE.parent.parent / "examples" / "problems"
 
-_BODY = """
-[material]
-lame = [4.0, 4.0]
-[loads]
-body = [-0.8, -0.8]
-[supports]
-left = "clamped"
-[contact.bottom]
-normal = {{ law = "survey", q_max = 0.3, p_const = 2.0 }}
-friction = {friction}
-"""
-_TRESCA = '{ law = "tresca", bound = 0.5 }'
-
 CASES = {
-    "crossed": '[mesh]\nrectangle = [1.0, 1.0]\ncells = [32, 32]\npattern = "cross"\n' + _BODY.format(friction=_TRESCA),
+    "crossed": '[mesh]\nrectangle = [1.0, 1.0]\ncells = [32, 32]\npattern = "cross"\n' + conditions(),
     # several levels, and refinement after them
     "levels": "[mesh]\nrectangle = [2.0, 1.0]\ncells = [48, 24]\norigin = [0.5, -1.0]\nscale = 0.5\nrefine = 1\n"
-    + _BODY.format(friction='{ law = "tresca", bound = "0.3 + 0.1 * x" }'),
-    "weakening": "[mesh]\nrectangle = [1.0, 1.0]\ncells = [24, 24]\n"
-    + _BODY.format(friction='{ law = "logarithmic", bound = 0.5 }'),
-    "cube": "[mesh]\nbox = [1.0, 1.0, 1.0]\ncells = [8, 8, 8]\n[material]\nlame = [4.0, 4.0]\n[loads]\n"
-    'body = [-0.8, -0.3, -0.8]\n[supports]\nleft = "clamped"\n[contact.bottom]\n'
-    'normal = { law = "survey", q_max = 0.3, p_const = 2.0 }\nfriction = { law = "tresca", bound = 0.2 }\n',
+    + conditions(friction='{ law = "tresca", bound = "0.3 + 0.1 * x" }'),
+    "weakening": block_file(24, friction='{ law = "logarithmic", bound = 0.5 }'),
+    "cube": "[mesh]\nbox = [1.0, 1.0, 1.0]\ncells = [8, 8, 8]\n"
+    + conditions(friction='{ law = "tresca", bound = 0.2 }', body="[-0.8, -0.3, -0.8]"),
     # friction is left out where two foundations meet
-    "corner": "[mesh]\nrectangle = [1.0, 1.0]\ncells = [16, 16]\n"
-    + _BODY.format(friction=_TRESCA)
+    "corner": block_file(16)
     + '[contact.right]\nnormal = { law = "compliance", stiffness = 5.0 }\nfriction = { law = "tresca", bound = 0.1 }\n',
 }
 FILES = {
@@ -193,7 +178,7 @@ def test_no_rank_holds_the_whole_mesh_or_matrix(tmp_path: Path) -> None:
 def test_contact_work_is_where_the_contact_is(tmp_path: Path, size: tuple[float, float], split: bool) -> None:
     """A long body lies on both ranks with its foundation, a tall one stands on one rank alone."""
     problem = tmp_path / "p.toml"
-    text = f"[mesh]\nrectangle = {list(size)}\ncells = {[int(16 * s) for s in size]}\n" + _BODY.format(friction=_TRESCA)
+    text = f"[mesh]\nrectangle = {list(size)}\ncells = {[int(16 * s) for s in size]}\n" + conditions()
     problem.write_text(text.replace("left = ", "top = "), encoding="utf-8")
     probe = _probe(2, problem)
     points = [rank["contact"] for rank in probe["ranks"]]  # type: ignore[attr-defined]
@@ -213,7 +198,7 @@ def test_contact_work_is_where_the_contact_is(tmp_path: Path, size: tuple[float,
 def test_more_ranks_than_make_sense(tmp_path: Path, ranks: int) -> None:
     """Eight triangles; some ranks have none."""
     problem = tmp_path / "p.toml"
-    problem.write_text("[mesh]\nrectangle = [1.0, 1.0]\ncells = [2, 2]\n" + _BODY.format(friction=_TRESCA))
+    problem.write_text(block_file(2))
     done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--vtu", tmp_path / "r.vtu", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
     _compare(problem, tmp_path / "r.json")

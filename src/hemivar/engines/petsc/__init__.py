@@ -4,6 +4,7 @@ from hemivar.engines.petsc.assembly import BodyOnRanks, assemble
 from hemivar.engines.petsc.checkpoint import read_checkpoint, write_checkpoint
 from hemivar.engines.petsc.pieces import Piece, family
 from hemivar.engines.petsc.ranks import Ranks, world
+from hemivar.engines.petsc.ranks_march import march_on_ranks, prepare_march
 from hemivar.engines.petsc.solve import DistributedSolution, Saved, solve_distributed
 
 __all__ = [
@@ -14,6 +15,8 @@ __all__ = [
     "Saved",
     "assemble",
     "family",
+    "march_on_ranks",
+    "prepare_march",
     "read_checkpoint",
     "solve_distributed",
     "world",

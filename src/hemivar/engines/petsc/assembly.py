@@ -17,20 +17,22 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
-from hemivar.discrete.hold import Growth, decide, growth_along
-from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.rigid import admitted, rigid_basis
+from hemivar.engines.petsc.held import admissible_motions, check_held, supported, unrefined
+from hemivar.engines.petsc.matrices import near_null_space, places_of, prolongation, stiffness_and_load
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import Stiffness
 from hemivar.errors import MethodError, ProblemError, SupportError
-from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, load_vector
-from hemivar.fem.discretize import discretize, friction_warning
-from hemivar.fem.free_motion import describe, geometric_slack, refuse, refuse_free_motion
+from hemivar.fem.assembly import EdgeBlocks, load_vector
+from hemivar.fem.discretize import friction_warning, refuse_evolution
+from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
+from hemivar.fem.mass import body_blocks
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.laws import ContactLaw
+from hemivar.mechanics.bedding import bedding_of
+from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.body import Body, Truncation, embedded
@@ -121,7 +123,7 @@ class BodyOnRanks(Body):
     def prolongation(self) -> Any:
         """Unknowns from those of :attr:`coarser`, a petsc4py Mat."""
         assert self.coarser is not None
-        return _prolongation(self.coarser, self)
+        return prolongation(self.coarser, self)
 
     @cached_property
     def _scatter(self) -> tuple[Any, Any]:
@@ -185,7 +187,7 @@ class BodyOnRanks(Body):
 
 def assemble(
     ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], *, coarser: BodyOnRanks | None = None,
-    check_coercivity: bool = True,
+    check_coercivity: bool = True, evolving: bool = False,
 ) -> BodyOnRanks:  # fmt: skip
     """Assemble a problem over the ranks.
 
@@ -200,6 +202,8 @@ def assemble(
         The same problem on the mesh that ``piece`` is the refinement of.
     check_coercivity : bool
         Refuse a body that is free to move.
+    evolving : bool
+        Whether the problem is a moment of an evolution, to which damping and memory of its contacts are left.
 
     Raises
     ------
@@ -217,6 +221,7 @@ def assemble(
 
     def conditions() -> tuple[ContactProblem, NodalConditions]:
         stated = state(skin)
+        refuse_evolution(stated, evolving)
         _check_suited(stated)
         return stated, nodal_conditions(_present(stated))
 
@@ -229,12 +234,12 @@ def assemble(
         if not piece.mesh.number_of_cells:
             return None, np.zeros(0)
         load = load_vector(piece.mesh, 1, own.body_force, own.tractions)
-        return linear_stiffness(piece.mesh, own.material), load
+        return body_blocks(piece.mesh, own.material, bedding_of(own.bedding)), load
 
     blocks, load = ranks.agree(elements)
     directions, free = nodal.directions[:nodes], nodal.free[:nodes]
     prescribed = nodal.supports.value[:nodes]
-    places = _places(ranks, piece)
+    places = places_of(ranks, piece)
     if blocks is not None and prescribed.any():
         reaction = blocks.times(prescribed).ravel()
         constant += float(prescribed.ravel() @ (0.5 * reaction - load))
@@ -245,7 +250,7 @@ def assemble(
     if unknowns == 0:
         raise shared(SupportError("the supports leave the body no freedom; refine the mesh or remove supports"))
     with np.errstate(all="ignore"):  # what is not finite is refused below
-        K, f, row_sums, typical = _global(ranks, blocks, load, directions, free, places, owned)
+        K, f, row_sums, typical = stiffness_and_load(ranks, blocks, load, directions, free, places, owned)
     finite = float(np.isfinite(f.array_r).all() and np.isfinite(row_sums.array_r).all() and 0.0 < typical < np.inf)
     if ranks.largest(1.0 - finite)[0]:
         raise shared(
@@ -254,7 +259,9 @@ def assemble(
     del blocks
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
     elastic = Stiffness(K, unknown)
-    admissible, moves = _admissible_motions(ranks, nodal, skin, piece, owned)
+    admissible, moves = admissible_motions(ranks, nodal, skin, piece, owned)
+    if bedding_of(stated.bedding).everywhere:
+        admissible = admissible[:, :0]
     dependent = ranks.largest(float(law.state_dependent))[0]  # else a solve may start on the coarser mesh
     body = BodyOnRanks(
         vectors=ranks,
@@ -274,14 +281,14 @@ def assemble(
         piece=piece,
         statement=replace(stated, mesh=piece.mesh),
         elastic=elastic,
-        near=_near_null_space(piece.mesh, directions, owned, f),
+        near=near_null_space(piece.mesh, directions, owned, f),
         places=places,
         directions=directions,
         free=free,
         prescribed=prescribed,
         contact=contact,
         typical=typical,
-        supported=_supported(ranks, piece, state, coarser) if piece.parts > 1 else admissible.shape[1] == 0,
+        supported=supported(ranks, piece, state, coarser, evolving) if piece.parts > 1 else admissible.shape[1] == 0,
         unknowns=int(unknowns),
         contact_points=int(points),
         warnings=_warnings(ranks, own, contact, piece),
@@ -289,9 +296,11 @@ def assemble(
     )
     _ = body.load_scale  # found by all ranks together, so that each may look at it alone
     if check_coercivity and piece.parts > 1:
-        ranks.agree(lambda: None if piece.whole is None else refuse_free_motion(_unrefined(piece.whole, state)))
+        ranks.agree(
+            lambda: None if piece.whole is None else refuse_free_motion(unrefined(piece.whole, state, evolving))
+        )
     elif check_coercivity:
-        _check_held(body, admissible, moves)
+        check_held(body, admissible, moves)
     return body
 
 
@@ -301,28 +310,9 @@ def _named(contact: ContactPoints, names: tuple[str, ...]) -> ContactPoints:
     return replace(contact, names=names, boundary=place[contact.boundary])
 
 
-def _unrefined(mesh: Mesh, state: Callable[[Mesh], ContactProblem]) -> DiscreteProblem:
-    """The serial problem on the unrefined mesh, where parts of a body are told from one another."""
-    return discretize(state(mesh), check_coercivity=False)
-
-
-def _supported(
-    ranks: Ranks, piece: Piece, state: Callable[[Mesh], ContactProblem], coarser: BodyOnRanks | None
-) -> bool:
-    """Whether the supports hold every part of a body of several parts; they are the same on every mesh."""
-    if coarser is not None:
-        return coarser.supported
-
-    def look() -> bool | None:
-        if piece.whole is None:
-            return None
-        field = _unrefined(piece.whole, state).field
-        return field is not None and field.free_motions.count == 0
-
-    return bool(ranks.mpi.bcast(ranks.agree(look)))
-
-
-def _check_suited(problem: ContactProblem) -> None:
+def _check_suited(problem: Statement) -> None:
+    if isinstance(problem, ScalarProblem):
+        raise MethodError("the engine 'petsc' has no scalar problems; leave --engine out")
     if problem.order != 1:
         raise MethodError("the engine 'petsc' has linear elements only; write order = 1, or leave --engine out")
     if problem.contact and problem.quadrature is not Quadrature.NODAL:
@@ -396,66 +386,6 @@ def _with_facets_around(ranks: Ranks, piece: Piece) -> Mesh:
     return Mesh.trusted(points, mesh.cells, boundaries, mesh.regions)
 
 
-def _places(ranks: Ranks, piece: Piece) -> IntArray:
-    """Global number of each node: those a rank owns one after the other, in the order of the piece."""
-    owned = piece.owned(ranks)
-    start, _ = ranks.offset(int(owned.sum()))
-    places = np.full(len(owned), -1, dtype=np.int64)
-    places[owned] = start + np.arange(int(owned.sum()))
-    ghost = np.flatnonzero(~owned)
-    asked, _, post = ranks.exchange(piece.owner[ghost], piece.numbers[ghost, None])
-    order = np.argsort(piece.numbers)
-    known = order[np.searchsorted(piece.numbers, asked[:, 0], sorter=order)] if len(asked) else asked[:, 0]
-    places[ghost] = post.answer(places[known][:, None])[:, 0]
-    return places
-
-
-def _global(
-    ranks: Ranks, blocks: EdgeBlocks | None, load: Array, directions: Array, free: BoolArray, places: IntArray,
-    owned: BoolArray,
-) -> tuple[Any, Any, Any, float]:  # fmt: skip
-    """Matrix, load, sums of rows and mean diagonal, in terms of the unknowns along the directions of the nodes."""
-    from petsc4py import PETSc
-
-    nodes, dim = free.shape
-    own = sp.csr_array((0, 0))
-    if blocks is not None:
-        blocks.turn(np.where(free[:, :, None], directions, 0.0))
-        own = blocks.matrix()
-    mapping = PETSc.LGMap().create(places.astype(PETSc.IntType), bsize=dim, comm=ranks.comm)
-    size = (int(owned.sum()) * dim, None)
-    parts = PETSc.Mat().create(ranks.comm)
-    parts.setType("is")
-    parts.setSizes((size, size), bsize=dim)
-    parts.setLGMap(mapping, mapping)
-    index = PETSc.IntType
-    local = PETSc.Mat().createAIJ(
-        own.shape, csr=(own.indptr.astype(index), own.indices.astype(index), own.data), comm=PETSc.COMM_SELF
-    )
-    parts.setISLocalMat(local)
-    parts.assemble()
-    K = parts.convert("aij", PETSc.Mat())
-    parts.destroy()
-    local.destroy()
-    K.setBlockSize(dim)
-    f = K.createVecLeft()
-    row_sums = f.duplicate()
-    force = np.einsum("ncd,nd->nc", directions, load.reshape(nodes, dim))
-    for vector, values in ((f, force), (row_sums, np.asarray(abs(own).sum(axis=1)))):
-        vector.setValuesBlocked(places.astype(index), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
-        vector.assemble()
-    loose = K.getDiagonal().array_r[free[owned].ravel()]
-    total, count = ranks.total(float(loose.sum()), loose.size)
-    mean = float(total / max(count, 1.0))
-    held = np.flatnonzero(~free[owned].ravel())
-    K.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-    K.zeroRowsColumns((K.getOwnershipRange()[0] + held).astype(index), diag=mean)
-    for vector in (f, row_sums):
-        vector.array_w[held] = 0.0
-    K.setOption(PETSc.Mat.Option.SPD, True)
-    return K, f, row_sums, mean
-
-
 def _contact_unknowns(
     ranks: Ranks, contact: ContactPoints, nodal: NodalConditions, owned: BoolArray
 ) -> tuple[IntArray, Array, BoolArray]:
@@ -502,109 +432,3 @@ def _warnings(ranks: Ranks, own: ContactProblem, contact: ContactPoints, piece: 
     told = np.concatenate(ranks.mpi.allgather(told))
     left_out = friction_warning(told[np.lexsort((told[:, 1], told[:, 0])), 2:])
     return tuple(sentence for sentence in (text, left_out) if sentence)
-
-
-def _near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) -> Any:
-    """Translations and rotations in terms of the unknowns."""
-    from petsc4py import PETSc
-
-    dim = mesh.dim
-    points = mesh.points[owned]
-    motions = [np.broadcast_to(axis, points.shape) for axis in np.eye(dim)]
-    for i in range(dim):
-        for j in range(i + 1, dim):
-            turn = np.zeros(points.shape)
-            turn[:, i], turn[:, j] = -points[:, j], points[:, i]
-            motions.append(turn)
-    basis = []
-    for motion in motions:
-        vector = f.duplicate()
-        vector.array_w[:] = np.einsum("ncd,nd->nc", directions[owned], motion).ravel()
-        basis.append(vector)
-    independent: list[Any] = []
-    for vector in basis:  # Gram-Schmidt twice
-        for _ in range(2):
-            for other in independent:
-                vector.axpy(-vector.dot(other), other)
-        vector.normalize()
-        independent.append(vector)
-    return PETSc.NullSpace().create(constant=False, vectors=independent, comm=f.getComm())
-
-
-def _admissible_motions(
-    ranks: Ranks, nodal: NodalConditions, skin: Mesh, piece: Piece, owned: BoolArray
-) -> tuple[Array, Array]:
-    """Rigid motions that the supports admit, and all of them as displacements (N, d, motions)."""
-    points = piece.mesh.points
-    far = np.concatenate([points.max(axis=0, initial=-np.inf), -points.min(axis=0, initial=np.inf)])
-    far = ranks.largest(*far)
-    dim = piece.mesh.dim
-    motions, _ = rigid_basis(points, (-far[dim:], far[:dim]))
-    count = nodal.supports.count[: len(points)]
-    node, slot = np.nonzero((np.arange(dim) < count[:, None]) & owned[:, None])
-    moves = motions.reshape(len(points), dim, motions.shape[1])
-    stopped = np.einsum("kd,kdr->kr", nodal.supports.directions[node, slot], moves[node])
-    triangle = np.linalg.qr(stopped, mode="r") if len(stopped) else stopped
-    every = np.concatenate(ranks.mpi.allgather(triangle))
-    return admitted(every), moves
-
-
-def _check_held(body: BodyOnRanks, admissible: Array, moves: Array) -> None:
-    """Refuse a body that is free to move, as the serial :func:`hemivar.discretize` does; the first rank decides."""
-    if not admissible.shape[1]:
-        return
-    ranks = body.ranks
-    rigid = moves @ admissible
-    vectors = []
-    for k in range(admissible.shape[1]):
-        vectors.append(body.restrict(rigid[:, :, k] + body.prescribed))
-    columns = np.stack(vectors, axis=1)
-    load = body.load
-    local = np.stack([body.spread(column[body.unknown]) for column in columns.T], axis=2)
-    totals = ranks.total(*(columns.T @ load), float(np.abs(load) @ np.abs(columns).max(axis=1, initial=0.0)))
-    own = growth_along(body.law, local, body.weights, totals[:-1], float(totals[-1]))
-    slack = geometric_slack(body.contact.points, body.contact.weights)
-    everywhere = ranks.mpi.gather((own.rows, own.up, own.down, own.cones, own.rates, slack), root=0)
-    hold = None
-    if ranks.rank == 0:
-        parts = list(zip(*everywhere, strict=True))
-        rows, up, down, cones, rates = (np.concatenate(part) for part in parts[:5])
-        hold = decide(Growth(own.work, own.load, rows, up, down, cones, rates, max(parts[5])))
-    hold = ranks.mpi.bcast(hold, root=0)
-    motion = "" if hold.direction is None else describe(admissible @ hold.direction)
-    try:
-        refuse(hold, motion)
-    except ProblemError as error:
-        raise shared(error) from None
-
-
-def _prolongation(coarse: BodyOnRanks, fine: BodyOnRanks) -> Any:
-    """Unknowns of the finer mesh from those of the coarser one, as a petsc4py Mat; supports observed."""
-    from petsc4py import PETSc
-
-    dim = fine.dim
-    assert fine.piece.ends is not None
-    ends = fine.piece.ends[fine.owned]
-    count = len(ends)
-    rows, columns, data = [], [], []
-    for side in range(2):
-        end = ends[:, side]
-        turned = np.einsum("ncd,ned->nce", fine.directions[fine.owned], coarse.directions[end])
-        allowed = fine.free[fine.owned][:, :, None] & coarse.free[end][:, None, :]
-        entry = np.where(allowed & (np.abs(turned) > 1e-14), 0.5 * turned, 0.0)
-        # nodes of the coarser mesh keep a place for each unknown, be it held
-        keep = (entry != 0.0) | ((ends[:, :1] == ends[:, 1:])[:, :, None] & np.eye(dim, dtype=bool))
-        node, here, there = np.nonzero(keep)
-        rows.append(node * dim + here)
-        columns.append(coarse.places[end[node]] * dim + there)
-        data.append(entry[keep])
-    shape = (count * dim, coarse.K.getSize()[0])
-    index = (np.concatenate(rows), np.concatenate(columns))
-    local = sp.coo_array((np.concatenate(data), index), shape=shape).tocsr()
-    matrix = PETSc.Mat().createAIJ(
-        ((count * dim, None), (coarse.load.size, None)),
-        csr=(local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data),
-        comm=fine.ranks.comm,
-    )
-    matrix.assemble()
-    return matrix

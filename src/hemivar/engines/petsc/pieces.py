@@ -22,7 +22,7 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["Piece", "distribute", "family", "grid_numbers", "refine", "renumber"]
 
-_CELLS_PER_RANK = 400  # in the coarsest mesh, so that parts are compact
+_CELLS_PER_RANK = 400  # in the coarsest mesh, so that parts are compact, and fewer cycles are needed
 _MORE = 2.4  # memory of this engine over that of a serial problem: its matrices stand on several levels
 
 
@@ -94,6 +94,7 @@ def family(
     refine_times: int = 0,
     number: Callable[[Array], IntArray] | None = None,
     crossed: bool = False,
+    cells_per_rank: int = _CELLS_PER_RANK,
 ) -> list[Piece]:
     """Pieces of a mesh and of the coarser ones that it is a refinement of, coarsest first.
 
@@ -110,6 +111,8 @@ def family(
         Numbers, in the mesh before these refinements, of points (N, d) of it, if they are not those of refinement.
     crossed : bool
         Whether the triangles of ``begin`` meet in the centres of squares, where they have their last node.
+    cells_per_rank : int
+        Cells that the coarsest mesh has at least, for each rank.
     """
     mesh: Mesh | None = None
 
@@ -119,7 +122,7 @@ def family(
             return -1
         for times in range(halvings, -1, -1):
             mesh = begin(times)
-            if mesh.number_of_cells >= _CELLS_PER_RANK * ranks.size:
+            if mesh.number_of_cells >= cells_per_rank * ranks.size:
                 break
         return times
 

@@ -53,6 +53,8 @@ class Multigrid:
     ----------
     built_at : array (n,) or None
         Where the cycle was set up; it is a function of this place.
+    builds : int
+        How often it was set up.
     """
 
     def __init__(self, body: BodyOnRanks, built_at: Array | None = None) -> None:
@@ -68,6 +70,8 @@ class Multigrid:
         self._held, self._curvature = np.zeros(0, dtype=bool), np.zeros(0)
         self._out = self._held
         self._built: tuple[BoolArray, Array] = self._held, self._curvature
+        self._exact: tuple[BoolArray, Array] = self._held, self._curvature
+        self.builds = 0
         self._given, self._made = body.K.createVecs()
         self.levels = [body]
         while self.levels[0].coarser is not None:
@@ -109,6 +113,25 @@ class Multigrid:
             self.build(held, stiff)
             self.built_at = x
 
+    def again(self, x: Array, held: BoolArray, curvature: Array) -> bool:
+        """Begin another solve as :meth:`change` would with a new cycle; False if that takes a new one."""
+        held_then, exactly = self._exact
+        stiff = _positive(curvature)
+        other = held.shape != held_then.shape or (held != held_then).any() or (stiff != exactly).any()
+        differs = bool(self.body.ranks.largest(float(other))[0])
+        if self._remembers and (differs or self.builds > 1):
+            return False
+        if differs:
+            self.build(held, stiff)
+        self._held, self._curvature, self.built_at = held, curvature, x
+        self._out = np.concatenate([self.body.unknown[held], np.flatnonzero(self.body.held)])
+        return True
+
+    @property
+    def _remembers(self) -> bool:
+        """Whether algebraic multigrid takes part, which keeps its aggregates where it is set up again."""
+        return len(self.levels) == 1 or self.levels[0].K.getSize()[0] > _DIRECT
+
     def __matmul__(self, vector: Array) -> Array:
         body = self.body
         out = body.multiply(vector)
@@ -144,6 +167,8 @@ class Multigrid:
                 self.pc.setFromOptions()
         self.pc.setUp()
         self._built = held.copy(), _diagonal(self.body, curvature)
+        self._exact = held.copy(), curvature.copy()
+        self.builds += 1
 
     def _smoothers(self, number: int) -> list[Any]:
         """What works on a level before and after the coarser ones."""

@@ -16,9 +16,7 @@ from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.solvers import ContactState, Controls, FixedPoint, NonsmoothMultigrid, Progress, Solver, Status
 from hemivar.solvers.base import State
-from hemivar.solvers.fixed_point import Outer
 from hemivar.solvers.loop import Watch, contact_states, finish, iterate
-from hemivar.solvers.multigrid import Memory
 
 __all__ = ["DistributedSolution", "Saved", "depends_on_ranks", "solve_distributed"]
 
@@ -174,9 +172,7 @@ def _solve(
         "nested": nested,
         "iterate": time.perf_counter() - began - nested,
     }
-    memory = state.memory.inner if isinstance(state.memory, Outer) else state.memory
-    if isinstance(memory, Memory):
-        memory.matrix.release()
+    solver.release(state)
     return DistributedSolution(
         body, x, lam, status, found, energy, len(history) - 1, state.evaluations, tuple(history), timings,
         state.contraction,

@@ -1,0 +1,155 @@
+"""A step over ranks: the serial one, its stages solved and its margins found by all ranks together."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import OrderedDict
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.engines.petsc.alarm import Alarm
+from hemivar.engines.petsc.certificate import _margin
+from hemivar.engines.petsc.evolution import BodiesOnRanks, BulkOnRanks, EvolutionOnRanks
+from hemivar.engines.petsc.preconditioner import Multigrid
+from hemivar.engines.petsc.solve import Saved, solve_distributed
+from hemivar.engines.petsc.step_body import StepBody
+from hemivar.evolution import Jump
+from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.descent import CREEPS, TIGHT, resistance_against
+from hemivar.evolution.margin import Margins
+from hemivar.evolution.stage import Stage
+from hemivar.solvers import Controls, Solution, Status
+from hemivar.solvers.base import State
+
+__all__ = ["AdvanceOnRanks", "MarginsOnRanks"]
+
+#: Bodies and laws whose constants are kept.
+_CONSTANTS = 8
+
+
+class AdvanceOnRanks(Advance):
+    """Takes steps whose stages are solved over ranks.
+
+    Parameters
+    ----------
+    *given
+        Those of :class:`hemivar.evolution.advance.Advance`.
+    alarm : Alarm
+    """
+
+    discrete: EvolutionOnRanks
+    bodies: BodiesOnRanks
+
+    def __init__(self, *given: Any, alarm: Alarm) -> None:
+        super().__init__(*given)
+        self.bodies = BodiesOnRanks(self.discrete)
+        self.alarm = alarm
+        self._constants: OrderedDict[tuple[object, ...], tuple[object, float]] = OrderedDict()
+
+    def constant(self, problem: DiscreteProblem) -> float:
+        """The largest eigenvalue c of ``(B'W diag(alpha) B, K)`` as :func:`certify_on_ranks` finds it; nan if not."""
+        ranks, law = self.discrete.ranks, problem.law
+        alphas = [np.asarray(alpha) for alpha in law.weak_convexity] if problem.contact_points else []
+        (softest,) = ranks.largest(max((float(alpha.max(initial=0.0)) for alpha in alphas), default=0.0)).tolist()
+        if softest in (0.0, math.inf):
+            return float(softest)
+        assert isinstance(problem.bulk, BulkOnRanks)
+        elastic, shape = problem.bulk.body.elastic, problem.contact.weights.shape
+        # Known again by the laws of all ranks: what one of them has seen may be another law on the next.
+        own = hashlib.sha256(b"".join(np.broadcast_to(alpha, shape).tobytes() for alpha in alphas)).digest()
+        key = (id(elastic), *ranks.mpi.allgather(own))
+        if key not in self._constants:
+            body = _body_of(problem)
+            cycle = Multigrid(body)
+            cycle.build(np.zeros(body.unknown.size, dtype=bool), np.zeros((*body.active.shape, body.dim)))
+            found = _margin(body, cycle, self.alarm) if body.supported else None
+            cycle.release()
+            # The stiffness is held, so that its identity stays its own.
+            self._constants[key] = elastic, math.nan if found is None else found.constant
+        self._constants.move_to_end(key)
+        while len(self._constants) > _CONSTANTS:
+            self._constants.popitem(last=False)
+        return self._constants[key][1]
+
+    def excess(self, problem: DiscreteProblem) -> float:
+        if self.depends(problem):
+            return -1.0
+        return self.constant(problem) - 1.0
+
+    def depends(self, problem: DiscreteProblem) -> bool:
+        """Whether a bound of the law depends on the solution, on any rank."""
+        own = bool(problem.contact_points) and problem.law.state_dependent
+        return bool(self.discrete.ranks.largest(float(own))[0])
+
+    def _solution(self, stage: Stage, initial: Solution | None, jump: Jump) -> tuple[Solution, float]:
+        problem, controls = stage.problem, self._controls(stage)
+        body = _body_of(problem)
+        start = body.start(None if initial is None else initial.unknowns)
+        excess = self.excess(problem)
+        if not 0.0 <= excess < math.inf:
+            return self._solved(problem, body, start, controls), 0.0
+        return self._downhill(problem, body, resistance_against(excess), start, controls), 0.0
+
+    def _solved(self, problem: DiscreteProblem, body: StepBody, start: Array, controls: Controls) -> Solution:
+        saved = Saved(State(start, body.multiplier(start)), ())
+        alarm = self.alarm.limited(min(self.controls.max_time, self.alarm.left))
+        found = solve_distributed(body, self.solver, controls, resume=saved, alarm=alarm)
+        return Solution(
+            problem, found.x, found.multiplier, found.status, found.residual, found.method, found.steps,
+            found.cycles, contraction=found.contraction,
+        )  # fmt: skip
+
+    def _downhill(
+        self, problem: DiscreteProblem, body: StepBody, resistance: float, u: Array, controls: Controls
+    ) -> Solution:
+        """Downhill from a place without a leap: steps against a resistance that leaves each of them one solution."""
+        ranks, law = self.discrete.ranks, body.law
+        tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
+        slow = self.bodies.slow(body, resistance)
+        for _ in range(CREEPS):
+            before, here = body.local(u), body.load + resistance * body.multiply(u)
+            solution = self._solved(problem, slow.under(here, body.offset, law), u, tight)
+            u = solution.unknowns
+            off = body.residual(u, solution.multiplier)
+            solution = replace(solution, residual=off)
+            if off.below(controls.atol, controls.rtol) or solution.status is not Status.CONVERGED:
+                return solution
+            after = body.local(u)
+            softens = bool((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
+            if ranks.largest(float(softens or not np.array_equal(law.clamp(before, after), after)))[0]:
+                continue
+            # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
+            there = self._solved(problem, body, u, controls)
+            reached = body.local(there.unknowns)
+            if not ranks.largest(float(not np.array_equal(law.clamp(after, reached), reached)))[0]:
+                return there
+        return replace(solution, status=Status.STALLED)
+
+
+def _body_of(problem: DiscreteProblem) -> StepBody:
+    """The body of a stage, under its load and with its law."""
+    assert isinstance(problem.bulk, BulkOnRanks)
+    return problem.bulk.body.under(problem.bulk.load, problem.contact.offset, problem.law)
+
+
+class MarginsOnRanks(Margins):
+    """Margins that all ranks find together."""
+
+    advance: AdvanceOnRanks
+
+    def _of(self, stage: Stage, solution: Solution) -> float:
+        if self.advance.depends(stage.problem):
+            return math.nan
+        return 1.0 - self.advance.constant(stage.problem)
+
+    def largest_step(self, taken: Taken) -> float:
+        """inf where the laws are convex, nan elsewhere."""
+        problem = taken.stages[0].problem
+        alphas = problem.law.frozen_at(-problem.contact.offset).weak_convexity if problem.contact_points else ()
+        softens = any(np.any(alpha) for alpha in alphas)
+        return math.nan if self.advance.discrete.ranks.largest(float(softens))[0] else math.inf

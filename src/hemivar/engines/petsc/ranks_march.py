@@ -1,0 +1,175 @@
+"""The march through time over ranks: the serial one, with steps that are solved over ranks."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.engines.petsc.alarm import Alarm
+from hemivar.engines.petsc.evolution import EvolutionOnRanks, discretize_on_ranks
+from hemivar.engines.petsc.march_checkpoint import CheckpointOnRanks
+from hemivar.engines.petsc.pieces import Piece
+from hemivar.engines.petsc.ranks import Ranks, shared
+from hemivar.engines.petsc.ranks_advance import AdvanceOnRanks, MarginsOnRanks
+from hemivar.errors import MethodError
+from hemivar.evolution import Checkpoint, Evolution, History, Jump, March, Stepped
+from hemivar.evolution.advance import Advance
+from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.identity import identity
+from hemivar.evolution.march import Tools, marching, refuse_plan
+from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
+from hemivar.evolution.time_error import TimeBound
+from hemivar.mesh.mesh import Mesh
+from hemivar.solvers import FixedPoint, NonsmoothMultigrid
+
+__all__ = ["MarchOnRanks", "march_on_ranks", "prepare_march"]
+
+
+@dataclass(frozen=True, eq=False)
+class MarchOnRanks:
+    """An evolution over ranks that is ready to be marched by :func:`hemivar.evolution.march.marching`.
+
+    Attributes
+    ----------
+    discrete : EvolutionOnRanks
+    plan : March
+    tools : Tools
+    """
+
+    discrete: EvolutionOnRanks
+    plan: March
+    tools: Tools
+
+
+def prepare_march(
+    ranks: Ranks, pieces: tuple[Piece, ...], state: Callable[[Mesh], Evolution], plan: March, alarm: Alarm
+) -> MarchOnRanks:
+    """Discretise an evolution over ranks and make ready what marches through it; see :func:`march_on_ranks`.
+
+    Raises
+    ------
+    ProblemError, MethodError
+        On all ranks: the evolution cannot be computed as stated or by this engine.
+    """
+
+    def suited() -> None:
+        refuse_plan(state(pieces[-1].mesh), plan)
+        _refuse(plan)
+
+    ranks.agree(suited)
+    discrete = discretize_on_ranks(ranks, pieces, state)
+    if isinstance(plan.checkpoint, Checkpoint):
+        plan = replace(plan, checkpoint=CheckpointOnRanks(plan.checkpoint.file, plan.checkpoint.minutes, ranks=ranks))
+
+    def advance(*given: Any) -> Advance:
+        return AdvanceOnRanks(*given, alarm=alarm)
+
+    return MarchOnRanks(discrete, plan, Tools(advance, MarginsOnRanks, _no_bound, _identity, _probed))
+
+
+def march_on_ranks(
+    ranks: Ranks,
+    pieces: tuple[Piece, ...],
+    state: Callable[[Mesh], Evolution],
+    plan: March,
+    *,
+    alarm: Alarm | None = None,
+    watch: Callable[[Stepped], bool | None] | None = None,
+) -> History:
+    """Compute an evolution over ranks, which all call this; scheme, ledger, steps and table are those of one process.
+
+    Where a step may have several solutions the body goes downhill without a leap, or the march stops: other choices
+    are refused.  Of the history, the table and the events are the same on all ranks; frames and the last moment are the
+    part of each.  Bounds of the error in time are not looked for, nor is the largest step with a positive margin where
+    the laws soften; margins are those of :func:`certify_on_ranks`.
+
+    Parameters
+    ----------
+    ranks : Ranks
+    pieces : tuple of Piece
+        Of the mesh and the coarser ones that it is a refinement of, coarsest first; see :func:`family`.
+    state : callable
+        Makes the evolution on a mesh.
+    plan : March
+        The solver, if one is given, is ``NonsmoothMultigrid`` or a ``FixedPoint`` around one.
+    alarm : Alarm, optional
+        Ends the march before it is done; by default once ``plan.max_time`` has passed.
+    watch : callable, optional
+        Called on every rank after every step; the march ends after it if it returns True on one.
+
+    Raises
+    ------
+    ProblemError, MethodError, FileError
+        On all ranks: the evolution cannot be computed as stated or by this engine, the checkpoint is another's.
+    """
+    alarm = Alarm(plan.max_time) if alarm is None else alarm
+    ready = prepare_march(ranks, pieces, state, plan, alarm)
+    with np.errstate(all="ignore"):
+        going = marching(ready.discrete, ready.plan, tools=ready.tools)
+        try:
+            stepped = next(going)
+            while True:
+                told = watch is not None and watch(stepped)
+                stepped = going.send(bool(told or alarm.due()))
+        except StopIteration as ended:
+            history: History = ended.value
+    return history
+
+
+def _refuse(plan: March) -> None:
+    """Refuse what this engine cannot do."""
+    inner = plan.solver.inner if isinstance(plan.solver, FixedPoint) else plan.solver
+    if inner is not None and not isinstance(inner, NonsmoothMultigrid):
+        raise MethodError(
+            f"the engine 'petsc' steps by multigrid, not by {inner.name}; leave the solver out, or --engine"
+        )
+    if plan.jump not in (Jump.LOCAL, Jump.STOP):
+        raise MethodError(
+            f"the engine 'petsc' knows no jump = '{plan.jump}'; take 'local' or 'stop', or leave --engine out"
+        )
+
+
+def _no_bound(advance: Advance) -> TimeBound:
+    return TimeBound(advance, "", "bounds of the error in time are not looked for over ranks")
+
+
+def _identity(advance: Advance, *options: object) -> str:
+    """One digest of those of all ranks."""
+    assert isinstance(advance, AdvanceOnRanks)
+    told = advance.discrete.ranks.mpi.allgather(identity(advance, *options))
+    return hashlib.sha256("".join(told).encode()).hexdigest()
+
+
+def _probed(discrete: DiscreteEvolution, probes: Mapping[str, object]) -> Callable[[Array], dict[str, Array]]:
+    """As :func:`hemivar.evolution.save.probed`; the rank that is nearest to a point measures there."""
+    assert isinstance(discrete, EvolutionOnRanks)
+    ranks, mesh, dim = discrete.ranks, discrete.pieces[-1].mesh, discrete.body.dim
+    ends = ranks.largest(*mesh.points.max(axis=0, initial=-np.inf), *(-mesh.points).max(axis=0, initial=-np.inf))
+    size = float((ends[:dim] + ends[dim:]).max())
+    found: dict[str, tuple[IntArray, Array]] = {}
+    for name, place in probes.items():
+        point = ranks.agree(lambda name=name, place=place: probe_point(name, place, dim))  # type: ignore[misc]
+        nodes, share, off = np.zeros(0, dtype=np.int64), np.zeros(0), math.inf
+        if mesh.number_of_cells:
+            cell, share, off = nearest_cell(mesh, point)
+            nodes = mesh.cells[cell]
+        nearest, own = ranks.lowest(off)
+        if nearest > PROBED * size:
+            raise shared(probe_outside(name, -ends[dim:], ends[:dim]))
+        found[name] = (nodes, share) if own else (nodes[:0], share[:0])
+
+    def measured(place: Array) -> dict[str, Array]:
+        if not found:
+            return {}
+        values = discrete.full(place)
+        own = [share @ values[nodes] if share.size else np.zeros(dim) for nodes, share in found.values()]
+        sums = ranks.total(*np.concatenate(own)).reshape(-1, dim)
+        return dict(zip(found, sums, strict=True))
+
+    return measured

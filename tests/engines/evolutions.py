@@ -1,0 +1,226 @@
+"""Evolutions that both engines march through."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.evolution import (
+    SDIRK2,
+    AdaptiveStep,
+    Evolution,
+    GeneralizedAlpha,
+    ImplicitEuler,
+    March,
+    Midpoint,
+    MoreauJean,
+    Save,
+    Scheme,
+    Touch,
+)
+from hemivar.mesh.mesh import Mesh
+from hemivar.solvers import Controls
+
+__all__ = ["CASES", "Case"]
+
+_RTOL = Controls(rtol=1e-12)
+
+
+@dataclass(frozen=True)
+class Case:
+    """An evolution and how it is computed.
+
+    Attributes
+    ----------
+    mesh : callable
+        The mesh with sizes of cells doubled so many times.
+    state : callable
+        The evolution on a mesh.
+    until : float
+    scheme : Scheme
+    halvings : int
+        How often sizes of cells can be doubled.
+    options : dict
+        Of the march.
+    """
+
+    mesh: Callable[[int], Mesh]
+    state: Callable[[Mesh], Evolution]
+    until: float
+    scheme: Scheme = field(default_factory=ImplicitEuler)
+    halvings: int = 0
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def plan(self, **more: Any) -> March:
+        """The march."""
+        options = {"scheme": self.scheme, "controls": _RTOL, **self.options, **more}
+        return March(self.until, **options)
+
+
+def _lowered(x: Array, t: float) -> Array:
+    """A support that goes down, and a little to the side."""
+    return np.stack([0.01 * t + 0.0 * x[:, 0], -0.05 * t + 0.0 * x[:, 0]], axis=1)
+
+
+def _turning(x: Array, t: float) -> Array:
+    """A traction that presses and pushes to and fro."""
+    return np.stack([0.3 * np.sin(6.0 * t) + 0.0 * x[:, 0], -0.2 * t - 0.1 * x[:, 0]], axis=1)
+
+
+def _block(mesh: Mesh) -> Evolution:
+    """Kelvin-Voigt with a branch, pressed by a support that moves and pushed along a foundation with friction."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.3), branches=[hv.Branch(lame=(2.0, 1.0), time=0.3)]),
+            supports={"left": hv.Prescribed(_lowered)},
+            tractions={"top": _turning},
+            contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.03), gap=0.01)},
+        )
+    )
+
+
+def _slider(mesh: Mesh) -> Evolution:
+    """Elastic without viscosity or mass: friction in slip increments, on an obstacle that is rigid."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.young(10.0, 0.3),
+            supports={"left": hv.Clamped()},
+            tractions={"top": _turning},
+            contact={"bottom": hv.Contact(hv.Signorini(), hv.Tresca(0.05))},
+        )
+    )
+
+
+def _thrown(mesh: Mesh) -> Evolution:
+    """A body without supports, thrown down upon two foundations."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, density=2.0, viscosity=(0.02, 0.02)),
+            body_force=(0.0, -0.5),
+            contact={
+                "bottom": hv.Contact(hv.Compliance(50.0), hv.Tresca(0.1), gap=0.02),
+                "right": hv.Contact(hv.Compliance(30.0), gap=0.03),
+            },
+        ),
+        inertia=True,
+        velocity=(0.4, -0.8),
+        displacement=lambda x: 0.01 * np.stack([x[:, 1], 0.0 * x[:, 0]], axis=1),
+    )
+
+
+def _cube(mesh: Mesh) -> Evolution:
+    """A cube that is hit from the side and slides."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.1, 0.1)),
+            body_force=(0.0, 0.0, -1.0),
+            tractions={"right": lambda x, t: np.array([-2.0 * t, 0.3, 0.0]) + 0.0 * x},
+            contact={"bottom": hv.Contact(hv.Compliance(40.0), hv.Tresca(0.1))},
+        ),
+        inertia=True,
+    )
+
+
+def _hit(mesh: Mesh) -> Evolution:
+    """A body that hits a rigid obstacle."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, density=1.0),
+            contact={"bottom": hv.Contact(hv.Signorini(), hv.Tresca(0.1), gap=0.02)},
+        ),
+        inertia=True,
+        velocity=(0.2, -0.5),
+    )
+
+
+def _between(mesh: Mesh) -> Evolution:
+    """A viscous block between two foundations, one of which resists the rate as well and remembers."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.3)),
+            supports={"left": hv.Clamped()},
+            tractions={"top": _turning},
+            contact={
+                "bottom": hv.Contact(
+                    hv.Compliance(20.0), hv.Tresca(0.02), damping=hv.Compliance(3.0), memory=(hv.SlipSum(),)
+                ),
+                "right": hv.Contact(hv.Compliance(5.0), gap=0.001),
+            },
+        )
+    )
+
+
+def _lifting(x: Array, t: float) -> Array:
+    """A support that goes down and up again."""
+    return np.full(len(x), -min(t, 0.8 - t))
+
+
+def _torn(mesh: Mesh, viscosity: float | None = None) -> Evolution:
+    """A block on a foundation that softens faster than the block is stiff: it jumps off, and back."""
+    law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
+    material = hv.Material.lame(0.0, 0.5, viscosity=None if viscosity is None else (0.0, viscosity))
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=material,
+            supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=_lifting)},
+            contact={"bottom": hv.Contact(law)},
+        )
+    )
+
+
+CASES = {
+    # a coarser mesh below, and a support that moves
+    "block": Case(
+        lambda times: hv.rectangle((2.0, 1.0), (64 >> times, 32 >> times)),
+        _block,
+        1.0,
+        halvings=1,
+        options={"step": 0.1, "save": Save(probes={"tip": (2.0, 0.31)})},
+    ),
+    # one mesh, steps chosen by their error, an event found by bisection
+    "block, adaptive": Case(
+        lambda times: hv.rectangle((2.0, 1.0), (12, 6)),
+        _block,
+        0.5,
+        options={"step": AdaptiveStep(0.02, first_step=0.05), "events": [Touch()]},
+    ),
+    "slider": Case(lambda times: hv.rectangle((2.0, 1.0), (12, 6)), _slider, 1.0, options={"step": 0.125}),
+    "thrown": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (8, 8)), _thrown, 0.3, GeneralizedAlpha(0.8), options={"step": 0.02}
+    ),
+    "thrown, implicit Euler": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (40 >> times, 40 >> times)), _thrown, 0.2, halvings=1,
+        options={"step": 0.02},
+    ),
+    "two stages, memory": Case(
+        lambda times: hv.rectangle((2.0, 1.0), (8, 4)), _between, 0.4, SDIRK2(), options={"step": 0.1}
+    ),
+    "midpoint": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _thrown, 0.12, Midpoint(), options={"step": 0.02}
+    ),
+    "impact": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _hit, 0.1, MoreauJean(0.5), options={"step": 0.02}
+    ),
+    # jumps of bodies without viscosity, and with too little of it
+    "jumps": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _torn, 0.72, options={"step": 0.04, "stops": (0.4,)}
+    ),
+    "viscous jumps": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)), lambda mesh: _torn(mesh, 0.01), 0.72, options={"step": 0.04}
+    ),
+    "cube": Case(
+        lambda times: hv.box((1.0, 1.0, 1.0), (4, 4, 4)), _cube, 0.2, GeneralizedAlpha(0.5), options={"step": 0.04}
+    ),
+}  # fmt: skip
