@@ -1,5 +1,6 @@
-"""Problems with known answers, of the survey and of the literature."""
+"""Problems with known answers, of the survey and of the literature, static and in time."""
 
+from hemivar.gallery.evolution_examples import SCREWED_ARCH_DATA, ScrewedArchData, screwed_arch, viscoelastic_beam
 from hemivar.gallery.known import (
     BEAM_DISPLACEMENTS,
     KnownProblem,
@@ -8,6 +9,29 @@ from hemivar.gallery.known import (
     elastic_bar_penetrations,
     manufactured_spring,
     weighted_block,
+)
+from hemivar.gallery.known_evolutions import (
+    EarthquakeSlider,
+    KnownEvolution,
+    StickSlip,
+    VelocityStep,
+    bonded_block,
+    bounce,
+    bouncing_block,
+    jumping_block,
+    penetration_memory_block,
+    relaxing_block,
+    sliding_block,
+    wearing_block,
+)
+from hemivar.gallery.moving_bodies import (
+    CANTILEVER,
+    ManufacturedMotion,
+    MindlinSphere,
+    bar_on_wall,
+    moving_bar,
+    thrown_bar,
+    viscoelastic_cantilever,
 )
 from hemivar.gallery.nonmonotone import (
     broken_foundation,
@@ -18,6 +42,7 @@ from hemivar.gallery.nonmonotone import (
     shear_column,
     softening_block,
 )
+from hemivar.gallery.scalar_problems import KnownScalarProblem, antiplane_friction, membrane_obstacle, membrane_radius
 from hemivar.gallery.survey_problems import (
     SURVEY_DATA,
     SurveyData,
@@ -26,26 +51,56 @@ from hemivar.gallery.survey_problems import (
     survey_cube_logarithmic,
     survey_logarithmic,
 )
+from hemivar.gallery.thermal_problems import WarmBody, thermoviscoelastic
 
 __all__ = [
     "BEAM_DISPLACEMENTS",
+    "CANTILEVER",
+    "SCREWED_ARCH_DATA",
     "SURVEY_DATA",
+    "EarthquakeSlider",
+    "KnownEvolution",
     "KnownProblem",
+    "KnownScalarProblem",
+    "ManufacturedMotion",
+    "MindlinSphere",
+    "ScrewedArchData",
+    "StickSlip",
     "SurveyData",
+    "VelocityStep",
+    "WarmBody",
+    "antiplane_friction",
+    "bar_on_wall",
     "beam",
+    "bonded_block",
+    "bounce",
+    "bouncing_block",
     "broken_foundation",
     "delamination",
     "elastic_bar",
     "elastic_bar_penetrations",
+    "jumping_block",
     "manufactured_softening",
     "manufactured_spring",
+    "membrane_obstacle",
+    "membrane_radius",
+    "moving_bar",
+    "penetration_memory_block",
+    "relaxing_block",
+    "screwed_arch",
     "shear_block",
     "shear_block_slips",
     "shear_column",
+    "sliding_block",
     "softening_block",
     "survey",
     "survey_cube",
     "survey_cube_logarithmic",
     "survey_logarithmic",
+    "thermoviscoelastic",
+    "thrown_bar",
+    "viscoelastic_beam",
+    "viscoelastic_cantilever",
+    "wearing_block",
     "weighted_block",
 ]

@@ -20,6 +20,7 @@ __all__ = [
     "BEAM_DISPLACEMENTS",
     "KnownProblem",
     "beam",
+    "column",
     "elastic_bar",
     "elastic_bar_penetrations",
     "manufactured_spring",
@@ -73,16 +74,10 @@ def elastic_bar(
             f"elastic_bar: elements = {elements}, rigidity = {rigidity}, length = {length} must be positive"
         )
     law = Softening(2.0, 0.1, 0.5) if law is None else law
-    h = length / elements
-    diagonal = np.full(elements, 2.0)
-    diagonal[-1] = 1.0
-    off = np.full(elements - 1, -1.0)
-    stiffness = sp.csr_array(sp.diags_array([off, diagonal, off], offsets=(-1, 0, 1))) * (rigidity / h)
-    forces = np.full(elements, load * h)
-    forces[-1] *= 0.5
+    stiffness, forces = column(elements, rigidity, length, load)
     end = np.array([[length]])
     return DiscreteProblem.of_arrays(
-        stiffness=sp.csr_array(stiffness),
+        stiffness=stiffness,
         load=forces,
         trace=sp.csr_array(([1.0], ([0], [elements - 1])), shape=(1, elements)),
         weights=np.ones(1),
@@ -90,6 +85,17 @@ def elastic_bar(
         law=ContactLaw(law).at(end),
         points=end,
     )
+
+
+def column(elements: int, rigidity: float, length: float, load: float) -> tuple[sp.csr_array, Array]:
+    """Stiffness and nodal loads of ``-EA u'' = b``; linear elements, held where the first begins, the last end free."""
+    h = length / elements
+    diagonal = np.full(elements, 2.0)
+    diagonal[-1] = 1.0
+    off = np.full(elements - 1, -1.0)
+    forces = np.full(elements, load * h)
+    forces[-1] *= 0.5
+    return sp.csr_array(sp.diags_array([off, diagonal, off], offsets=(-1, 0, 1)) * (rigidity / h)), forces
 
 
 def elastic_bar_penetrations(

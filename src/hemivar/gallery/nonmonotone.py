@@ -15,7 +15,7 @@ from scipy.special import lambertw
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.gallery.known import KnownProblem, elastic_bar_penetrations
+from hemivar.gallery.known import KnownProblem, column, elastic_bar_penetrations
 from hemivar.laws import (
     Bilateral,
     Capped,
@@ -207,18 +207,12 @@ def shear_column(
     ``-mu u'' = f`` on (0, b), u(b) = 0, friction at y = 0, where the body cannot move normally. Linear elements are
     exact at the nodes; the slips are those of :func:`shear_block_slips` with kappa = mu/b and w0 = f b^2/(2 mu).
     """
-    h = height / elements
-    diagonal = np.full(elements, 2.0)
-    diagonal[0] = 1.0
-    off = np.full(elements - 1, -1.0)
-    stiffness = sp.csr_array(sp.diags_array([off, diagonal, off], offsets=(-1, 0, 1))) * (shear_modulus / h)
-    forces = np.full(elements, load * h)
-    forces[0] *= 0.5
+    stiffness, forces = column(elements, shear_modulus, height, load)
     foot = np.zeros((1, 2))
     law = ContactLaw(Bilateral(), SlipWeakening(bound, static, kinetic, rate))
     return DiscreteProblem.of_arrays(
-        stiffness=sp.csr_array(stiffness),
-        load=forces,
+        stiffness=stiffness[::-1, ::-1],
+        load=forces[::-1],
         trace=sp.csr_array(([1.0], ([1], [0])), shape=(2, elements)),
         weights=np.ones(1),
         gap=np.zeros(1),

@@ -157,15 +157,9 @@ def survey_logarithmic(
     pattern : {"cross", "right", "left"}
         How the squares are cut into triangles.
     """
-    data = SURVEY_DATA["5.1"]
-    return ContactProblem(
-        mesh=rectangle((1.0, 1.0), n, pattern=pattern),
-        material=Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(SurveyLaw(data.q_max, data.p_const), Logarithmic(bound))},
-        supports={"left": Clamped()},
-        body_force=data.body_force,
-        title=f"survey's body, friction {bound:g} ln(1 + |u_tau|)",
-    )
+    problem = survey("5.1", n, pattern)
+    contact = {"bottom": Contact(problem.contact["bottom"].normal, Logarithmic(bound))}
+    return replace(problem, contact=contact, title=f"survey's body, friction {bound:g} ln(1 + |u_tau|)")
 
 
 def survey_cube_logarithmic(bound: float = 0.3, n: int = 8) -> ContactProblem:
