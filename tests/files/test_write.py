@@ -29,7 +29,9 @@ EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "problems").glob("*.
 
 def same_discrete(one: hv.ContactProblem, other: hv.ContactProblem) -> None:
     """Whether two statements give one discrete problem, bit for bit."""
-    first, second = hv.discretize(one), hv.discretize(other)
+    first, second = (
+        hv.discretize(problem.at_time(0.5), check_coercivity=False, evolving=True) for problem in (one, other)
+    )
     np.testing.assert_array_equal(first.linear.load, second.linear.load)
     for name in ("weights", "offset", "points", "frames", "node", "boundary"):
         np.testing.assert_array_equal(getattr(first.contact, name), getattr(second.contact, name), err_msg=name)
@@ -125,7 +127,7 @@ numbers = st.floats(1e-6, 1e6) | st.sampled_from([0.1, 1.0, 1 / 3, 3, 1e-5])
 signed = st.floats(-1e6, 1e6) | st.just(-0.0)
 POSITIVE = ["1 + 0.5 * sin(pi * y)", "1 + abs(x - 0.3)"]
 TEXTS = [*POSITIVE, "0.1 * x", "max(x, y)^2 + 1e-3"]
-formulas = st.sampled_from(TEXTS).map(Formula)
+formulas = st.sampled_from([*TEXTS, "0.1 * x * min(t, 1)"]).map(Formula)
 
 
 def vectors(dim: int) -> st.SearchStrategy[object]:
@@ -215,7 +217,8 @@ def statements(draw: st.DrawFn, folder: Path) -> hv.ContactProblem:
                 shapes.append(st.builds(hv.Cylinder, st.just(ends), st.just(way), numbers, st.booleans()))
             obstacle = draw(st.one_of(shapes))
             normals = draw(st.sampled_from(list(hv.Normals)))
-        contact[name] = hv.Contact(normal, friction, gap, obstacle, normals)  # type: ignore[arg-type]
+        damping = draw(st.none() | laws(draw(st.sampled_from(list(NORMAL_LAWS.values()))), folder))
+        contact[name] = hv.Contact(normal, friction, gap, obstacle, normals, damping)  # type: ignore[arg-type]
     held: list[st.SearchStrategy[object]] = [
         st.just(hv.Clamped()),
         st.just(hv.Roller()),
@@ -232,9 +235,20 @@ def statements(draw: st.DrawFn, folder: Path) -> hv.ContactProblem:
     size = 3 if dim == 2 else 6
     full = np.eye(size) + 0.1 * np.ones((size, size))
     entries = [Formula("1 + x^2") if k % (size + 1) == 0 else 0.0 for k in range(size * size)]
+    pairs = st.tuples(st.floats(0.0, 9.0), st.floats(0.0, 9.0) | st.just(Formula("1 + x^2")))
+    branches: list[st.SearchStrategy[hv.Branch]] = [
+        st.builds(hv.Branch, lame=pairs, time=numbers),
+        st.builds(hv.Branch, young=numbers, poisson=st.floats(-0.5, 0.45), time=numbers),
+        st.builds(hv.Branch, tensor=st.just(FormulaArray(tuple(entries), (size, size))), time=numbers),
+    ]
+    in_time: dict[str, st.SearchStrategy[object]] = {
+        "density": st.none() | numbers | st.sampled_from(POSITIVE).map(Formula),
+        "viscosity": st.none() | pairs | st.just(np.diag(np.arange(float(size)))),
+        "branches": st.lists(st.one_of(branches), max_size=3),
+    }
     materials: list[st.SearchStrategy[hv.Material]] = [
-        st.builds(hv.Material.lame, numbers | st.just(Formula("1 + x^2")), st.floats(0.1, 9.0), planes),
-        st.builds(hv.Material.young, numbers, st.floats(-0.5, 0.45), planes),
+        st.builds(hv.Material.lame, numbers | st.just(Formula("1 + x^2")), st.floats(0.1, 9.0), planes, **in_time),
+        st.builds(hv.Material.young, numbers, st.floats(-0.5, 0.45), planes, **in_time),
         st.just(hv.Material.tensor(full, None if dim == 3 else (0.1, 0.2, 1 / 3))),
         st.just(hv.Material.tensor(FormulaArray(tuple(entries), (size, size)))),
     ]
@@ -248,6 +262,7 @@ def statements(draw: st.DrawFn, folder: Path) -> hv.ContactProblem:
         draw(st.text(st.characters(exclude_categories=["Cs"]), max_size=12)),
         draw(st.sampled_from([1, 2])) if dim == 2 or not contact else 1,
         draw(st.sampled_from(list(hv.Quadrature))) if dim == 2 else hv.Quadrature.NODAL,
+        draw(st.just(0.0) | st.floats(0.0, 9.0) | st.sampled_from(POSITIVE).map(Formula)),
     )
 
 
@@ -269,7 +284,7 @@ def test_random_statements_come_back(folder: Path, data: st.DataObject) -> None:
 def can_be_discretised(problem: hv.ContactProblem) -> bool:
     """Whether the body is held, and its obstacles lie where obstacles can."""
     try:
-        hv.discretize(problem)
+        hv.discretize(problem.at_time(0.5), check_coercivity=False, evolving=True)
     except HemivarError:
         return False
     return True

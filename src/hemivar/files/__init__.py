@@ -2,20 +2,36 @@
 
 from hemivar.files.contact_rows import contact_columns, write_csv
 from hemivar.files.earlier import read_solution
+from hemivar.files.film import Film, film_of, read_film
+from hemivar.files.history_table import (
+    history_frame,
+    history_record,
+    read_history_table,
+    write_history,
+    write_history_json,
+)
 from hemivar.files.problem_file import ProblemFile, SolverSettings, read_problem, read_problem_file, write_problem
 from hemivar.files.record import read_json, solution_record, write_json
 from hemivar.files.vtu import write_vtu
 
 __all__ = [
+    "Film",
     "ProblemFile",
     "SolverSettings",
     "contact_columns",
+    "film_of",
+    "history_frame",
+    "history_record",
+    "read_film",
+    "read_history_table",
     "read_json",
     "read_problem",
     "read_problem_file",
     "read_solution",
     "solution_record",
     "write_csv",
+    "write_history",
+    "write_history_json",
     "write_json",
     "write_problem",
     "write_vtu",

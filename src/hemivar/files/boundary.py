@@ -12,7 +12,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["ContactBoundary", "contact_boundaries", "global_vectors", "polylines"]
+__all__ = ["ContactBoundary", "contact_boundaries", "polylines"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +101,8 @@ class ContactBoundary:
 def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
     """The contact boundaries of a problem with a mesh that have contact points, in the order of these.
 
+    A contact over an area is none.
+
     Raises
     ------
     ProblemError
@@ -112,7 +114,7 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
     found = []
     for name in contact.names:
         index = contact.on(name)
-        if not index.size:
+        if not index.size or name not in field.mesh.boundaries:
             continue
         members = field.mesh.facet_nodes(field.mesh.boundaries[name], field.order)
         nodes, facets = contact.node[index], contact.facet[index]
@@ -121,16 +123,6 @@ def contact_boundaries(problem: DiscreteProblem) -> list[ContactBoundary]:
             ContactBoundary(name, field.mesh, members, index, nodes if at_nodes else None, None if at_nodes else facets)
         )
     return sorted(found, key=lambda boundary: int(boundary.index[0]))
-
-
-def global_vectors(problem: DiscreteProblem, local: Array, *, normal: bool = True, tangential: bool = True) -> Array:
-    """Vectors (m, d) in global components from local ones (m, c)."""
-    chosen = local.copy()
-    if not normal:
-        chosen[:, 0] = 0.0
-    if not tangential:
-        chosen[:, 1:] = 0.0
-    return problem.contact.global_vectors(chosen)
 
 
 def polylines(edges: IntArray) -> list[IntArray]:

@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array, Parameter
-from hemivar.files.body_table import check_boundary, quantity_record
+from hemivar.files.body_table import check_boundary
+from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
-from hemivar.files.toml import KEYS, Table, context, hint, kind, listed
+from hemivar.files.quantities import quantity_record
+from hemivar.files.toml import KEYS, Table, context, kind, listed
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential
@@ -31,7 +34,7 @@ _OBSTACLES = {
 }
 _VECTORS = ("point", "normal", "center", "axis")
 
-_KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION}
+_KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION, "damping": LawKind.NORMAL}
 
 
 def read_contacts(table: Table, mesh: Mesh, folder: Path) -> dict[str, Contact]:
@@ -57,7 +60,7 @@ class _Reader:
         normal, friction = self.law(one, "normal", NORMAL_LAWS), self.law(one, "friction", FRICTION_LAWS)
         assert isinstance(normal, Superpotential)
         assert isinstance(friction, Friction)
-        gap = one.quantity("gap", one.data.get("gap", 0.0), self.dim)
+        gap = one.quantity("gap", one.data.get("gap", 0.0), self.dim, timed=True)
         obstacle = self.obstacle(one) if "obstacle" in one else None
         normals = None
         if obstacle is None and "normals" in one:
@@ -66,8 +69,11 @@ class _Reader:
             if "gap" in one:
                 raise one.error("gap", "follows from the obstacle; give one of the two")
             normals = Normals(one.text("normals", Normals.OBSTACLE, [way.value for way in Normals]))
+        damping = self.law(one, "damping", NORMAL_LAWS) if "damping" in one else None
+        assert damping is None or isinstance(damping, Superpotential)
+        memory = read_memory(one, self.dim)
         with context(f"{one.where('normal')}:"):
-            return Contact(normal, friction, gap, obstacle, normals)
+            return Contact(normal, friction, gap, obstacle, normals, damping, memory)
 
     def obstacle(self, table: Table) -> Obstacle:
         """A rigid obstacle: a table with one of plane, sphere, cylinder and distance."""
@@ -119,7 +125,7 @@ class _Reader:
                 raise given.error(
                     "law", f"'{name}' is a {kind_of} law; use it under {kind_of} (known here: {', '.join(laws)})"
                 )
-            raise given.error("law", f"'{name}' is not a {_KIND[key]} law{hint(name, list(laws))}")
+            raise given.error("law", f"'{name}' is not a {_KIND[key]} law{suggest(name, list(laws))}")
         entry = laws[name]
         given.only(("law", *(p.name for p in entry.parameters)))
         parameters: dict[str, object] = {}
@@ -143,7 +149,7 @@ class _Reader:
         name, value = parameter.name, given.data[parameter.name]
         match parameter.form:
             case ParameterForm.NUMBER:
-                return given.quantity(name, value, self.dim, parameter.minimum)
+                return given.quantity(name, value, self.dim, parameter.minimum, timed=True)
             case ParameterForm.BOUND:
                 return self.bound(given, parameter)
             case ParameterForm.FILE:
@@ -162,13 +168,13 @@ class _Reader:
         """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
         name, value = parameter.name, given.data[parameter.name]
         if not isinstance(value, dict):
-            return given.quantity(name, value, self.dim, parameter.minimum)
+            return given.quantity(name, value, self.dim, parameter.minimum, timed=True)
         ways = ("table", "formula", "coulomb")
         inner = given.table(name, ways, inline=True)
         if len(inner.data) != 1:
             raise given.error(name, "give one of { table = FILE }, { formula = ... } of s and { coulomb = ... }")
         if "coulomb" in inner:
-            return CoulombBound(inner.quantity("coulomb", value["coulomb"], self.dim, 0.0))
+            return CoulombBound(inner.quantity("coulomb", value["coulomb"], self.dim, 0.0, timed=True))
         if "formula" in inner:
             text = str(value["formula"]) if isinstance(value["formula"], int | float) else inner.text("formula")
             formula = ScalarFormula(text, "s", inner.where("formula"))
@@ -218,6 +224,10 @@ def contact_record(name: str, contact: Contact, aside: Aside) -> dict[str, objec
             record["normals"] = Normals.BODY.value
     elif callable(contact.gap) or contact.gap != 0.0:
         record["gap"] = quantity_record(contact.gap, f"{where}.gap")
+    if contact.damping is not None:
+        record["damping"] = _law_record(contact.damping, f"{where}.damping", name, aside, NORMAL_LAWS)
+    if contact.memory:
+        record["memory"] = memory_record(contact.memory, f"{where}.memory")
     return record
 
 

@@ -18,19 +18,18 @@ from pathlib import Path
 
 from hemivar.basics import disk
 from hemivar.errors import FileError, ProblemError
-from hemivar.files.body_table import (
-    loads_record,
-    material_record,
-    read_loads,
-    read_material,
-    read_supports,
-    supports_record,
-)
-from hemivar.files.contact_table import Aside, contact_record, read_contacts
+from hemivar.files.body_table import loads_record, read_bedding, read_loads, read_supports, supports_record
+from hemivar.files.contact_table import Aside, _Reader, contact_record, read_contacts
+from hemivar.files.material_table import material_record, read_material
 from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
+from hemivar.files.scalar_tables import SCALAR_KEYS, read_scalar, scalar_record
+from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
+from hemivar.files.time_table import OutputSettings, TimeSettings, output_record, read_output, read_time, time_record
 from hemivar.files.toml import KEYS, Table, context, printable, text_of
 from hemivar.files.unsaid import difference, unsaid
+from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
+from hemivar.mechanics.thermal import Heat
 from hemivar.mesh import Mesh, MeshRecipe, msh_text
 from hemivar.solvers import METHODS, Controls, Solver
 
@@ -76,19 +75,28 @@ class ProblemFile:
 
     Attributes
     ----------
-    problem : ContactProblem
+    problem : ContactProblem or ScalarProblem
     solver : SolverSettings
     name : str
         The file, as it is named in messages.
     levels : int
         How many coarser meshes of the same body it describes: those that ``refine`` starts from, and built-in ones
         with half the numbers of cells.
+    time : TimeSettings or None
+        How the problem goes through time; None for a static one.
+    output : OutputSettings or None
+        What is kept of it on the way.
+    heat : Heat or None
+        Heat in the body.
     """
 
-    problem: ContactProblem
+    problem: Statement
     solver: SolverSettings = field(default_factory=SolverSettings)
     name: str = "problem"
     levels: int = 0
+    time: TimeSettings | None = None
+    output: OutputSettings | None = None
+    heat: Heat | None = None
 
     def coarser_meshes(self) -> list[Mesh]:
         """The coarser meshes of the same body, coarsest first, for a warm start; empty if there are none."""
@@ -100,7 +108,7 @@ class ProblemFile:
         return meshes
 
 
-def read_problem(path: str | Path) -> ContactProblem:
+def read_problem(path: str | Path) -> Statement:
     """Read a contact problem from a TOML file.
 
     Parameters
@@ -134,7 +142,7 @@ def read_text(path: str | Path) -> str:
         raise
 
 
-def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> ContactProblem:
+def parse_problem(text: str, base_dir: str | Path = ".", name: str = "problem") -> Statement:
     """A contact problem from the text of a problem file.
 
     Parameters
@@ -171,7 +179,8 @@ def parse_problem_file(
         raise ProblemError(f"{name}: brackets or tables are nested too deeply for a problem file; mend it") from None
     except ValueError as error:
         raise ProblemError(f"{name}: not valid TOML ({error}); mend it") from None
-    top = Table(data, name, "", KEYS[""])
+    scalar = "kind" in data
+    top = Table(data, name, "", SCALAR_KEYS if scalar else KEYS[""])
     for key in ("mesh", "material"):
         if key not in data:
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
@@ -179,10 +188,19 @@ def parse_problem_file(
     folder, table = Path(base_dir), top.table("mesh", KEYS["mesh"])
     stated = read_mesh_table(table, folder)
     mesh = stated.build() if place is None else place(stated)
+    levels = stated.recipe.halvings + stated.recipe.refine
+    if scalar:
+        if stated.quadrature is Quadrature.MIDPOINT:
+            raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
+        one = read_scalar(top, mesh, stated.order, folder)
+        return ProblemFile(one, solver, name, levels, *_in_time(top, mesh, one.inert, one.kind))
     material = read_material(top.table("material", KEYS["material"]), mesh)
-    body, tractions = read_loads(top.table("loads", KEYS["loads"]), mesh)
+    loads = top.table("loads", KEYS["loads"])
+    body, tractions = read_loads(loads, mesh)
+    bedding = read_bedding(loads, mesh)
     supports = read_supports(top.table("supports", None), mesh)
     contact = read_contacts(top.table("contact", None), mesh, folder)
+    time, output = _in_time(top, mesh, material.inert)
     if stated.order == 2 and mesh.dim == 3 and contact:
         raise table.error("order", "contact in 3D needs elements of order 1; write order = 1")
     if stated.quadrature is Quadrature.MIDPOINT and mesh.dim == 3 and contact:
@@ -202,8 +220,25 @@ def parse_problem_file(
             title=top.text("title", ""),
             order=stated.order,
             quadrature=stated.quadrature,
+            bedding=bedding,
         )
-    return ProblemFile(problem, solver, name, stated.recipe.halvings + stated.recipe.refine)
+    heat = None
+    if "heat" in top:
+        if time is None:
+            raise top.error("heat", "flows in time; add a table [time], or remove it")
+        heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
+    return ProblemFile(problem, solver, name, levels, time, output, heat)
+
+
+def _in_time(
+    top: Table, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None
+) -> tuple[TimeSettings | None, OutputSettings | None]:
+    """The tables [time] and [output]."""
+    time = read_time(top.table("time", KEYS["time"]), mesh, inert, scalar) if "time" in top else None
+    output = read_output(top.table("output", KEYS["output"]), mesh) if "output" in top else None
+    if output is not None and time is None:
+        raise top.error("output", "says what is kept on the way through time; add a table [time], or remove it")
+    return time, output
 
 
 def _solver(table: Table) -> SolverSettings:
@@ -219,7 +254,7 @@ def _solver(table: Table) -> SolverSettings:
 
 
 def write_problem(
-    problem: ContactProblem | ProblemFile,
+    problem: Statement | ProblemFile,
     path: str | Path,
     *,
     method: str | Solver | None = None,
@@ -234,8 +269,8 @@ def write_problem(
 
     Parameters
     ----------
-    problem : ContactProblem or ProblemFile
-        A file that was read keeps its settings for the solver.
+    problem : ContactProblem, ScalarProblem or ProblemFile
+        A file that was read keeps its settings for the solver, the time and the output.
     path : str or Path
         The file; its folder must be there.
     method : str or Solver, optional
@@ -263,9 +298,15 @@ def write_problem(
     settings = _settings(stated.solver, method, controls)
     with contextlib.ExitStack() as undone:
         files = _Beside(path, undone) if beside else None
-        text = _text(stated.problem, settings, path.parent, files)
+        text = _text(stated, settings, path.parent, files)
         found = parse_problem_file(text, path.parent, str(path))
-        place = difference(stated.problem, found.problem) or difference(settings, found.solver, "solver")
+        place = (
+            difference(stated.problem, found.problem)
+            or difference(settings, found.solver, "solver")
+            or difference(stated.time, found.time, "time")
+            or difference(stated.output, found.output, "output")
+            or difference(stated.heat, found.heat, "heat")
+        )
         if place is not None:
             raise ProblemError(
                 f"{place} would come back otherwise from a problem file, which cannot say it; state it by numbers, "
@@ -293,8 +334,9 @@ def _settings(given: SolverSettings, method: str | Solver | None, controls: Cont
     )
 
 
-def _text(problem: ContactProblem, settings: SolverSettings, folder: Path, files: _Beside | None) -> str:
+def _text(stated: ProblemFile, settings: SolverSettings, folder: Path, files: _Beside | None) -> str:
     """The text of the file, with meshes and tables without a file put beside it."""
+    problem = stated.problem
     recipe = problem.mesh.recipe
     if recipe is not None and files is not None and difference(problem.mesh, recipe.build(), "mesh"):
         recipe = None  # the mesh was changed by replace(), or its file is another one by now
@@ -305,11 +347,34 @@ def _text(problem: ContactProblem, settings: SolverSettings, folder: Path, files
         recipe = MeshRecipe(files.put("mesh.msh", msh_text(problem.mesh)))
     aside = Aside(folder, None if files is None else files.table)
     data: dict[str, object] = {"title": problem.title} if problem.title else {}
+    if isinstance(problem, ScalarProblem):
+        data = {
+            "kind": problem.kind.value,
+            **data,
+            "mesh": mesh_record(recipe, problem.order, Quadrature.NODAL, folder),
+        }
+        return _encoded(data | scalar_record(problem, aside) | _time_records(stated, problem.kind), settings)
     data["mesh"] = mesh_record(recipe, problem.order, problem.quadrature, folder)
     data["material"] = material_record(problem.material)
-    data["loads"] = loads_record(problem.body_force, problem.tractions, problem.mesh.dim)
+    data["loads"] = loads_record(problem.body_force, problem.tractions, problem.bedding, problem.mesh.dim)
     data["supports"] = supports_record(problem.supports)
     data["contact"] = {name: contact_record(name, contact, aside) for name, contact in problem.contact.items()}
+    if stated.heat is not None:
+        data["heat"] = heat_record(stated.heat, aside)
+    return _encoded(data | _time_records(stated), settings)
+
+
+def _time_records(stated: ProblemFile, scalar: ScalarKind | None = None) -> dict[str, object]:
+    """The tables [time] and [output]."""
+    found: dict[str, object] = {}
+    if stated.time is not None:
+        found["time"] = time_record(stated.time, scalar)
+    if stated.output is not None:
+        found["output"] = output_record(stated.output)
+    return found
+
+
+def _encoded(data: dict[str, object], settings: SolverSettings) -> str:
     data["solver"] = {key: value for key, value in vars(settings).items() if value is not None}
     text = text_of(data)
     try:

@@ -17,13 +17,11 @@ from hemivar.certify import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
-from hemivar.files.boundary import global_vectors
 from hemivar.solvers import BoundaryResult, ContactState, Progress, Solution
 
 __all__ = [
     "MOST_BYTES",
     "boundary_names",
-    "foundation_force",
     "iteration_record",
     "plain",
     "prepared",
@@ -107,7 +105,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "resultants": {
             "normal_force": solution.normal_force,
             "friction_force": solution.friction_force,
-            "force": None if problem.contact.frames is None else foundation_force(solution),
+            "force": None if problem.contact.frames is None else solution.force,
         },
         "boundaries": {name: _boundary_record(solution.on(name)) for name in problem.contact.names},
         "reactions": _reactions(solution),
@@ -119,14 +117,9 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     return {key: plain(value) for key, value in record.items()}
 
 
-def foundation_force(solution: Solution) -> Array:
-    """Resultant force of the foundation on the body, global vector (d,): ``-sum_j w_j (lam_nu nu + lam_tau)``."""
-    problem = solution.problem
-    return np.asarray(-(problem.contact.weights @ global_vectors(problem, solution.multiplier)))
-
-
 def _boundary_record(result: BoundaryResult) -> dict[str, Any]:
-    return {"normal_force": result.normal_force, "force": result.force, "contact_length": result.contact_length}
+    force = None if result.contact.frames is None else result.force
+    return {"normal_force": result.normal_force, "force": force, "contact_length": result.contact_length}
 
 
 def _reactions(solution: Solution) -> dict[str, Array] | None:

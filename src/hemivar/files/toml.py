@@ -11,16 +11,19 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.formula import VARIABLES, Formula, FormulaArray
+from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
 
-__all__ = ["KEYS", "Quantity", "Table", "array", "context", "hint", "kind", "listed", "printable", "text_of"]
+__all__ = ["KEYS", "Quantity", "Table", "array", "context", "kind", "listed", "printable", "text_of"]
+
+_MATERIAL = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "density", "viscosity", "branches")
 
 #: Keys of each table; tables named after boundaries or regions are written with a star.
 KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "": ("title", "mesh", "material", "loads", "supports", "contact", "solver"),
+        "": ("title", "mesh", "material", "loads", "supports", "contact", "heat", "time", "output", "solver"),
         "mesh": (
             "rectangle",
             "box",
@@ -33,16 +36,18 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "order",
             "quadrature",
         ),
-        "material": ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "regions"),
-        "material.regions.*": ("lame", "young", "poisson", "tensor", "out_of_plane", "plane"),
-        "loads": ("body", "traction", "pressure"),
-        "contact.*": ("normal", "friction", "gap", "obstacle", "normals"),
+        "material": (*_MATERIAL, "regions"),
+        "material.regions.*": _MATERIAL,
+        "loads": ("body", "traction", "pressure", "bedding"),
+        "contact.*": ("normal", "friction", "gap", "obstacle", "normals", "damping", "memory"),
+        "time": ("until", "step", "scheme", "inertia", "initial", "jump"),
+        "output": ("every", "fields", "animation", "table", "checkpoint", "probes"),
         "solver": ("method", "rtol", "max_steps", "max_time"),
     }
 )
 
 #: Tables that get a heading of their own when they are written; all others stand in one line.
-_HEADED = (*KEYS, "supports", "contact", "material.regions")
+_HEADED = (*KEYS, "supports", "contact", "material.regions", "area", "heat.contact")
 
 #: Characters of a value that a message repeats.
 _SHOWN = 60
@@ -134,7 +139,7 @@ class Table:
             quoted = f"; write one of {listed(choices)}" if choices else "; put it in quotes"
             raise self.error(key, f"must be a text, not {kind(value)}{quoted}")
         if choices is not None and value not in choices:
-            raise self.error(key, f"'{value}' is not known{hint(value, choices)}")
+            raise self.error(key, f"'{value}' is not known{suggest(value, choices)}")
         return value
 
     def number(self, key: str, value: object, what: str = "a number") -> float:
@@ -176,12 +181,21 @@ class Table:
         return tuple(self.number(key, v) for v in self.items(key, self.data[key], (length,), what))
 
     def quantity(
-        self, key: str, value: object, dim: int, minimum: float = -math.inf, above: float | None = None
+        self,
+        key: str,
+        value: object,
+        dim: int,
+        minimum: float = -math.inf,
+        above: float | None = None,
+        timed: bool = False,
     ) -> Quantity:
-        """A number, or a formula of the coordinates."""
+        """A number, or a formula of the coordinates, and of the time if it may change with it."""
         if isinstance(value, str):
             formula = Formula(value, self.where(key), minimum if minimum > -math.inf else None)
-            foreign = sorted(formula.variables - set(VARIABLES[:dim]))
+            if TIME in formula.variables and not timed:
+                what = "this cannot change with time; give a formula of the coordinates"
+                raise self.error(key, f"formula '{value}' uses {TIME}, but {what}")
+            foreign = sorted(formula.variables - {*VARIABLES[:dim], TIME})
             if foreign:
                 raise self.error(key, f"formula '{value}' uses {foreign[0]}, but the mesh is plane; use x and y")
             if formula.variables:
@@ -195,10 +209,10 @@ class Table:
             raise self.error(key, f"is {number:g}; it must be greater than {above:g}")
         return number
 
-    def vector(self, key: str, value: object, dim: int) -> Array | FormulaArray:
-        """A vector of numbers, or a function of the coordinates."""
+    def vector(self, key: str, value: object, dim: int, timed: bool = False) -> Array | FormulaArray:
+        """A vector of numbers, or a function of the coordinates, and of the time if it may change with it."""
         what = f"a list of {dim} numbers or formulas, one for each direction"
-        return array([self.quantity(key, v, dim) for v in self.items(key, value, (dim,), what)], (dim,))
+        return array([self.quantity(key, v, dim, timed=timed) for v in self.items(key, value, (dim,), what)], (dim,))
 
 
 def array(entries: list[Quantity], shape: tuple[int, ...]) -> Array | FormulaArray:
@@ -243,13 +257,6 @@ def printable(value: object) -> str:
 def listed(names: Sequence[str]) -> str:
     """Names in quotes."""
     return ", ".join(f'"{name}"' for name in names)
-
-
-def hint(name: str, known: Sequence[str], what: str = "known") -> str:
-    """The name that was perhaps meant, and all that are known."""
-    close = difflib.get_close_matches(name, known, n=1)
-    guess = f"; did you mean '{close[0]}'?" if close else ""
-    return f"{guess} ({what}: {', '.join(known) or 'none'})"
 
 
 @contextmanager

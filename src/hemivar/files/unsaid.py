@@ -52,7 +52,7 @@ def difference(given: object, found: object, where: str = "") -> str | None:
         if set(given) != set(found):
             return where
         pairs = [(value, found[key], f"{where}['{key}']") for key, value in given.items()]
-    elif isinstance(given, tuple | list) and any(isinstance(entry, Formula) for entry in given):
+    elif isinstance(given, tuple | list) and any(isinstance(entry, Formula) or _is_part(entry) for entry in given):
         if not isinstance(found, tuple | list) or len(found) != len(given):
             return where
         pairs = [(one, other, f"{where}[{k}]") for k, (one, other) in enumerate(zip(given, found, strict=True))]
@@ -61,6 +61,10 @@ def difference(given: object, found: object, where: str = "") -> str | None:
     else:
         return None if _numbers(given, found) else where
     return next((place for one, other, path in pairs if (place := difference(one, other, path))), None)
+
+
+def _is_part(entry: object) -> bool:
+    return is_dataclass(entry) and not isinstance(entry, type)
 
 
 def _numbers(given: object, found: object) -> bool:

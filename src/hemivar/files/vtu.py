@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -15,20 +16,32 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, strain, stress, von_mises
 from hemivar.fem.assembly import region_masks
-from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors
+from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.files.record import prepared
+from hemivar.files.scalar_vtu import scalar_fields
+from hemivar.files.snapshot import Snapshot
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Solution
+from hemivar.solvers.boundary_result import ContactValues
 
-__all__ = ["region_numbers", "symmetric_stress", "three_components", "write_grid", "write_vtu"]
+__all__ = [
+    "CELL_TYPES",
+    "contact_quantities",
+    "region_numbers",
+    "symmetric_stress",
+    "three_components",
+    "write_grid",
+    "write_vtu",
+]
 
 
-_CELL_TYPES = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
+CELL_TYPES = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
 _FACET_TYPES = {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle", (3, 2): "triangle6"}
 
 
-def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
+def write_vtu(solution: Solution | Snapshot, path: str | Path) -> tuple[Path, Path | None]:
     """Write the body as ``path`` and its contact boundaries as ``*_contact.vtu``, for ParaView and the like.
 
     Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
@@ -40,11 +53,17 @@ def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
 
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
     models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).
-    Quadratic fields use quadratic cells, with the stress of the centroid.
+    Quadratic fields use quadratic cells, with the stress of the centroid.  A scalar problem is one file, with the data
+    of :func:`hemivar.files.scalar_vtu.scalar_fields`.
+
+    Of a moment of an evolution the stress is the elastic one, ``velocity`` and ``rate`` (of the contact points, global
+    vectors) join the point data, and so does what contact points remember, by its name; ``state`` tells slip by the
+    rate.  Of a body with heat there are ``temperature`` at the points and ``thermal_stress`` in the cells, the rows of
+    a matrix (d, d) that the whole stress is smaller by.
 
     Parameters
     ----------
-    solution : Solution
+    solution : Solution or Snapshot
         Of a problem with a mesh.
     path : str or Path
         Must end in ``.vtu``.
@@ -65,16 +84,31 @@ def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
     if field is None:
         raise ProblemError("this problem was made of arrays and has no mesh to draw on; use write_json or write_csv")
     mesh, order = field.mesh, field.order
+    if isinstance(problem.origin, ScalarProblem):
+        at_points, in_cells = (
+            {name: three_components(values) if values.ndim == 2 else values for name, values in data.items()}
+            for data in scalar_fields(solution)
+        )
+        kind = {CELL_TYPES[mesh.dim, order]: mesh.cell_nodes(order)}
+        cells = {"region": region_numbers(mesh), **in_cells}
+        write_grid(path, three_components(field.nodes), kind, at_points, cells, problem.contact.names)
+        return path, None
     boundaries = contact_boundaries(problem)
     nodes = field.nodes
     point_data: dict[str, Array] = {"displacement": three_components(solution.displacement)}
+    if isinstance(solution, Snapshot):
+        point_data["velocity"] = three_components(solution.velocity)
+        if solution.temperature is not None:
+            point_data["temperature"] = solution.temperature
     cell_data: dict[str, Array] = {"region": region_numbers(mesh)}
-    if problem.origin is not None:
+    if isinstance(problem.origin, ContactProblem):
         tensor = symmetric_stress(problem.origin, solution.displacement)
         point_data["stress"] = nodal_average(problem.origin, tensor)
         cell_data |= {"stress": tensor, "von_mises": von_mises(problem.origin, solution.displacement)}
+        if isinstance(solution, Snapshot) and solution.thermal_stress is not None:
+            cell_data["thermal_stress"] = solution.thermal_stress.reshape(len(solution.thermal_stress), -1)
     names = problem.contact.names
-    quantities = _contact_quantities(solution)
+    quantities = contact_quantities(solution) if problem.contact_points else {}
     for name, (_, fill) in quantities.items():
         point_data[name] = np.full((len(nodes), *quantities[name][0].shape[1:]), fill)
     blocks: list[tuple[ContactBoundary, dict[str, Array]]] = []
@@ -88,7 +122,7 @@ def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
     write_grid(
         path,
         three_components(nodes),
-        {_CELL_TYPES[mesh.dim, order]: mesh.cell_nodes(order)},
+        {CELL_TYPES[mesh.dim, order]: mesh.cell_nodes(order)},
         point_data,
         cell_data,
         names,
@@ -100,25 +134,31 @@ def write_vtu(solution: Solution, path: str | Path) -> tuple[Path, Path | None]:
     return path, second
 
 
-def _contact_quantities(solution: Solution) -> dict[str, tuple[Array, float]]:
+def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
     """Values at contact points, and what to write elsewhere."""
-    problem = solution.problem
-    if problem.contact_points == 0:
-        return {}
-    friction = global_vectors(problem, solution.multiplier, normal=False)
-    return {
-        "pressure": (solution.pressure, 0.0),
-        "gap": (problem.contact.gap, 0.0),
-        "penetration": (solution.penetration, 0.0),
-        "friction": (three_components(friction), 0.0),
-        "slip": (three_components(global_vectors(problem, solution.local, normal=False)), 0.0),
-        "contact_force": (three_components(-global_vectors(problem, solution.multiplier)), 0.0),
-        "state": (solution.state.astype(float), -1.0),
-        "boundary": (problem.contact.boundary.astype(float), -1.0),
+    contact = seen.contact
+    quantities = {
+        "pressure": (seen.pressure, 0.0),
+        "gap": (contact.gap, 0.0),
+        "penetration": (seen.penetration, 0.0),
+        "friction": (three_components(-seen.friction_vectors), 0.0),
+        "slip": (three_components(seen.slip_vectors), 0.0),
+        "contact_force": (three_components(seen.tractions), 0.0),
+        "state": (seen.state.astype(float), -1.0),
+        "boundary": (contact.boundary.astype(float), -1.0),
     }
+    if isinstance(seen, Snapshot):
+        quantities["rate"] = (three_components(contact.global_vectors(seen.rate)), 0.0)
+        for name, values in seen.memory.items():
+            kept = np.asarray(values, dtype=float)
+            free = name if name not in (*quantities, "displacement", "velocity", "stress") else f"memory of {name}"
+            quantities[free] = (kept.reshape(len(kept), math.prod(kept.shape[1:])) if kept.ndim > 1 else kept, 0.0)
+    return quantities
 
 
-def _write_contact(path: Path, solution: Solution, blocks: list[tuple[ContactBoundary, dict[str, Array]]]) -> None:
+def _write_contact(
+    path: Path, solution: Solution | Snapshot, blocks: list[tuple[ContactBoundary, dict[str, Array]]]
+) -> None:
     field, names = solution.problem.field, solution.problem.contact.names
     assert field is not None
     kind = _FACET_TYPES[field.mesh.dim, field.order]

@@ -1,0 +1,221 @@
+"""The table of an evolution, a row for each step: as columns, CSV, Parquet, pandas and JSON, and read back."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.basics.disk import read_text, shown, whole_file, write_text
+from hemivar.basics.types import Array
+from hemivar.errors import FileError, ProblemError
+from hemivar.evolution.history import History
+from hemivar.files.record import plain, prepared, version
+from hemivar.files.series import write_pvd, write_xdmf
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+__all__ = [
+    "HISTORY_FILES",
+    "check_table",
+    "history_columns",
+    "history_frame",
+    "history_record",
+    "read_history_table",
+    "write_history",
+    "write_history_json",
+    "write_history_table",
+]
+
+#: Suffixes that :func:`write_history` knows.
+HISTORY_FILES = (".pvd", ".xdmf", ".csv", ".parquet", ".json")
+_WHOLE = ("solver_steps", "jumped")
+
+
+def history_columns(history: History) -> dict[str, Array]:
+    """The table by columns, each (rows,): floats, whole numbers for ``solver_steps`` and ``jumped`` (0 or 1)."""
+    found: dict[str, Array] = {}
+    for name in history.columns:
+        values = history[name]
+        found[name] = np.asarray(values.astype(np.int64) if name in _WHOLE else values)
+    return found
+
+
+def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
+    """Write an evolution, by the suffix of the name.
+
+    ``.pvd`` the frames for ParaView, with a folder of VTU files beside it; ``.xdmf`` displacement and velocity of the
+    frames in one file; ``.csv`` and ``.parquet`` the table; ``.json`` the record of :func:`history_record`.
+
+    Parameters
+    ----------
+    history : History
+    path : str or Path
+
+    Returns
+    -------
+    tuple of Path
+        The files to open.
+
+    Raises
+    ------
+    ProblemError
+        Another suffix, or a package that the format needs is not installed.
+    FileError
+        A file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".pvd":
+        return write_pvd(history, path)
+    if suffix == ".xdmf":
+        return (write_xdmf(history, path),)
+    if suffix == ".json":
+        return (write_history_json(history, path),)
+    if suffix in (".csv", ".parquet"):
+        return (write_history_table(history_columns(history), path),)
+    raise ProblemError(f"'{path}': a history is written as {', '.join(HISTORY_FILES)}, not '{suffix}'")
+
+
+def write_history_table(columns: Mapping[str, Array], path: str | Path) -> Path:
+    """Write a table as ``.csv`` (every number so that it is read back the same) or ``.parquet``.
+
+    Raises
+    ------
+    ProblemError
+        Another suffix; pyarrow is not installed.
+    FileError
+        The file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".parquet":
+        path = prepared(path, ".parquet")
+        arrow, parquet = _arrow()
+        with whole_file(path) as name:
+            parquet.write_table(arrow.table({name: np.asarray(values) for name, values in columns.items()}), name)
+        return path
+    path = prepared(path, ".csv")
+    text = io.StringIO()
+    rows = csv.writer(text)
+    rows.writerow(columns)
+    rows.writerows(zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True))
+    write_text(path, text.getvalue())
+    return path
+
+
+def check_table(path: Path) -> None:
+    """Refuse, before the work, a table that could not be written after it.
+
+    Raises
+    ------
+    ProblemError
+        pyarrow is not installed.
+    """
+    if path.suffix.lower() == ".parquet":
+        _arrow()
+
+
+def _arrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise ProblemError("pyarrow is not installed; pip install pyarrow, or write the table as .csv") from None
+    return pyarrow, pyarrow.parquet
+
+
+def read_history_table(path: str | Path) -> dict[str, Array]:
+    """A table that :func:`write_history_table` wrote, by columns.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read, or is no such table.
+    ProblemError
+        pyarrow is not installed.
+    """
+    path = Path(path)
+    name = shown(path)
+    if path.suffix.lower() == ".parquet":
+        _, parquet = _arrow()
+        try:
+            table = parquet.read_table(path)
+        except Exception as error:
+            raise FileError(f"{name}: this is no table of a history ({error}); write it with --table") from None
+        columns = {column: np.asarray(table[column], dtype=float) for column in table.column_names}
+    else:
+        rows = [row for row in csv.reader(io.StringIO(read_text(path, "table of a history"))) if row]
+        columns = _columns(name, rows)
+    if not {"time", "step"} <= columns.keys() or not len(columns["time"]):
+        raise FileError(
+            f"{name}: this is no table of a history, which has columns 'time' and 'step' and a row for each step; "
+            "write it with 'hemivar march FILE --table run.csv'"
+        )
+    return columns
+
+
+def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
+    head, body = (rows[0], rows[1:]) if rows else ((), ())
+    for number, row in enumerate(body, start=2):
+        if len(row) != len(head):
+            raise FileError(f"{name}: row {number} has {len(row)} entries, the head {len(head)}; write the table anew")
+    columns = {}
+    for k, column in enumerate(head):
+        try:
+            columns[column] = np.array([float(row[k]) for row in body])
+        except ValueError as error:
+            raise FileError(f"{name}: column '{column}' holds no numbers ({error}); write the table anew") from None
+    return columns
+
+
+def history_frame(history: History) -> DataFrame:
+    """The table as a pandas DataFrame.
+
+    Raises
+    ------
+    ProblemError
+        pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise ProblemError(
+            "pandas is not installed; pip install pandas, or take history.table, which needs numpy only"
+        ) from None
+    return pandas.DataFrame(history_columns(history))
+
+
+def write_history_json(history: History, path: str | Path) -> Path:
+    """Write :func:`history_record` to a file that ends in ``.json``; returns its path."""
+    path = prepared(path, ".json")
+    write_text(path, json.dumps(history_record(history), allow_nan=False) + "\n")
+    return path
+
+
+def history_record(history: History) -> dict[str, Any]:
+    """An evolution as plain numbers, texts and lists; numbers that are not finite become None.
+
+    ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
+    ``time_error`` (norm, bound, why), ``events`` (time, name), ``messages``, and ``table``: a list for each column.
+    """
+    error = history.time_error
+    record = {
+        "hemivar": version(),
+        "ended": history.ended,
+        "time": history.moment.time,
+        "steps": len(history.rows) - 1,
+        "solver_steps": int(history["solver_steps"].sum()),
+        "margin": history.margin,
+        "residual": history.residual,
+        "ledger": dict(history.ledger),
+        "time_error": {"norm": error.norm, "bound": error.bound, "why": error.why},
+        "events": [list(event) for event in history.events],
+        "messages": list(history.messages),
+        "table": history_columns(history),
+    }
+    return {key: plain(value) for key, value in record.items()}

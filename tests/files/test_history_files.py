@@ -1,0 +1,321 @@
+"""Histories in files: times and arrays come back, also from a march that did not end."""
+
+from __future__ import annotations
+
+import csv
+import json
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.errors import FileError, ProblemError
+from hemivar.evolution import Evolution, Frame, History, March, Save, march, marching
+from hemivar.files import read_film, read_history_table
+from hemivar.files.history_table import HISTORY_FILES
+from hemivar.files.series import Series
+from hemivar.files.snapshot import moving_state, snapshot
+from hemivar.linear.vectors import Whole
+from hemivar.solvers import ContactState
+
+
+def pressed(gap: object = 0.02) -> Evolution:
+    """A block that falls on a foundation and is pushed along it."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((2.0, 1.0), (6, 3)),
+        material=hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.4, 0.4)),
+        supports={"left": hv.Clamped()},
+        body_force=(0.0, -0.5),
+        tractions={"right": (-0.3, 0.0)},
+        contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.05), gap=gap)},
+        title="block",
+    )
+    return Evolution(problem, inertia=True)
+
+
+@pytest.fixture(scope="module")
+def history() -> History:
+    return march(pressed(), 1.0, step=0.05, save=Save(every=0.1, probes={"tip": (2.0, 1.0)}))
+
+
+def times_of(path: Path) -> tuple[list[float], list[Path]]:
+    """What a PVD lists, by the rules of its format and no code of ours."""
+    entries = list(ElementTree.parse(path).getroot().iter("DataSet"))
+    return [float(e.attrib["timestep"]) for e in entries], [path.parent / e.attrib["file"] for e in entries]
+
+
+def test_pvd_has_every_frame_at_its_time(history: History, tmp_path: Path) -> None:
+    made = history.write(tmp_path / "run.pvd")
+    assert made == (tmp_path / "run.pvd", tmp_path / "run_contact.pvd")
+    times, files = times_of(made[0])
+    assert times == [frame.time for frame in history.frames]
+    assert times[-1] == 1.0
+    for frame, file in zip(history.frames, files, strict=True):
+        read = meshio.read(file)
+        assert np.array_equal(read.point_data["displacement"][:, :2], frame.displacement)
+        assert np.array_equal(read.point_data["velocity"][:, :2], frame.velocity)
+        contact = history.discrete.problem.contact
+        assert np.array_equal(read.point_data["pressure"][contact.node], frame.multiplier[:, 0])
+        assert np.array_equal(read.point_data["penetration"][contact.node], frame.local[:, 0])
+        assert np.abs(read.point_data["rate"][contact.node] - contact_rate(history, frame)).max() < 1e-15
+    assert times_of(made[1])[0] == times
+    numbers = [int(file.stem.rpartition("_")[2]) for file in files]
+    assert np.array_equal(history.times[numbers], times)
+
+
+def contact_rate(history: History, frame: object) -> np.ndarray:
+    """The rate of contact points from the nodal velocity: the foundation of this block is at rest."""
+    contact = history.discrete.problem.contact
+    velocity = frame.velocity[contact.node]  # type: ignore[attr-defined]
+    return np.hstack([velocity, np.zeros((len(velocity), 1))])
+
+
+def test_paraview_reads_the_pvd_and_the_xdmf(history: History, tmp_path: Path) -> None:
+    pyvista = pytest.importorskip("pyvista")
+    for name in ("run.pvd", "run.xdmf"):
+        reader = pyvista.get_reader(history.write(tmp_path / name)[0])
+        assert list(reader.time_values) == [frame.time for frame in history.frames]
+        for frame in (history.frames[3], history.frames[-1]):
+            reader.set_active_time_value(frame.time)
+            blocks = reader.read()
+            body = next(b for b in blocks if b is not None and b.n_points == len(frame.displacement))
+            assert np.array_equal(body["displacement"][:, :2], frame.displacement)
+
+
+def test_xdmf_is_read_by_meshio(history: History, tmp_path: Path) -> None:
+    (path,) = history.write(tmp_path / "run.xdmf")
+    assert [file.name for file in tmp_path.iterdir()] == ["run.xdmf"]
+    with meshio.xdmf.TimeSeriesReader(path) as reader:
+        points, _ = reader.read_points_cells()
+        assert np.array_equal(points[:, :2], history.discrete.field.nodes)
+        assert reader.num_steps == len(history.frames)
+        for k, frame in enumerate(history.frames):
+            time, data, _ = reader.read_data(k)
+            assert time == frame.time
+            assert np.array_equal(data["displacement"][:, :2], frame.displacement)
+            assert np.array_equal(data["velocity"][:, :2], frame.velocity)
+
+
+def test_frames_are_listed_in_the_order_of_time(history: History, tmp_path: Path) -> None:
+    """Also those that come later for earlier steps."""
+    series = Series(tmp_path / "run.pvd", history.discrete)
+    for step in (8, 2, 5):
+        series.add([(step, history.frames[step])])
+    times, files = times_of(tmp_path / "run.pvd")
+    assert times == [history.frames[step].time for step in (2, 5, 8)]
+    assert [file.stem for file in files] == ["run_000002", "run_000005", "run_000008"]
+
+
+def test_files_of_a_march_that_is_left_are_whole(tmp_path: Path) -> None:
+    """Frames are written as they come; the end takes out what the march has thinned."""
+    work = marching(pressed(), March(1.0, step=0.05, save=Save(most=4)))
+    series: Series | None = None
+    seen = []
+    for stepped, _ in zip(work, range(9), strict=False):
+        if series is None:
+            series = Series(tmp_path / "run.pvd", march_discrete(work))
+        new = [] if stepped.frame is None else [(stepped.moment.index, stepped.frame)]
+        series.add([*stepped.earlier, *new])
+        seen += [*(f.time for _, f in stepped.earlier), *(f.time for _, f in new)]
+        times, files = times_of(tmp_path / "run.pvd")
+        assert times == seen
+        assert all(len(meshio.read(file).points) for file in files)
+    assert seen[0] == 0.0
+    work.close()
+
+
+def march_discrete(work: object) -> object:
+    """The discrete evolution of a march, from inside of its generator."""
+    return work.gi_frame.f_locals["discrete"]  # type: ignore[attr-defined]
+
+
+def test_the_end_of_a_series_names_what_was_kept(tmp_path: Path) -> None:
+    history = march(pressed(), 1.0, step=0.05, save=Save(most=4))
+    series = Series(tmp_path / "run.pvd", history.discrete)
+    extra = history.frames[1]
+    series.add([(0, history.frames[0]), (17, extra)])
+    assert (tmp_path / "run" / "run_000017.vtu").exists()
+    from hemivar.files.series import numbered
+
+    series.finish(numbered(history))
+    times, files = times_of(tmp_path / "run.pvd")
+    assert times == [frame.time for frame in history.frames]
+    assert sorted(files) == sorted(file for file in (tmp_path / "run").iterdir() if "contact" not in file.name)
+
+
+def test_csv_keeps_every_bit(history: History, tmp_path: Path) -> None:
+    (path,) = history.write(tmp_path / "run.csv")
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(history.rows)
+    for name in history.columns:
+        given = np.array([float(row[name]) for row in rows])
+        assert np.array_equal(given, history[name], equal_nan=True)
+    assert rows[3]["jumped"] == "0"
+    again = read_history_table(path)
+    assert list(again) == list(history.columns)
+    assert np.array_equal(again["tip.u_y"], history["tip.u_y"])
+
+
+def test_parquet_keeps_every_bit_or_says_what_is_missing(history: History, tmp_path: Path) -> None:
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        with pytest.raises(ProblemError, match=r"pyarrow is not installed; .*\.csv"):
+            history.write(tmp_path / "run.parquet")
+        return
+    (path,) = history.write(tmp_path / "run.parquet")
+    again = read_history_table(path)
+    assert all(np.array_equal(again[name], history[name], equal_nan=True) for name in history.columns)
+
+
+def test_dataframe(history: History) -> None:
+    try:
+        import pandas  # noqa: F401
+    except ImportError:
+        with pytest.raises(ProblemError, match=r"pandas is not installed; .*history\.table"):
+            history.to_dataframe()
+        return
+    frame = history.to_dataframe()
+    assert list(frame.columns) == list(history.columns)
+    assert np.array_equal(frame["normal_force"].to_numpy(), history["normal_force"])
+
+
+def test_json(history: History, tmp_path: Path) -> None:
+    record = json.loads(history.to_json(tmp_path / "run.json").read_text())
+    assert record == history.to_dict()
+    assert record["ended"] == "finished"
+    assert record["table"]["time"] == history.times.tolist()
+    assert record["table"]["margin"][0] is None
+    assert record["ledger"]["work"] == history.ledger["work"]
+    assert (record["steps"], record["time"]) == (20, 1.0)
+    assert record["solver_steps"] == sum(record["table"]["solver_steps"])
+    assert record["residual"] == max(record["table"]["residual"][1:])
+    assert record["margin"] == min(record["table"]["margin"][1:])
+    told = replace(history, events=((0.3, "touch"),), messages=("it jumped",)).to_dict()
+    assert (told["events"], told["messages"]) == ([[0.3, "touch"]], ["it jumped"])
+
+
+def test_other_names_are_refused(history: History, tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="a history is written as"):
+        history.write(tmp_path / "run.txt")
+    assert ".pvd" in HISTORY_FILES
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "this is no table of a history"),
+        ("a,b\r\n1,2\r\n", "has columns 'time' and 'step'"),
+        ("time,step\r\n", "this is no table of a history"),
+        ("time,step\r\n1\r\n", "row 2 has 1 entries, the head 2"),
+        ("time,step\r\n1,x\r\n", "column 'step' holds no numbers"),
+    ],
+)
+def test_tables_that_are_none(text: str, says: str, tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(FileError, match=says):
+        read_history_table(tmp_path / "t.csv")
+
+
+def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None:
+    path = tmp_path / "run.pvd"
+    for text, says in (
+        ("<VTKFile", "this is no PVD file"),
+        ("<VTKFile><Collection></Collection></VTKFile>", "holds no frame"),
+        ('<VTKFile><DataSet timestep="x" file="a.vtu"/></VTKFile>', "this is no PVD file"),
+        ('<VTKFile><DataSet timestep="0" file="a.vtu"/></VTKFile>', r"a\.vtu"),
+    ):
+        path.write_text(text)
+        with pytest.raises(FileError, match=says):
+            read_film(path)
+    with pytest.raises(FileError, match=r"^cannot read PVD file .*nothing\.pvd: no such file"):
+        read_film(tmp_path / "nothing.pvd")
+    history.write(path)
+    with pytest.raises(FileError, match="name the list of the bodies"):
+        read_film(tmp_path / "run_contact.pvd")
+    other = march(pressed(), 0.1, step=0.1)
+    small = replace(other.discrete.evolution.problem, mesh=hv.rectangle((2.0, 1.0), (2, 1)))
+    march(Evolution(small, inertia=True), 0.1, step=0.1).write(tmp_path / "small.pvd")
+    last = sorted((tmp_path / "run").glob("run_0*[0-9].vtu"))[-1]
+    last.write_bytes(sorted((tmp_path / "small").glob("small_0*[0-9].vtu"))[-1].read_bytes())
+    with pytest.raises(FileError, match="no frame of the same body"):
+        read_film(path).frame(len(history.frames) - 1)
+    (tmp_path / "run" / "run_000000.vtu").write_text("<nothing")
+    with pytest.raises(FileError, match="the frame cannot be read"):
+        read_film(path)
+
+
+# ---- states ----------------------------------------------------------------------------------------------------
+
+
+def test_slip_is_told_by_the_rate(history: History) -> None:
+    """Contact points that were carried along and rest now stick, whatever slip they have behind them."""
+    frame = history.frames[-1]
+    still = history.at(1.0)
+    assert np.array_equal(moving_state(still, 0.0), moving_state(frame, 0.0))
+    rest = replace(frame, rate=np.zeros_like(frame.rate), velocity=np.zeros_like(frame.velocity))
+    touched = frame.local[:, 0] > 0.0
+    assert touched.any()
+    assert np.abs(frame.local[touched, 1]).min() > 1e-6
+    assert (moving_state(rest, 0.0)[touched] == ContactState.STICK).all()
+    moving = replace(rest, rate=np.ones_like(frame.rate), velocity=np.ones_like(frame.velocity))
+    assert (moving_state(moving, 0.0)[touched] == ContactState.SLIP).all()
+    opened = replace(rest, local=frame.local - 1.0, multiplier=np.zeros_like(frame.multiplier))
+    assert (moving_state(opened, 0.0) == ContactState.OPEN).all()
+
+
+def test_what_a_solver_leaves_of_rest_is_no_slip(history: History) -> None:
+    """Rates are held against the largest speed, and where nothing moves against displacement over time."""
+    frame = history.frames[-1]
+    speed, place = np.abs(frame.velocity).max(), np.abs(frame.displacement).max()
+    touched = frame.local[:, 0] > 0.0
+
+    def states(rate: float, start: float = 0.0, moving: bool = True) -> np.ndarray:
+        velocity = frame.velocity if moving else np.zeros_like(frame.velocity)
+        given = replace(frame, rate=np.full_like(frame.rate, rate), velocity=velocity)
+        return moving_state(given, start)[touched]
+
+    assert (states(1e-7 * speed) == ContactState.STICK).all()
+    assert (states(1e-4 * speed) == ContactState.SLIP).all()
+    assert (states(1e-10 * place, moving=False) == ContactState.STICK).all()
+    assert (states(1e-8 * place, moving=False) == ContactState.SLIP).all()
+    assert (states(1e-8 * place, start=frame.time - 0.01, moving=False) == ContactState.STICK).all()
+
+
+def test_glue_that_pulls_is_not_open(history: History) -> None:
+    frame = history.frames[-1]
+    lifted = replace(frame, local=frame.local - 1.0, multiplier=np.full_like(frame.multiplier, -0.1))
+    assert not (moving_state(lifted, 0.0) == ContactState.OPEN).any()
+
+
+def test_a_gap_that_moves_is_that_of_its_time() -> None:
+    found = march(pressed(gap=lambda x, t: 0.02 + 0.1 * t + 0.0 * x[:, 0]), 0.4, step=0.1)
+    gaps = [snapshot(found.discrete, frame).problem.contact.gap for frame in found.frames]
+    for frame, gap in zip(found.frames, gaps, strict=True):
+        assert gap == pytest.approx(np.full_like(gap, 0.02 + 0.1 * frame.time), rel=1e-14)
+
+
+def test_states_are_told_by_the_sizes_of_all_processes() -> None:
+    """A process whose points hardly move sees rounding, and must not take it for pressure or slip."""
+
+    class All(Whole):
+        """What a process with nothing but rounding learns from another."""
+
+        def largest(self, *values: float) -> Array:
+            return np.maximum(values, 1.0)
+
+    noise, none = 1e-16 * np.array([[-1.0, 1.0]]), np.zeros((1, 2))
+    lifted = np.array([[-1e-3, 0.0]])
+    frame = Frame(1.0, none, none, lifted, noise, none)
+    assert moving_state(frame, 0.0, All())[0] == ContactState.OPEN
+    assert moving_state(frame, 0.0)[0] != ContactState.OPEN
+    pressed = np.array([[1e-3, 0.0]])
+    frame = Frame(1.0, none, none, pressed, pressed, noise)
+    assert moving_state(frame, 0.0, All())[0] == ContactState.STICK
+    assert moving_state(frame, 0.0)[0] == ContactState.SLIP
