@@ -79,6 +79,7 @@ def test_report_is_one_page(small):
     assert "numpy" in page
 
 
+@pytest.mark.slow
 def test_interruption_leaves_a_report(tmp_path):
     def progress(stage):
         if stage.name.startswith("Figure 2"):
@@ -93,6 +94,7 @@ def test_interruption_leaves_a_report(tmp_path):
     assert result.runs.errors == {}
 
 
+@pytest.mark.slow
 def test_time_limit_is_said_and_the_run_goes_on(tmp_path):
     result = run_survey(tmp_path, max_n=8, method_time_limit=1e-9)
     times = [cell for row in result.table1().rows if row[2] == "hemivar" and "time" in row[1] for cell in row[3:]]

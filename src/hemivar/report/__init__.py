@@ -1,9 +1,12 @@
 """Figures, tables and files of results."""
 
+from hemivar.report.animation import animate
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
+from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
 from hemivar.report.law_figures import plot_law
+from hemivar.report.march_figures import MARCH_FIGURES, Units, plot_march
 from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
@@ -13,15 +16,20 @@ from hemivar.report.survey import SurveyReport, run_survey
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 
 __all__ = [
+    "MARCH_FIGURES",
     "PAPER_TABLE_1",
     "Arrows",
+    "FilmColour",
     "SurveyReport",
     "Table",
+    "Units",
+    "animate",
     "comparison_table",
     "plot_contact",
     "plot_errors",
     "plot_history",
     "plot_law",
+    "plot_march",
     "plot_path",
     "plot_problem",
     "plot_solution",

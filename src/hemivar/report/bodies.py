@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
 from hemivar.errors import ProblemError
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.plane_body import Arrows, PlaneBody
+from hemivar.report.scalar_map import plot_scalar
 from hemivar.report.solid_body import draw_solid
-from hemivar.report.style import axes_on, drawing, with_unit
+from hemivar.report.style import body_axes, drawing
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ def plot_solution(
     body at rest (dashed), the foundation (hatched) and the contact nodes by state. The forces of the foundation on
     the body are mirrored with respect to the contact boundary, as in the survey's Figures 1 to 4: they are drawn
     inside the foundation. A 3D body is drawn by its surface, coloured by the von Mises stress, without forces.
+    Of a scalar problem the unknown is drawn in colours over the mesh, hatched where an area is in contact.
 
     Parameters
     ----------
@@ -64,6 +65,9 @@ def plot_solution(
     ProblemError
         The problem was made of arrays and has no mesh; or ``scale`` is not a positive number.
     """
+    if isinstance(solution.problem.origin, ScalarProblem):
+        with drawing():
+            return plot_scalar(solution, ax, title, note, unit, stress_unit, legend)
     body = DeformedBody.of(solution, scale)
     try:
         arrows = Arrows(arrows)
@@ -72,11 +76,6 @@ def plot_solution(
     with drawing():
         if body.mesh.dim == 3:
             return draw_solid(body, title, unit, stress_unit)
-        width, height = np.ptp(body.mesh.points, axis=0)
-        fig, ax = axes_on(ax, (6.3, 0.9 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+        fig, ax = body_axes(ax, body.mesh.points, title, unit)
         PlaneBody(body, stress_unit).draw(ax, arrows, note, legend)
-        ax.set_xlabel(with_unit("x", unit))
-        ax.set_ylabel(with_unit("y", unit))
-        if title:
-            ax.set_title(title)
     return fig

@@ -11,8 +11,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import contact_boundaries
+from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.contact_maps import contact_maps
-from hemivar.report.style import GREEN, MARKERS, RED, drawing, with_unit
+from hemivar.report.scalar_map import area_maps, over_area
+from hemivar.report.style import GREEN, MARKERS, RED, drawing, state_mark, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ def plot_contact(solution: Solution, *, title: str | None = None, unit: str = ""
     axis, the arc length otherwise, and the number of the contact point for problems made of arrays. Marks tell the
     contact state. In 3D each boundary is projected along its mean normal: colours show the pressure, the magnitude of
     the friction and the penetration; the fourth panel shows the states, with arrows for the slip in the tangent plane.
+    Of a contact over an area, force and penetration are drawn as maps.
 
     Parameters
     ----------
@@ -48,6 +51,10 @@ def plot_contact(solution: Solution, *, title: str | None = None, unit: str = ""
         raise ProblemError("the problem has no contact point; draw it with plot_solution")
     with drawing():
         contact = problem.contact
+        if over_area(solution).any():
+            return area_maps(solution, title, unit, stress_unit)
+        if isinstance(problem.origin, ScalarProblem) and problem.origin.mesh.dim == 3:
+            raise ProblemError("contact of one component in space is not drawn along a line; write it with write_vtu")
         if contact.components == 3 and contact.points is not None and contact.frames is not None:
             return contact_maps(solution, title, unit, stress_unit)
         return _contact_lines(solution, title, unit, stress_unit)
@@ -99,7 +106,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     if bound is not None:
         handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
     present = [kind for kind in MARKERS if (state == kind).any()]
-    handles += [Line2D([], [], ls="", ms=4.4, mew=0.7, label=kind.label, **MARKERS[kind]) for kind in present]
+    handles += [state_mark(kind, kind.label) for kind in present]
     fig.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=1.4, handlelength=1.8)
     if title:
         fig.suptitle(title, fontsize=10)

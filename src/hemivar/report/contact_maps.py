@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors
+from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.report.style import GREY, MANY_FACETS, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState, Solution
 
@@ -116,7 +116,7 @@ def _state_map(
             panel.plot(*places[here].T, "s", color=colour, mec=GREY, mew=0.3, ms=size, zorder=1)
         label = f"{kind.label} ({np.count_nonzero(here)})"
         handles.append(Line2D([], [], marker="s", ls="", color=colour, mec=GREY, mew=0.3, ms=5.0, label=label))
-    slip = global_vectors(problem, solution.local, normal=False)[boundary.index] @ axes.T
+    slip = solution.slip_vectors[boundary.index] @ axes.T
     length = np.linalg.norm(slip, axis=1)
     sliding = _thinned(places, np.flatnonzero(state == ContactState.SLIP), extent)
     if len(sliding) and (largest := float(length[sliding].max())) > 0.0:

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, von_mises
+from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import ContactState, Solution
 
@@ -102,7 +103,7 @@ class DeformedBody:
     def surface(self) -> tuple[Array, str]:
         """Values at the vertices, (N,), that colour the body, and their name: von Mises stress, else displacement."""
         origin = self.problem.origin
-        if origin is not None:
+        if isinstance(origin, ContactProblem):
             return nodal_average(self.mesh, von_mises(origin, self.solution.displacement)), "von Mises stress"
         return np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1), "displacement"
 

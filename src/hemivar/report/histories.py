@@ -10,7 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.report.style import BLUE, GREEN, ORANGE, PURPLE, RED, SKY, axes_on, drawing
+from hemivar.report.style import SERIES, axes_on, drawing
 from hemivar.solvers import Solution
 from hemivar.workflows.survey_runs import observed_order
 
@@ -51,7 +51,6 @@ def plot_errors(
     sizes = np.asarray(sizes, dtype=float)
     references = list(dict.fromkeys(reference for reference, _ in errors))
     methods = list(dict.fromkeys(method for _, method in errors))
-    colours = [BLUE, RED, GREEN, PURPLE, ORANGE, SKY]
     dashes = ["-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2))]
     marks = ["o", "s", "^", "D", "v", "P"]
     trusted = np.ones(len(sizes), dtype=bool)
@@ -73,7 +72,7 @@ def plot_errors(
             curves = [(ax, values, f"{method} against {reference}: {order:.2f}")]
             if below is not None:
                 curves.append((below, 100.0 * (values / least - 1.0), "_nolegend_"))
-            colour = colours[m % len(colours)]
+            colour = SERIES[m % len(SERIES)]
             for panel, heights, label in curves:
                 panel.plot(
                     sizes, heights, color=colour, ls=dashes[r % len(dashes)], lw=1.1, marker=marks[m % len(marks)],
@@ -98,7 +97,7 @@ def plot_errors(
             if reference_size is not None and not trusted.all():
                 panel.axvspan(0.1 * reference_size, 2.8 * reference_size, color="#f3ead7", lw=0, zorder=0)
         ax.set_xlim(sizes.min() / 1.5, sizes.max() * 1.3)
-        _slope_triangle(ax, sizes, errors)
+        _slope_triangle(ax, sizes, least)
         ax.legend(
             loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, title="method against reference: order",
             title_fontsize=8, alignment="left",
@@ -108,14 +107,13 @@ def plot_errors(
     return fig
 
 
-def _slope_triangle(ax: Axes, sizes: Array, errors: Mapping[tuple[str, str], Array]) -> None:
-    """A triangle of slope 1 below the curves."""
+def _slope_triangle(ax: Axes, sizes: Array, lowest: Array) -> None:
+    """A triangle of slope 1 below the curves, of which ``lowest`` is the lowest at each size."""
     if len(sizes) < 3:
         return
     order = np.argsort(sizes)
-    lowest = np.nanmin(np.array([np.asarray(v, dtype=float) for v in errors.values()]), axis=0)[order]
     left, right = sizes[order][1], sizes[order][2]
-    base = 0.55 * lowest[1]
+    base = 0.55 * lowest[order][1]
     if not np.isfinite(base):
         return
     ax.plot([left, right, right, left], [base, base, base * right / left, base], color="black", lw=0.8)
@@ -138,17 +136,17 @@ def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None 
     solutions = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not solutions:
         raise ProblemError("there is no solution to draw the history of")
-    colours = [BLUE, RED, GREEN, PURPLE, ORANGE, SKY]
     with drawing():
         fig = Figure(figsize=(6.3, 3.2), layout="constrained")
         left, right = fig.subplots(1, 2, sharex=True)
         for number, solution in enumerate(solutions):
-            lowest = min(min((line.energy for line in s.history), default=np.inf) for s in _same(solutions, solution))
+            alike = [other for other in solutions if other.problem is solution.problem]
+            lowest = min((line.energy for other in alike for line in other.history), default=np.inf)
             steps = np.array([line.step for line in solution.history])
             residual = np.array([line.residual for line in solution.history])
             above = np.array([line.energy for line in solution.history]) - lowest
             dash = "-" if number < 6 else (0, (4, 2))
-            style = {"color": colours[number % 6], "marker": "os^Dv"[number % 5], "ms": 3.2, "lw": 1.0, "ls": dash}
+            style = {"color": SERIES[number % 6], "marker": "os^Dv"[number % 5], "ms": 3.2, "lw": 1.0, "ls": dash}
             for panel, values in ((left, residual), (right, above)):
                 shown = np.isfinite(values) & (values > 0.0)
                 panel.plot(steps[shown], values[shown], label=solution.method, **style)
@@ -162,10 +160,6 @@ def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None 
         if title:
             fig.suptitle(title, fontsize=10)
     return fig
-
-
-def _same(solutions: Sequence[Solution], one: Solution) -> list[Solution]:
-    return [solution for solution in solutions if solution.problem is one.problem]
 
 
 def _fraction(h: float) -> str:

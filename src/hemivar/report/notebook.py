@@ -14,10 +14,12 @@ from hemivar.branches import Path, SolutionSet
 from hemivar.certify import Certificate
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.mechanics import ContactProblem
+from hemivar.evolution.history import History
+from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
+from hemivar.report.march_figures import plot_march
 from hemivar.report.path_diagrams import plot_path
 from hemivar.report.saving import png
 from hemivar.report.statement_figure import plot_problem
@@ -98,7 +100,7 @@ def _solution(solution: Solution) -> _Shown:
         ("kind", solution.kind),
         ("unknowns", problem.unknowns),
         ("contact points", ", ".join(f"{count} {name}" for name, count in counts.items() if count) or 0),
-        ("contact length" if problem.contact.components < 3 else "contact area", solution.contact_length),
+        (f"contact {solution.measured}", solution.contact_length),
         ("normal force", solution.normal_force),
         ("friction force", _numbers(solution.friction_force) if problem.contact.components > 1 else None),
         *(("warning", sentence) for sentence in solution.warnings),
@@ -173,6 +175,22 @@ def _problem(problem: ContactProblem) -> _Shown:
     return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
 
 
+def _scalar_problem(problem: ScalarProblem) -> _Shown:
+    regions = isinstance(problem.coefficient, Mapping)
+    rows: list[_Row] = [
+        ("mesh", f"{problem.mesh.number_of_cells} cells, {problem.mesh.number_of_nodes} vertices"),
+        ("elements", f"of order {problem.order}"),
+        (problem.kind.constant, "by region" if regions else _told(problem.coefficient)),
+        ("source", _told(problem.source)),
+        ("bedding", None if problem.bedding == 0.0 else _told(problem.bedding)),
+        *((f"support: {name}", _told(value)) for name, value in problem.supports.items()),
+        *((f"flux: {name}", _told(value)) for name, value in problem.fluxes.items()),
+        *((f"contact: {name}", one.law.name) for name, one in {**problem.contact, **problem.areas}.items()),
+    ]
+    heading = problem.title or f"Scalar problem: {problem.kind.value}"
+    return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
+
+
 def _discrete(problem: DiscreteProblem) -> _Shown:
     law = problem.law
     rows: list[_Row] = [
@@ -187,6 +205,25 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
     stated = problem.origin
     shown = stated is not None and _small(stated.mesh)
     return _title("Discrete problem", problem), lambda: [plot_problem(stated)] if stated and shown else [], _rows(rows)
+
+
+def _history(history: History) -> _Shown:
+    ledger, error = history.ledger, history.time_error
+    rows: list[_Row] = [
+        ("ended", f"{history.ended}, t = {_number(history.moment.time)}"),
+        ("steps", len(history.rows) - 1),
+        ("frames", len(history.frames)),
+        ("largest residual", history.residual),
+        ("least margin", history.margin),
+        ("work", ledger["work"] + ledger["moved"]),
+        ("gap of the ledger", ledger["gap"]),
+        ("error in time", f"at most {_number(error.bound)}" if error.norm else f"not known: {error.why}"),
+        *(("event", f"{name} at t = {_number(time)}") for time, name in history.events[:_MOST_ROWS]),
+        *(("message", sentence) for sentence in history.messages[:_MOST_ROWS]),
+    ]
+    drawn = len(history.rows) > 1
+    heading = _title("History", history.discrete.problem)
+    return heading, lambda: [plot_march(history)] if drawn else [], _rows(rows)
 
 
 def _title(what: str, problem: DiscreteProblem) -> str:
@@ -220,5 +257,7 @@ _KINDS: Mapping[type, Callable[..., _Shown]] = {
     Path: _path,
     SolutionSet: _solution_set,
     ContactProblem: _problem,
+    ScalarProblem: _scalar_problem,
     DiscreteProblem: _discrete,
+    History: _history,
 }

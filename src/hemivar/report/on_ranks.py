@@ -16,15 +16,18 @@ import numpy as np
 from hemivar.basics.disk import shown, whole_file
 from hemivar.basics.types import Array, IntArray
 from hemivar.certify import Certificate
-from hemivar.engines.petsc import DistributedSolution, Ranks
+from hemivar.discrete.contact import ContactPoints
+from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
 from hemivar.fem import nodal_average, von_mises
 from hemivar.files.record import iteration_record, plain, prepared, version
-from hemivar.files.vtu import region_numbers, symmetric_stress, three_components, write_grid
+from hemivar.files.snapshot import Snapshot
+from hemivar.files.vtu import contact_quantities, region_numbers, symmetric_stress, three_components, write_grid
 from hemivar.solvers import ContactState
+from hemivar.solvers.boundary_result import ContactValues
 
-__all__ = ["pieces_of", "write_json_on_ranks", "write_vtu_on_ranks"]
+__all__ = ["pieces_of", "write_frame_on_ranks", "write_json_on_ranks", "write_vtu_on_ranks"]
 
 _NODES_AT_A_TIME = 1 << 17
 
@@ -156,9 +159,39 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
     list of Path
         The ``.pvtu`` files.
     """
-    body, ranks, path = solution.body, solution.body.ranks, Path(path)
-    mesh = body.piece.mesh
-    fields, cell_fields = _fields(solution)
+    body = solution.body
+    seen = _Values(body.contact, solution.local, solution.multiplier, solution.state)
+    return _write_pieces(body, Path(path), seen, {"displacement": solution.displacement})
+
+
+def write_frame_on_ranks(body: BodyOnRanks, frame: Snapshot, path: str | Path) -> list[Path]:
+    """As :func:`write_vtu_on_ranks`, of a moment of an evolution over ranks.
+
+    Parameters
+    ----------
+    body : BodyOnRanks
+        The elastic body at the start.
+    frame : Snapshot
+        Displacements and velocities of the nodes of this rank's piece, and its contact points.
+    path : str or Path
+    """
+    return _write_pieces(body, Path(path), frame, {"displacement": frame.displacement, "velocity": frame.velocity})
+
+
+@dataclass(frozen=True, eq=False)
+class _Values(ContactValues):
+    """Values at the contact points of this rank."""
+
+    contact: ContactPoints
+    local: Array
+    multiplier: Array
+    state: IntArray
+
+
+def _write_pieces(body: BodyOnRanks, path: Path, seen: ContactValues, nodal: dict[str, Array]) -> list[Path]:
+    """Write the piece of each rank; the ``.pvtu`` files."""
+    ranks, mesh = body.ranks, body.piece.mesh
+    fields, cell_fields = _fields(body, seen, nodal)
     kind = {2: "triangle", 3: "tetra"}[mesh.dim]
     grids = [_Grid("", three_components(mesh.points), {kind: mesh.cells}, fields, cell_fields)]
     names = list(body.statement.contact)
@@ -166,7 +199,7 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
         facets = [mesh.boundaries[name] for name in names]
         number = np.concatenate([np.full(len(f), k, dtype=np.int32) for k, f in enumerate(facets)])
         used, place = np.unique(np.concatenate(facets).ravel(), return_inverse=True)
-        chosen = {name: values[used] for name, values in fields.items() if name != "stress"}
+        chosen = {name: values[used] for name, values in fields.items() if name not in ("stress", "velocity")}
         cells = {{2: "line", 3: "triangle"}[mesh.dim]: place.reshape(-1, mesh.dim)}
         grids.append(_Grid("_contact", three_components(mesh.points[used]), cells, chosen, {"boundary": number}))
     here = ranks.mpi.allgather([grid.count > 0 for grid in grids])
@@ -253,19 +286,20 @@ def _alone(folder: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
-def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, Array]]:
+def _fields(
+    body: BodyOnRanks, seen: ContactValues, nodal: dict[str, Array]
+) -> tuple[dict[str, Array], dict[str, Array]]:
     """Point and cell data of this rank's piece, as in the serial file."""
-    body, ranks = solution.body, solution.body.ranks
-    piece, mesh, statement = body.piece, body.piece.mesh, body.statement
-    nodes = mesh.number_of_nodes
-    point_data = {"displacement": three_components(solution.displacement)}
+    ranks, piece, mesh, statement = body.ranks, body.piece, body.piece.mesh, body.statement
+    nodes, displacement = mesh.number_of_nodes, nodal["displacement"]
+    point_data = {name: three_components(values) for name, values in nodal.items()}
     cell_data: dict[str, Array] = {"region": region_numbers(statement.mesh)}
     tensor, mises = np.zeros((0, 6)), np.zeros(0)
     size: Array = np.zeros(nodes)
     average = np.zeros((nodes, 6))
     if mesh.number_of_cells:
-        tensor = symmetric_stress(statement, solution.displacement)
-        mises = von_mises(statement, solution.displacement)
+        tensor = symmetric_stress(statement, displacement)
+        mises = von_mises(statement, displacement)
         size = np.asarray(
             np.bincount(mesh.cells.ravel(), weights=np.repeat(mesh.volumes, mesh.dim + 1), minlength=nodes), dtype=float
         )
@@ -275,22 +309,16 @@ def _fields(solution: DistributedSolution) -> tuple[dict[str, Array], dict[str, 
     cell_data |= {"stress": tensor, "von_mises": mises}
     if not statement.contact:
         return point_data, cell_data
-    contact, lam, r = body.contact, solution.multiplier, solution.local
-    tangential = np.arange(body.dim) > 0
-    values = [
-        lam[:, :1], body.offset[:, :1], r[:, :1], three_components(contact.global_vectors(lam * tangential)),
-        three_components(contact.global_vectors(r * tangential)),
-        three_components(-contact.global_vectors(lam)), solution.state[:, None], contact.boundary[:, None],
-    ]  # fmt: skip
-    table = np.zeros((nodes, 14))
-    table[:, 12:] = -1.0
+    contact, quantities = seen.contact, contact_quantities(seen)
+    columns = {name: values[:, None] if values.ndim == 1 else values for name, (values, _) in quantities.items()}
+    table = np.hstack([np.full((nodes, columns[name].shape[1]), fill) for name, (_, fill) in quantities.items()])
     # a node of two contact boundaries carries the values of the first
     order = np.argsort(-contact.boundary, kind="stable")
-    table[contact.node[order]] = np.column_stack(values)[order]
+    table[contact.node[order]] = np.hstack(list(columns.values()))[order]
     table = piece.of_owners(ranks, table)
-    names = ("pressure", "gap", "penetration", "friction", "slip", "contact_force", "state", "boundary")
-    for name, part in zip(names, np.split(table, [1, 2, 3, 6, 9, 12, 13], axis=1), strict=True):
-        point_data[name] = part[:, 0] if part.shape[1] == 1 else part
+    ends = np.cumsum([values.shape[1] for values in columns.values()])[:-1]
+    for (name, (values, _)), part in zip(quantities.items(), np.split(table, ends, axis=1), strict=True):
+        point_data[name] = part[:, 0] if values.ndim == 1 else part
     return point_data, cell_data
 
 

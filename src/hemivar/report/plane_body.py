@@ -11,10 +11,11 @@ from scipy.spatial import KDTree
 
 from hemivar.basics.types import Array
 from hemivar.fem import von_mises
-from hemivar.files.boundary import ContactBoundary, contact_boundaries, global_vectors, polylines
+from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
+from hemivar.mechanics import ContactProblem
 from hemivar.report.deformed import DeformedBody, round_number
 from hemivar.report.law_figures import law_captions
-from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, with_unit
+from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, state_mark, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -57,13 +58,11 @@ class PlaneBody:
         for line in self.outline:
             ax.plot(*self.mesh.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
         self.handles.append(Line2D([], [], color=GREY, lw=0.8, ls=DASHES, label="body at rest"))
-        ax.set_aspect("equal")
         if self.boundaries:
             longest = self._forces(ax, arrows) if arrows is not Arrows.NONE else 0.0
             for boundary in self.boundaries:
                 self._foundation(ax, boundary, longest)
             self._states(ax)
-        ax.spines[["top", "right"]].set_visible(False)
         if legend:
             self._legend(ax, note)
 
@@ -81,7 +80,7 @@ class PlaneBody:
             ax.add_collection(
                 LineCollection(list(moved[self.mesh.edges]), colors="#8f8f8f", linewidths=width, zorder=2)
             )
-        elif self.problem.origin is not None:
+        elif isinstance(self.problem.origin, ContactProblem):
             stress = von_mises(self.problem.origin, self.body.solution.displacement)
             colours = ax.tripcolor(
                 Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells), facecolors=stress, cmap="cividis",
@@ -125,23 +124,20 @@ class PlaneBody:
             ax.plot(*surface.T, color="#3a3a3a", lw=1.0, zorder=1)
 
     def _states(self, ax: Axes) -> None:
-        from matplotlib.lines import Line2D
-
         places = self.body.contact_places
         size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
         for kind, here, label in self.body.states():
             if here.any():
                 ax.plot(*places[here].T, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
-            self.handles.append(Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind]))
+            self.handles.append(state_mark(kind, label))
 
     def _forces(self, ax: Axes, arrows: Arrows) -> float:
         """Mirrored forces: the part along the normal is turned round, so that arrows lie in the foundation.
 
         Returns the length of the longest arrow.
         """
-        problem, multiplier = self.problem, self.body.solution.multiplier
-        outward = global_vectors(problem, multiplier, tangential=False)
-        along = -global_vectors(problem, multiplier, normal=False)
+        along = self.body.solution.friction_vectors
+        outward = along - self.body.solution.tractions
         places = self.body.contact_places
         step = max(1, len(places) // _MANY_POINTS)
         sets = (

@@ -11,7 +11,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.deformed import DeformedBody
-from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, with_unit
+from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, state_mark, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,7 +66,7 @@ def draw_solid(body: DeformedBody, title: str | None, unit: str, stress_unit: st
         for kind, here, label in body.states():
             if here.any():
                 ax.plot(*places[here].T, ls="", ms=size, mew=0.1 * size, zorder=10, **MARKERS[kind])
-                handles.append(Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind]))
+                handles.append(state_mark(kind, label))
     fig.legend(handles=handles, loc="lower center", ncols=len(handles), columnspacing=1.4, handlelength=1.8)
     low, high = np.minimum(moved, mesh.points).min(axis=0), np.maximum(moved, mesh.points).max(axis=0)
     extent = np.maximum(high - low, 1e-6 * float((high - low).max()))

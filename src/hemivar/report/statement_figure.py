@@ -8,8 +8,8 @@ import numpy as np
 
 from hemivar.basics.types import IntArray
 from hemivar.files.boundary import polylines
-from hemivar.mechanics import ContactProblem
-from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, axes_on, drawing, with_unit
+from hemivar.mechanics import ScalarProblem, Statement
+from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, body_axes, drawing, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,12 +20,12 @@ __all__ = ["painted", "plot_problem"]
 _PLAIN = "#d9e6f2"
 
 
-def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True) -> Figure:
+def plot_problem(problem: Statement, *, unit: str = "", legend: bool = True) -> Figure:
     """The body at rest, with the boundaries that have a condition: supports, loads and contact in colour.
 
     Parameters
     ----------
-    problem : ContactProblem
+    problem : ContactProblem or ScalarProblem
     unit : str
         Unit of length for the labels.
     legend : bool
@@ -33,8 +33,9 @@ def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True
     """
     from matplotlib.lines import Line2D
 
+    loads = problem.fluxes if isinstance(problem, ScalarProblem) else problem.tractions
     roles = {
-        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, problem.tractions),
+        "support": (BLUE, 5.0, problem.supports), "load": (GREEN, 3.4, loads),
         "contact": (RED, 1.8, problem.contact),
     }  # fmt: skip
     with drawing():
@@ -51,13 +52,12 @@ def plot_problem(problem: ContactProblem, *, unit: str = "", legend: bool = True
     return fig
 
 
-def _plane(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
+def _plane(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
     """The cells, and the boundaries as lines; of two conditions the narrower line lies above."""
     from matplotlib.collections import LineCollection
 
     mesh = problem.mesh
-    width, height = np.ptp(mesh.points, axis=0)
-    fig, ax = axes_on(None, (6.3, 0.9 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+    fig, ax = body_axes(None, mesh.points, None, unit)
     for line in polylines(mesh.boundary_facets):
         ax.fill(*mesh.points[line].T, color=_PLAIN, alpha=0.45, lw=0.0)
         ax.plot(*mesh.points[line].T, color="black", lw=0.9)
@@ -66,13 +66,10 @@ def _plane(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: s
     for name, colour, thickness in marks:
         lines = list(mesh.points[mesh.boundaries[name]])
         ax.add_collection(LineCollection(lines, colors=colour, linewidths=thickness, capstyle="round", zorder=4))
-    ax.set_aspect("equal")
-    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit))
-    ax.spines[["top", "right"]].set_visible(False)
     return fig, ax
 
 
-def _solid(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
+def _solid(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
     """The surface seen from obliquely below, facets coloured by their last condition, the others transparent."""
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -92,7 +89,7 @@ def _solid(problem: ContactProblem, marks: list[tuple[str, str, float]], unit: s
     return fig, ax
 
 
-def painted(problem: ContactProblem, marks: list[tuple[str, str, float]]) -> tuple[IntArray, list[str]]:
+def painted(problem: Statement, marks: list[tuple[str, str, float]]) -> tuple[IntArray, list[str]]:
     """Facets of the surface (k, 3), and the colour of each: that of the last boundary that holds it, or a plain one."""
     mesh = problem.mesh
     parts = [(f"{_PLAIN}50", mesh.boundary_facets)]

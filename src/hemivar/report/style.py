@@ -6,12 +6,16 @@ from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.solvers import ContactState
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 __all__ = [
     "BLUE",
@@ -24,18 +28,23 @@ __all__ = [
     "ORANGE",
     "PURPLE",
     "RED",
+    "SERIES",
     "SKY",
     "STATE_COLOURS",
     "STYLE",
     "axes_on",
+    "body_axes",
     "drawing",
     "figure_of",
+    "state_mark",
     "with_unit",
 ]
 
 # Okabe and Ito's colours, told apart by all readers.
 BLUE, ORANGE, GREEN, RED, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
 GREY = "#5f5f5f"
+#: Of curves, one after the other.
+SERIES = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 
 #: What is at rest.
 DASHES = (0, (4, 3))
@@ -75,6 +84,13 @@ MARKERS: Mapping[ContactState, dict[str, Any]] = {
 STATE_COLOURS = {ContactState.OPEN: "white", ContactState.STICK: BLUE, ContactState.SLIP: ORANGE}
 
 
+def state_mark(kind: ContactState, label: str) -> Line2D:
+    """What a legend shows of a contact state."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind])
+
+
 def drawing() -> AbstractContextManager[None]:
     """Context in which figures are drawn and saved."""
     import matplotlib
@@ -95,6 +111,18 @@ def axes_on(ax: Axes | None, size: tuple[float, float]) -> tuple[Figure, Axes]:
         return figure_of(ax), ax
     fig = Figure(figsize=size)
     return fig, fig.add_axes((0.09, 0.12, 0.56, 0.8))
+
+
+def body_axes(ax: Axes | None, points: Array, title: str | None, unit: str) -> tuple[Figure, Axes]:
+    """Axes for a plane body with these vertices (N, 2), named and of its proportions."""
+    width, height = np.ptp(points, axis=0)
+    fig, ax = axes_on(ax, (6.3, 0.9 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+    ax.set_aspect("equal")
+    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit))
+    ax.spines[["top", "right"]].set_visible(False)
+    if title:
+        ax.set_title(title)
+    return fig, ax
 
 
 def figure_of(ax: Axes) -> Figure:

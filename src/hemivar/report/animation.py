@@ -1,0 +1,170 @@
+"""Films of bodies in contact: GIF without other software, MP4 where ffmpeg is installed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution.history import History
+from hemivar.files.film import Film, film_of
+from hemivar.report.film_pictures import FilmColour, PlanePicture, SolidPicture
+from hemivar.report.gif import palette_of, write_gif
+from hemivar.report.style import BLUE, GREY, ORANGE, RED, drawing
+
+__all__ = ["FILMS", "FilmColour", "animate", "check_film"]
+
+FILMS = (".gif", ".mp4")
+#: Frames at most, unless asked for otherwise: a GIF of more is slow to load.
+_MOST_FRAMES = 200
+#: Frames from which the colours of a GIF are taken.
+_SAMPLES = 8
+#: Colours of a GIF that shows no scale of colours, and those that it must meet.
+_FEW_COLOURS = 64
+_EXACT = ("white", "black", BLUE, ORANGE, RED, GREY)
+
+
+def check_film(path: str | Path) -> None:
+    """Refuse, before the work, a film that could not be written.
+
+    Raises
+    ------
+    ProblemError
+        Another suffix; MP4 without ffmpeg.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FILMS:
+        raise ProblemError(f"'{path}': films are written as {' or '.join(FILMS)}, not '{suffix}'")
+    if suffix == ".mp4":
+        from matplotlib.animation import FFMpegWriter
+
+        if not FFMpegWriter.isAvailable():
+            raise ProblemError(f"'{path}': ffmpeg is not installed, which MP4 needs; install it, or write a .gif")
+
+
+def animate(
+    history: History | Film,
+    path: str | Path,
+    *,
+    scale: float | Literal["auto"] = "auto",
+    seconds: float = 6.0,
+    frames: int = _MOST_FRAMES,
+    title: str | None = None,
+    unit: str = "",
+    time_unit: str = "",
+    colour: FilmColour | str | None = None,
+    dpi: int = 100,
+    progress: Callable[[int, int], object] | None = None,
+) -> Path:
+    """Write the deformed body over time, all frames with the same axes and scales.
+
+    Plane bodies show the mesh, contact points by state, and the force per area of the foundation on the body as
+    arrows. Of bodies in 3D the surface is shown, coloured, and contact points by state.
+
+    Parameters
+    ----------
+    history : History or Film
+        What :func:`hemivar.march` returned, or :func:`hemivar.files.read_film` read.
+    path : str or Path
+        Ends in ``.gif`` or ``.mp4``.
+    scale : float or "auto"
+        Factor of the displacement; ``"auto"`` makes small displacements visible.
+    seconds : float
+        Length of the film.
+    frames : int
+        At most so many; the time between those that are shown follows the time of the evolution.
+    title, unit, time_unit : str
+        Text above, and units for the labels.
+    colour : FilmColour or str, optional
+        What colours the body, on one scale for all frames; by default plane bodies have none, others that of the
+        displacement.
+    dpi : int
+        Dots per inch, 10 to 600; the film is about 6.3 inches wide.
+    progress : function, optional
+        Called with the number of frames that are drawn, and of all.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ProblemError
+        Another suffix, MP4 without ffmpeg, a number out of range, an unknown colour, or no frame.
+    FileError
+        The file cannot be written.
+    """
+    path = Path(path)
+    check_film(path)
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise ProblemError(f"seconds = {seconds:g}; give a positive length of the film")
+    if frames < 1:
+        raise ProblemError(f"frames = {frames}; give 1 or more")
+    if not 10 <= dpi <= 600:
+        raise ProblemError(f"dpi = {dpi}; give a resolution from 10 to 600 dots per inch")
+    if scale != "auto" and not (math.isfinite(scale) and scale > 0.0):
+        raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
+    try:
+        coloured = None if colour is None else FilmColour(colour)
+    except ValueError:
+        known = ", ".join(kind.value for kind in FilmColour)
+        raise ProblemError(f"colour = {colour!r}: a film has no such colour; choose one of {known}") from None
+    film = film_of(history) if isinstance(history, History) else history
+    shown = _shown(film.times, frames)
+    make_folder(path.parent)
+    from matplotlib.animation import FFMpegWriter
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    with drawing(), whole_file(path) as name:
+        plane = film.points.shape[1] == 2
+        if coloured is None:
+            coloured = FilmColour.NONE if plane else FilmColour.DISPLACEMENT
+        picture = (PlanePicture if plane else SolidPicture)(film, shown, scale, (unit, time_unit), coloured)
+        if title or film.title:
+            picture.ax.set_title(title or film.title)
+        picture.fig.set_dpi(dpi)
+        canvas: Any = FigureCanvasAgg(picture.fig)
+
+        def drawn(number: int) -> Array:
+            picture.show(film.frame(shown[number]))
+            canvas.draw()
+            return np.array(canvas.buffer_rgba())[:, :, :3]
+
+        def told() -> Iterator[int]:
+            for number in range(len(shown)):
+                yield number
+                if progress is not None:
+                    progress(number + 1, len(shown))
+
+        if path.suffix.lower() == ".gif":
+            samples = np.unique(np.linspace(0, len(shown) - 1, _SAMPLES).astype(int))
+            few = _FEW_COLOURS if coloured is FilmColour.NONE else 255
+            palette = palette_of([drawn(int(number)) for number in samples], few, _EXACT)
+            write_gif(name, (drawn(number) for number in told()), palette, seconds / len(shown))
+        else:
+            rate: Any = min(50.0, round(len(shown) / seconds, 3))
+            writer = FFMpegWriter(fps=rate)
+            with writer.saving(picture.fig, str(name), dpi):
+                for number in told():
+                    picture.show(film.frame(shown[number]))
+                    writer.grab_frame()
+    return path
+
+
+def _shown(times: Array, most: int) -> list[int]:
+    """Which frames are shown: at even times, the nearest frame to each."""
+    if len(times) == 1 or most == 1:
+        return [len(times) - 1]
+    span = float(times[-1] - times[0])
+    gaps = np.diff(times)
+    even = max(float(np.median(gaps)), span / (most - 1)) if span > 0.0 else 1.0
+    wanted = np.linspace(times[0], times[-1], max(2, min(most, round(span / even) + 1)))
+    after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
+    nearer = np.where(wanted - times[after - 1] < times[after] - wanted, after - 1, after)
+    return [int(k) for k in nearer]

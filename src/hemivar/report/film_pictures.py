@@ -1,0 +1,397 @@
+"""What a frame of a film shows: a plane body with its mesh, or the surface of one in 3D; one scale for all frames."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.files.boundary import polylines
+from hemivar.files.film import Film, FilmFrame
+from hemivar.mesh import Mesh
+from hemivar.report.deformed import round_number
+from hemivar.report.style import DASHES, GREY, MANY_CELLS, MARKERS, RED, state_mark, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["FilmColour", "FilmPicture", "PlanePicture", "SolidPicture"]
+
+_MOST_ARROWS = 70
+#: The longest arrow, of the diameter of the body.
+_ARROW = 0.16
+#: Part of the vertices that the scale of colours holds in every frame: the rest are corners.
+_BRIGHT = 0.98
+
+
+class FilmColour(StrEnum):
+    """What colours the body in a film."""
+
+    NONE = "none"
+    """Nothing."""
+    DISPLACEMENT = "displacement"
+    """The size of the displacement."""
+    SPEED = "speed"
+    """The size of the velocity: waves are seen."""
+
+
+class FilmPicture(ABC):
+    """What both kinds of films share: the scale, the extent of all frames, the colours, and the time label.
+
+    Parameters
+    ----------
+    film : Film
+    shown : list of int
+        The frames that will be drawn, from which the scales are taken.
+    scale : float or "auto"
+        Factor of the displacement.
+    units : (str, str)
+        Of length and time, for the labels.
+    colour : FilmColour
+    """
+
+    fig: Figure
+    ax: Any
+    label: Any
+
+    def __init__(
+        self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
+    ) -> None:
+        self.film, self.units, self.colour = film, units, colour
+        self.size = float(np.linalg.norm(np.ptp(film.points, axis=0)))
+        self.places = film.frame(shown[0]).places
+        body = _Range(film.points.shape)
+        self.travel, self.push = _Range(self.places.shape), _Range(self.places.shape)
+        self.gaps = _Range(len(self.places))
+        moved, peak, self.strongest, self.brightest = 0.0, 0.0, 0.0, 0.0
+        for frame in map(film.frame, sorted(set(shown))):
+            u = frame.displacement[: len(film.points)]
+            body.add(u)
+            self.travel.add(frame.moved)
+            self.push.add(frame.force)
+            self.gaps.add(frame.gap)
+            moved = max(moved, _longest(u))
+            self.strongest = max(self.strongest, _longest(frame.force))
+            here = self.coloured(frame)
+            self.brightest = max(self.brightest, float(np.quantile(here, _BRIGHT)))
+            peak = max(peak, float(here.max()))
+        self.clipped = peak > self.brightest
+        wanted = 0.1 * float(np.ptp(film.points, axis=0).max())
+        if scale == "auto":
+            self.factor = round_number(wanted / moved) if 0.0 < moved < wanted else 1.0
+        else:
+            self.factor = float(scale)
+        self.low = np.minimum(film.points, film.points + self.factor * body.low).min(axis=0)
+        self.high = np.maximum(film.points, film.points + self.factor * body.high).max(axis=0)
+        digits = max(0, 2 - math.floor(math.log10(max(float(np.ptp(film.times)), 1e-300))))
+        self._digits = min(digits, 12)
+
+    def coloured(self, frame: FilmFrame) -> Array:
+        """What colours the vertices, (N,)."""
+        values = frame.velocity if self.colour is FilmColour.SPEED else frame.displacement
+        return np.asarray(np.linalg.norm(values[: len(self.film.points)], axis=1))
+
+    def time(self, frame: FilmFrame) -> str:
+        """The time label."""
+        text = f"t = {frame.time:.{self._digits}f} {self.units[1]}".rstrip()
+        return text if self.factor == 1.0 else f"{text}     displacement times {self.factor:g}"
+
+    def _bar(self, mappable: Any, place: tuple[float, float, float, float]) -> None:
+        """The scale of the colours, that of all frames."""
+        mappable.set_clim(0.0, self.brightest or 1.0)
+        length, time = self.units
+        unit = length
+        if self.colour is FilmColour.SPEED:
+            unit = f"{length}/{time}" if length and time else ""
+        bar = self.fig.colorbar(
+            mappable, cax=self.fig.add_axes(place), extend="max" if self.clipped else "neither", extendfrac=0.04
+        )
+        bar.set_label(with_unit(self.colour.value, unit))
+
+    @abstractmethod
+    def show(self, frame: FilmFrame) -> None:
+        """Draw a frame."""
+
+
+class _Range:
+    """The least and the greatest of arrays, entry by entry; begins with zeros."""
+
+    def __init__(self, shape: Any) -> None:
+        self.low, self.high = np.zeros(shape), np.zeros(shape)
+
+    def add(self, values: Array) -> None:
+        """Let it hold these too."""
+        self.low, self.high = np.minimum(self.low, values), np.maximum(self.high, values)
+
+
+def _longest(vectors: Array) -> float:
+    return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
+
+
+class PlanePicture(FilmPicture):
+    """A plane body: mesh, outline at rest, contact points by state, forces, the foundation."""
+
+    def __init__(
+        self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
+    ) -> None:
+        super().__init__(film, shown, scale, units, colour)
+        from matplotlib.collections import LineCollection, PolyCollection
+        from matplotlib.figure import Figure
+        from matplotlib.lines import Line2D
+
+        places = self.places
+        self.edges = _edges(film.cells)
+        self.outline = polylines(_outline(film.cells))
+        self.length = _ARROW * self.size
+        self.normal, self.half = _normals(film, self.outline, places)
+        self.straight = self._straight()
+        low, high = self._extent()
+        width, height = high - low
+        bar = 0.0 if colour is FilmColour.NONE else 0.12
+        self.wide = 6.3
+        frame = self.wide * (0.85 - bar)
+        tall = float(np.clip(frame * height / width + 1.4, 2.4, 6.3))
+        tall = round(tall * 50.0) / 50.0
+        self.fig = Figure(figsize=(self.wide, tall))
+        self.ax: Axes = self.fig.add_axes((0.12, 1.05 / tall, 0.85 - bar, 1.0 - 1.4 / tall))
+        ax = self.ax
+        for line in self.outline:
+            ax.plot(*film.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
+        if bar:
+            self.fill = PolyCollection(list(film.points[film.cells]), cmap="cividis", linewidths=0.0, zorder=1.5)
+            self.fill.set_antialiased(False)
+            self.fill.set_array(np.zeros(len(film.cells)))
+            self._bar(self.fill, (0.87, 1.05 / tall, 0.022, 1.0 - 1.4 / tall))
+        else:
+            self.fill = PolyCollection([], facecolors="#d9e6f2", alpha=0.6, linewidths=0.0, zorder=1.5)
+        self.lines = LineCollection([], colors="#8f8f8f", linewidths=0.4, zorder=2)
+        self.border = LineCollection([], colors="black", linewidths=0.9, zorder=3)
+        for collection in (self.fill, self.lines, self.border):
+            ax.add_collection(collection, autolim=False)
+        size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
+        self.marks = {
+            kind: ax.plot([], [], ls="", ms=size, mew=0.6, zorder=6, **style)[0] for kind, style in MARKERS.items()
+        }
+        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        ax.set_aspect("equal")
+        ax.locator_params(axis="y", nbins=max(2, min(6, round(3.0 * (tall - 1.4)))))
+        ax.set_xlabel(with_unit("x", units[0]))
+        ax.set_ylabel(with_unit("y", units[0]))
+        ax.spines[["top", "right"]].set_visible(False)
+        self.arrows: Any = None
+        self.label = self.fig.text(0.12, 0.36 / tall, "", fontsize=9, family="monospace")
+        self.foundation = LineCollection([], colors="#3a3a3a", linewidths=1.0, zorder=1)
+        self.hatch = LineCollection([], colors="#8a8a8a", linewidths=0.6, zorder=0.9)
+        for collection in (self.foundation, self.hatch):
+            ax.add_collection(collection, autolim=False)
+        if len(places):
+            handles = [state_mark(kind, kind.label) for kind in MARKERS]
+            if self.strongest > 0.0:
+                told = f"force per area, at most {self.strongest:.3g}"
+                handles.append(Line2D([], [], color=RED, lw=1.2, label=told))
+            self.fig.legend(
+                handles=handles, loc="lower right", bbox_to_anchor=(0.98, 0.0), ncols=len(handles), handlelength=1.2,
+                columnspacing=1.0,
+            )  # fmt: skip
+
+    def _straight(self) -> bool:
+        """Whether the contact boundary is straight."""
+        if not len(self.places):
+            return False
+        depth = self.places @ self.normal[0]
+        return bool(np.abs(self.normal - self.normal[0]).max() < 1e-9 and np.ptp(depth) < 1e-9 * self.size)
+
+    def _extent(self) -> tuple[Array, Array]:
+        """What all frames show: body, foundation and arrows."""
+        pad = 0.04 * self.size
+        low, high = self.low - pad, self.high + pad
+        if not len(self.places):
+            return low, high
+        for gap in (self.gaps.low, self.gaps.high):
+            surface = self.places + self.factor * gap[:, None] * self.normal
+            for place in (surface, surface + 0.03 * self.size * self.normal):
+                low, high = np.minimum(low, place.min(axis=0)), np.maximum(high, place.max(axis=0))
+        if self.strongest > 0.0:
+            longest = self.length / self.strongest
+            tails_low = self.places + self.factor * self.travel.low - longest * self.push.high
+            tails_high = self.places + self.factor * self.travel.high - longest * self.push.low
+            low = np.minimum(low, tails_low.min(axis=0) - 0.2 * pad)
+            high = np.maximum(high, tails_high.max(axis=0) + 0.2 * pad)
+        return low, high
+
+    def show(self, frame: FilmFrame) -> None:
+        """Draw a frame."""
+        moved = self.film.points + self.factor * frame.displacement[: len(self.film.points)]
+        if self.colour is FilmColour.NONE:
+            self.fill.set_verts([moved[line] for line in self.outline])
+        else:
+            self.fill.set_verts(list(moved[self.film.cells]))
+            self.fill.set_array(self.coloured(frame)[self.film.cells].mean(axis=1))
+        if len(self.film.cells) <= MANY_CELLS:
+            self.lines.set_segments(list(moved[self.edges]))
+        self.border.set_segments([moved[line] for line in self.outline])
+        places = frame.places + self.factor * frame.moved
+        for kind, mark in self.marks.items():
+            mark.set_data(*places[frame.state == kind].T)
+        if self.arrows is not None:
+            self.arrows.remove()
+            self.arrows = None
+        if len(places):
+            self._ground(frame)
+        step = max(1, len(places) // _MOST_ARROWS)
+        if self.strongest > 0.0 and len(places):
+            self.arrows = self.ax.quiver(
+                *places[::step].T, *frame.force[::step].T, angles="xy", scale_units="xy",
+                scale=self.strongest / self.length, color=RED, width=0.0028, headwidth=3.6, headlength=4.6,
+                headaxislength=4.2, zorder=5, pivot="tip", minlength=0.5,
+            )  # fmt: skip
+        self.label.set_text(self.time(frame))
+
+    def _ground(self, frame: FilmFrame) -> None:
+        """Draw the foundation: one line as far as the body goes where its boundary is straight, else piece by piece."""
+        surface = frame.places + self.factor * frame.gap[:, None] * self.normal
+        along = np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
+        half, spacing = self.half, 0.025 * self.size
+        if self.straight:
+            normal, tangent = self.normal[0], along[0]
+            place, depth = surface @ tangent, surface @ normal
+            order = np.argsort(place)
+            reach = [place + self.factor * part @ tangent for part in (self.travel.low, self.travel.high)]
+            least = min(float(part.min()) for part in reach) - 1.2 * spacing
+            most = max(float(part.max()) for part in reach) + 1.2 * spacing
+            place, depth = np.concatenate([[least], place[order], [most]]), depth[order]
+            depth = np.concatenate([depth[:1], depth, depth[-1:]])
+            line = place[:, None] * tangent + depth[:, None] * normal
+            self.foundation.set_segments([line])
+            at = np.arange(least + 0.5 * spacing, most, spacing)
+            roots = at[:, None] * tangent + np.interp(at, place, depth)[:, None] * normal
+            ends = roots + 0.7 * spacing * (normal + tangent)
+        else:
+            arm = half[:, None] * along
+            self.foundation.set_segments(list(np.stack([surface - arm, surface + arm], axis=1)))
+            count = np.maximum(1, np.round(2.0 * half / spacing).astype(int))
+            owner = np.repeat(np.arange(len(half)), count)
+            number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+            roots = surface[owner] + ((2.0 * number + 1.0) / count[owner] - 1.0)[:, None] * arm[owner]
+            ends = roots + 0.7 * spacing * (self.normal + along)[owner]
+        self.hatch.set_segments(list(np.stack([roots, ends], axis=1)))
+
+
+class SolidPicture(FilmPicture):
+    """The surface of a body in 3D, coloured."""
+
+    def __init__(
+        self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
+    ) -> None:
+        super().__init__(film, shown, scale, units, colour)
+        from matplotlib.figure import Figure
+        from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+        self.facets = Mesh(film.points, film.cells).boundary_facets
+        extent = np.maximum(self.high - self.low, 1e-6 * float((self.high - self.low).max()))
+        slender = float(extent[2] / extent[:2].max())
+        tall = 3.0 if slender < 0.4 else 5.0
+        self.fig = Figure(figsize=(6.3, tall))
+        self.ax = self.fig.add_axes((0.02, 0.06, 0.8, 0.88), projection="3d", computed_zorder=False)
+        self.surface = Poly3DCollection(
+            list(film.points[self.facets]), linewidths=0.15, edgecolors="#00000060", zorder=2, cmap="cividis"
+        )
+        self.surface.set_clip_on(False)  # the square in which matplotlib sees a scene is smaller than the picture
+        self.surface.set_array(np.zeros(len(self.facets)))
+        if colour is FilmColour.NONE:
+            self.surface.set_array(None)
+            self.surface.set_facecolor("#d9e6f2")
+        else:
+            self._bar(self.surface, (0.85, 0.24, 0.022, 0.56))
+        self.ax.add_collection3d(self.surface)
+        places = self.places
+        size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 0.8, 3.6))
+        self.marks = {
+            kind: self.ax.plot([], [], [], ls="", ms=size, mew=0.1 * size, zorder=10, clip_on=False, **style)[0]
+            for kind, style in MARKERS.items()
+        }
+        if len(places):
+            self.ax.view_init(*self._view(places))
+            self.fig.legend(
+                handles=[state_mark(kind, kind.label) for kind in MARKERS], loc="lower right", ncols=3, handlelength=1.2
+            )
+        for axis, low, wide in zip("xyz", self.low, extent, strict=True):
+            getattr(self.ax, f"set_{axis}lim")(low, low + wide)
+            own = getattr(self.ax, f"{axis}axis")
+            own.set_pane_color((1.0, 1.0, 1.0, 0.0))
+            if wide < 0.3 * extent.max():  # too short for a scale of its own
+                own.set_ticks([])
+            else:
+                self.ax.locator_params(axis=axis, nbins=4)
+                getattr(self.ax, f"set_{axis}label")(
+                    with_unit(axis, units[0]), labelpad=15.0 * float(wide / extent.max())
+                )
+        self.ax.set_box_aspect(extent, zoom=1.5 if slender < 0.4 else 1.2)
+        self.ax.grid(False)
+        self.label = self.fig.text(0.03, 0.09 / tall, "", fontsize=9, family="monospace")
+
+    def _view(self, places: Array) -> tuple[float, float]:
+        """Elevation and azimuth from which the contact points are seen."""
+        middle = 0.5 * (self.film.points.min(axis=0) + self.film.points.max(axis=0))
+        toward = (places.mean(axis=0) - middle) / np.ptp(self.film.points, axis=0)
+        if int(np.argmax(np.abs(toward))) == 2:
+            return (-20.0 if toward[2] < 0.0 else 28.0), -60.0
+        side = math.degrees(math.atan2(toward[1], toward[0]))
+        return 24.0, side + 50.0 if side > 0.0 else side - 50.0
+
+    def show(self, frame: FilmFrame) -> None:
+        """Draw a frame."""
+        moved = self.film.points + self.factor * frame.displacement[: len(self.film.points)]
+        self.surface.set_verts(list(moved[self.facets]))
+        if self.colour is not FilmColour.NONE:
+            self.surface.set_array(self.coloured(frame)[self.facets].mean(axis=1))
+        places = frame.places + self.factor * frame.moved
+        for kind, mark in self.marks.items():
+            mark.set_data_3d(*places[frame.state == kind].T)
+        self.label.set_text(self.time(frame))
+
+
+def _normals(film: Film, outline: list[IntArray], places: Array) -> tuple[Array, Array]:
+    """Outward normals of the body at rest at its contact points, (p, 2), and half the distances between them, (p,)."""
+    if not len(places):
+        return places, np.zeros(0)
+    middles, normals = [], []
+    for line in outline:
+        ends = film.points[line]
+        along = np.diff(ends, axis=0)
+        middles.append(0.5 * (ends[1:] + ends[:-1]))
+        normals.append(np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None])
+    middle, normal = np.concatenate(middles), np.concatenate(normals)
+    # the foundation of the contact points decides which of the edges at a corner counts: the one nearer to all of them
+    near = KDTree(middle).query(places, k=2)[1]
+    other = KDTree(places).query(places, k=min(3, len(places)))[0]
+    half = 0.5 * (other.reshape(len(places), -1).max(axis=1))
+    half = np.where(half > 0.0, half, 0.02 * float(np.ptp(film.points, axis=0).max()))
+    both = normal[near].sum(axis=1)
+    size = np.linalg.norm(both, axis=1)
+    turned = size < 1.8  # a corner: the edge on which a neighbour among the contact points lies
+    if turned.any() and len(places) > 1:
+        neighbour = KDTree(places).query(places, k=2)[1][:, 1]
+        toward = places[neighbour] - places
+        for k in np.flatnonzero(turned):
+            across = np.abs(normal[near[k]] @ toward[k])
+            both[k], size[k] = normal[near[k]][int(np.argmin(across))], 1.0
+    return both / size[:, None], half
+
+
+def _edges(cells: IntArray) -> IntArray:
+    """The edges of triangles, each once, (k, 2)."""
+    return np.unique(np.sort(np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]]), axis=1), axis=0)
+
+
+def _outline(cells: IntArray) -> IntArray:
+    """Directed edges of triangles that belong to one of them only, (k, 2)."""
+    edges = np.vstack([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(edges[first[count == 1]])

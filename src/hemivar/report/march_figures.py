@@ -1,0 +1,337 @@
+"""Figures of evolutions over time: energies and losses, forces, loops, steps, and any column of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution.history import History
+from hemivar.files.history_table import history_columns
+from hemivar.report.march_map import draw_map
+from hemivar.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, drawing, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["MARCH_FIGURES", "Units", "plot_march"]
+
+#: Entries of the ledger in the order in which they are stacked, with label and colour: what is stored, then losses.
+_STORED = (
+    ("elastic", "elastic", BLUE),
+    ("branches", "branches", "#8fbfe0"),
+    ("contact", "foundation", SKY),
+    ("kinetic", "kinetic", GREEN),
+)
+_LOST = (
+    ("viscous", "viscous", ORANGE),
+    ("branch_loss", "lost in branches", "#f5d08a"),
+    ("friction", "friction", RED),
+    ("damping", "damping", "#8c4a1f"),
+    ("memory", "bonds and wear", PURPLE),
+    ("numerical", "numerical", "#bdbdbd"),
+    ("jumps", "jumps", "#4d4d4d"),
+)
+_COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
+_DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+#: Below this part of the largest energy an entry of the ledger is left out of the figure.
+_SEEN = 1e-4
+_MOST_COLUMNS = 8
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units for the labels; empty where none is to be written.
+
+    Attributes
+    ----------
+    time, length, force, stress, energy : str
+    """
+
+    time: str = ""
+    length: str = ""
+    force: str = ""
+    stress: str = ""
+    energy: str = ""
+
+
+def plot_march(
+    history: History | Mapping[str, Array],
+    kind: str = "ledger",
+    *,
+    columns: Sequence[str] = (),
+    boundary: str | None = None,
+    units: Units | None = None,
+    title: str | None = None,
+) -> Figure:
+    """A figure of an evolution over time.
+
+    ``"ledger"``: stored energies and losses stacked, with the energy that was put in as a line, and below what is left
+    of the balance. ``"forces"``: resultants of pressure and friction, and the measure of contact. ``"loop"``: the
+    second of two columns over the first; by default the normal force over the last component of the first probe, or
+    over the largest penetration. ``"steps"``: lengths of steps, residuals and margins. ``"columns"``: each in a panel.
+    ``"map"``: states and pressure along a plane contact boundary over time, from the frames of a history.
+
+    Parameters
+    ----------
+    history : History, or mapping of name to array
+        Or the table of one, such as :func:`hemivar.files.read_history_table` returns.
+    kind : str
+    columns : sequence of str
+        For ``"loop"`` two, for ``"columns"`` those to draw.
+    boundary : str, optional
+        For ``"map"``; the first contact boundary by default.
+    units : Units, optional
+    title : str, optional
+
+    Raises
+    ------
+    ProblemError
+        The kind or a column is not known, or there is nothing to draw.
+    """
+    if kind not in MARCH_FIGURES:
+        raise ProblemError(f"there is no figure '{kind}' of a history; choose one of {', '.join(MARCH_FIGURES)}")
+    units = Units() if units is None else units
+    with drawing():
+        if kind == "map":
+            if not isinstance(history, History):
+                raise ProblemError("the map needs frames, which a table has not; march(...).plot('map') draws it")
+            fig = draw_map(history, boundary, units.time, units.length, units.stress)
+        else:
+            table = history_columns(history) if isinstance(history, History) else dict(history)
+            for name in ("time", *columns):
+                if name not in table:
+                    raise ProblemError(f"the history has no column '{name}' (known: {', '.join(table)})")
+            fig = _DRAWN[kind](table, columns, units)
+        if title:
+            fig.suptitle(title, fontsize=10)
+    return fig
+
+
+def _panels(count: int, height: float, ratios: Sequence[float] | None = None) -> tuple[Figure, list[Axes]]:
+    """A column of panels over one axis of time."""
+    from matplotlib.figure import Figure
+
+    fig = Figure(figsize=(6.3, height), layout="constrained")
+    panels = list(fig.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0])
+    for panel in panels:
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.margins(x=0.0)
+    return fig, panels
+
+
+def _legend(panel: Axes, **options: Any) -> None:
+    panel.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, handlelength=1.6, **options)
+
+
+# ---- the ledger ------------------------------------------------------------------------------------------------
+
+
+def _ledger(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
+    missing = [name for name, _, _ in (*_STORED, *_LOST) if name not in table]
+    if missing or "work" not in table or "moved" not in table:
+        raise ProblemError(f"the table holds no ledger (column '{(*missing, 'work')[0]}' is missing)")
+    time = table["time"]
+    stored = sum((table[name] for name, _, _ in _STORED), np.zeros(len(time)))
+    given = stored[0] + table["work"] + table["moved"]
+    largest = max(float(np.abs(table[name]).max()) for name, _, _ in (*_STORED, *_LOST))
+    largest = max(largest, float(np.abs(given).max()))
+    seen = [e for e in (*_STORED, *_LOST) if float(np.abs(table[e[0]]).max()) > _SEEN * largest]
+    fig, (upper, lower) = _panels(2, 4.6, (4.0, 1.0))
+    above, below = np.zeros(len(time)), np.zeros(len(time))
+    for name, label, colour in seen:
+        losses = any(name == other for other, _, _ in _LOST)
+        style: dict[str, Any] = {"facecolor": colour, "linewidth": 0.4, "edgecolor": "white"}
+        if losses:
+            style["hatch"] = "...."
+        for start, part in ((above, np.maximum(table[name], 0.0)), (below, np.minimum(table[name], 0.0))):
+            if np.any(part != 0.0):
+                upper.fill_between(time, start, start + part, label=label, **style)
+                label = "_nolegend_"
+            start += part
+    upper.plot(time, given, color="black", lw=1.4, label="put in")
+    upper.axhline(0.0, color=GREY, lw=0.6)
+    upper.set_ylabel(with_unit("energy", units.energy))
+    handles, labels = upper.get_legend_handles_labels()
+    upper.legend(
+        handles[::-1], labels[::-1], loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0,
+        title="plain: stored\ndotted: lost", title_fontsize=8, alignment="left",
+    )  # fmt: skip
+    gap = np.abs(given - stored - sum((table[name] for name, _, _ in _LOST), np.zeros(len(time))))
+    part = gap / largest if largest > 0.0 else gap
+    lower.semilogy(time, np.maximum(part, 1e-17), color=GREY, lw=1.0)
+    lower.set_ylim(1e-17, max(1e-6, 10.0 * float(part.max())))
+    lower.set_ylabel("gap, relative")
+    lower.set_xlabel(with_unit("time", units.time))
+    fig.align_ylabels()
+    return fig
+
+
+# ---- forces, loops, steps, columns -----------------------------------------------------------------------------
+
+
+def _boundaries(table: Mapping[str, Array], quantity: str) -> list[tuple[str, str]]:
+    """Columns of a quantity: those of the boundaries where they are several, else that of all."""
+    parts = [(name.removesuffix(f".{quantity}"), name) for name in table if name.endswith(f".{quantity}")]
+    return parts or [("", quantity)]
+
+
+def _forces(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
+    if "normal_force" not in table:
+        raise ProblemError("the table holds no forces (column 'normal_force' is missing)")
+    time = table["time"]
+    friction = np.any(table["friction_force"] != 0.0)
+    fig, (upper, lower) = _panels(2, 4.2, (2.0, 1.0))
+    forces = [("normal_force", "pressure", RED), *([("friction_force", "friction", GREEN)] if friction else [])]
+    parts = _boundaries(table, "normal_force")
+    for quantity, label, colour in forces:
+        for number, (boundary, name) in enumerate(_boundaries(table, quantity)):
+            told = f"{label}, {boundary}" if boundary else label
+            upper.plot(time, table[name], color=colour, ls=_DASHES[number % len(_DASHES)], label=told)
+    for number, (boundary, name) in enumerate(_boundaries(table, "contact_measure")):
+        lower.plot(time, table[name], color=BLUE, ls=_DASHES[number % len(_DASHES)], label=boundary or "contact")
+    for panel in (upper, lower):
+        panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
+    if len(parts) > 1 or friction:
+        _legend(upper)
+    if len(parts) > 1:
+        _legend(lower)
+    upper.set_ylabel(with_unit("force", units.force))
+    solid = any(name.endswith(".u_z") for name in table)
+    if solid and units.length:
+        lower.set_ylabel(with_unit("contact\narea", f"{units.length}\N{SUPERSCRIPT TWO}"))
+    else:
+        lower.set_ylabel(with_unit("contact\nmeasure", units.length))
+    lower.set_xlabel(with_unit("time", units.time))
+    fig.align_ylabels()
+    return fig
+
+
+def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+
+    if len(columns) not in (0, 2):
+        raise ProblemError(f"a loop is drawn of two columns, and {len(columns)} are given; name two, or none")
+    if columns:
+        across, up = columns
+    else:
+        probes = [name for name in table if ".u_" in name]
+        first = [name for name in probes if name.rpartition(".u_")[0] == probes[0].rpartition(".u_")[0]]
+        across, up = (first[-1] if first else "penetration"), "normal_force"
+        if not {across, up} <= table.keys():
+            raise ProblemError("the table holds neither probes nor forces; name two columns for the loop")
+    x, y, time = table[across], table[up], table["time"]
+    seen = np.isfinite(x) & np.isfinite(y)
+    fig = Figure(figsize=(5.2, 3.6), layout="constrained")
+    ax = fig.add_subplot()
+    ax.spines[["top", "right"]].set_visible(False)
+    ends = np.stack([x[seen], y[seen]], axis=1)
+    if len(ends) < 2:
+        raise ProblemError(f"there are no two moments at which '{across}' and '{up}' are numbers; name other columns")
+    lines = LineCollection(
+        list(np.stack([ends[:-1], ends[1:]], axis=1)), array=time[seen][1:], cmap="cividis", linewidths=1.4,
+        capstyle="round",
+    )  # fmt: skip
+    ax.add_collection(lines)
+    ax.plot(*ends[0], "o", ms=4.5, mfc="white", mec="black", mew=0.9, label="start")
+    ax.plot(*ends[-1], "o", ms=4.5, mfc="black", mec="black", mew=0.9, label="end")
+    ax.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
+    ax.axvline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
+    ax.autoscale_view()
+    ax.margins(0.05)
+    fig.legend(loc="outside lower right", ncols=2)
+    fig.colorbar(lines, ax=ax, shrink=0.85, pad=0.02).set_label(with_unit("time", units.time))
+    ax.set_xlabel(_told(across, units))
+    ax.set_ylabel(_told(up, units))
+    return fig
+
+
+def _steps(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
+    time = table["time"][1:]
+    if not len(time):
+        raise ProblemError("the history has no step yet; let it march first")
+    fig, (first, second, third) = _panels(3, 5.2)
+    first.semilogy(time, table["step"][1:], color=BLUE, drawstyle="steps-pre", label="step")
+    limit = table["largest_step"][1:]
+    if np.any(np.isfinite(limit)):
+        first.semilogy(time, limit, color=ORANGE, ls=_DASHES[1], label="largest with a\npositive margin")
+        _legend(first)
+    first.set_ylabel(with_unit("length of step", units.time))
+    residual = table["residual"][1:]
+    second.semilogy(time, np.maximum(residual, 1e-17), color=GREEN)
+    for panel, values in ((first, np.concatenate([table["step"][1:], limit])), (second, residual)):
+        known = values[np.isfinite(values) & (values > 0.0)]
+        if known.size:  # two powers of ten at least, so that what is constant looks so
+            panel.set_ylim(0.3 * float(known.min()), max(3.0 * float(known.max()), 30.0 * float(known.min())))
+    second.set_ylabel("relative residual")
+    margin = table["margin"][1:]
+    third.plot(time, np.where(np.isfinite(margin), margin, np.nan), color=PURPLE)
+    unbounded = np.isneginf(margin)
+    if np.any(margin <= 0.0):
+        known = margin[np.isfinite(margin)]
+        least = min(float(known.min(initial=0.0)), -0.25 if unbounded.any() else 0.0)
+        third.axhspan(least, 0.0, color="#f3ead7", lw=0, zorder=0)
+        if unbounded.any():
+            third.plot(time[unbounded], np.full(int(unbounded.sum()), 0.5 * least), ".", color=PURPLE, ms=2.0)
+            third.text(
+                0.02, 0.5 * least, "no bound: -inf", va="bottom", fontsize=8, transform=third.get_yaxis_transform()
+            )
+            third.set_ylim(top=max(0.25, float(known.max(initial=0.0)) * 1.05))
+    third.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
+    jumped = table["jumped"][1:] > 0
+    if jumped.any():
+        third.plot(time[jumped], margin[jumped], "v", color=RED, ms=5, label="jump")
+        _legend(third)
+    third.set_ylabel("margin")
+    third.set_xlabel(with_unit("time", units.time))
+    fig.align_ylabels()
+    return fig
+
+
+def _columns(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
+    if not 1 <= len(columns) <= _MOST_COLUMNS:
+        raise ProblemError(f"name 1 to {_MOST_COLUMNS} columns to draw (known: {', '.join(table)})")
+    fig, panels = _panels(len(columns), 1.0 + 1.5 * len(columns))
+    for number, (panel, name) in enumerate(zip(panels, columns, strict=True)):
+        panel.plot(table["time"], table[name], color=_COLOURS[number % len(_COLOURS)])
+        panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0) if _near_zero(table[name]) else None
+        panel.set_ylabel(_told(name, units))
+    panels[-1].set_xlabel(with_unit("time", units.time))
+    fig.align_ylabels()
+    return fig
+
+
+def _near_zero(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(known.size) and bool(known.min() <= 0.0 <= known.max())
+
+
+def _told(name: str, units: Units) -> str:
+    """A column as a label says it, with its unit."""
+    place, _, quantity = name.rpartition(".")
+    at = f", {place}" if place else ""
+    if quantity.startswith("u_"):
+        return with_unit(f"displacement {quantity[2:]}{at}", units.length)
+    unit = {"penetration": units.length, "step": units.time, "largest_step": units.time, "time": units.time}
+    if quantity.endswith("_force"):
+        unit[quantity] = units.force
+    if quantity in {known for known, _, _ in (*_STORED, *_LOST)} | {"work", "moved", "gap"}:
+        unit[quantity] = units.energy
+    return with_unit(quantity.replace("_", " ") + at, unit.get(quantity, ""))
+
+
+_DRAWN: Mapping[str, Callable[[Mapping[str, Array], Sequence[str], Units], Figure]] = {
+    "ledger": _ledger,
+    "forces": _forces,
+    "loop": _loop,
+    "steps": _steps,
+    "columns": _columns,
+}
+#: What :func:`plot_march` draws.
+MARCH_FIGURES = ("ledger", "forces", "loop", "map", "steps", "columns")

@@ -1,0 +1,175 @@
+"""Maps of scalar problems: the unknown over its mesh, where foundations act, and what they do there."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.files.boundary import polylines
+from hemivar.mechanics.scalar import ScalarProblem, Side
+from hemivar.report.law_figures import law_captions
+from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, axes_on, with_unit
+from hemivar.solvers import ContactState, Solution
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["area_maps", "over_area", "plot_scalar"]
+
+_LEVELS = 10
+
+
+def over_area(solution: Solution) -> BoolArray:
+    """Which contact points belong to a contact over an area, (m,)."""
+    contact, stated = solution.problem.contact, solution.problem.origin
+    areas = set(stated.areas) if isinstance(stated, ScalarProblem) else set()
+    return np.isin(contact.boundary, [k for k, name in enumerate(contact.names) if name in areas])
+
+
+def plot_scalar(
+    solution: Solution, ax: Axes | None, title: str | None, note: str, unit: str, stress_unit: str, legend: bool
+) -> Figure:
+    """The unknown in colours with its contour lines, and where foundations act.
+
+    Over an area the part in contact is hatched; on boundaries contact points are marked by state.  In space the surface
+    is coloured.
+    """
+    stated = solution.problem.origin
+    assert isinstance(stated, ScalarProblem)
+    if stated.mesh.dim == 3:
+        return _surface(solution, stated, title, unit)
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.tri import Triangulation
+
+    mesh, contact = stated.mesh, solution.problem.contact
+    width, height = np.ptp(mesh.points, axis=0)
+    fig, ax = axes_on(ax, (6.3, 1.3 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+    values = solution.displacement[: mesh.number_of_nodes, 0]
+    grid = Triangulation(mesh.points[:, 0], mesh.points[:, 1], mesh.cells)
+    colours = ax.tripcolor(
+        grid, values, shading="gouraud", cmap="cividis", rasterized=mesh.number_of_cells > MANY_CELLS
+    )
+    bar = fig.colorbar(colours, ax=ax, location="bottom", shrink=0.8, pad=0.13, aspect=35)
+    named = {"membrane": "deflection u", "antiplane": "displacement u across the plane", "heat": "temperature u"}
+    bar.set_label(with_unit(named[stated.kind.value], "" if stated.kind.value == "heat" else unit))
+    if np.ptp(values) > 1e-12 * np.abs(values).max(initial=0.0):
+        ax.tricontour(grid, values, _LEVELS, colors="white", linewidths=0.5, alpha=0.8, linestyles="solid")
+    for line in polylines(mesh.boundary_facets):
+        ax.plot(*mesh.points[line].T, color="black", lw=0.9, zorder=3)
+    handles: list[Any] = []
+    over = over_area(solution)
+    touching = over & (solution.state != ContactState.OPEN)
+    if touching.any():
+        inside = np.zeros(mesh.number_of_nodes)
+        inside[contact.node[touching]] = 1.0
+        ax.tricontourf(grid, inside, [0.5, 1.5], colors="none", hatches=["////"], zorder=4)
+        ax.tricontour(grid, inside, [0.5], colors="black", linewidths=0.9, zorder=4)
+    if over.any():
+        share = float(contact.weights[touching].sum() / contact.weights[over].sum())
+        handles.append(
+            Patch(facecolor="#d8d8d8", edgecolor="black", hatch="//////", linewidth=0.6,
+                  label=f"in contact: {100.0 * share:.3g} % of the area")
+        )  # fmt: skip
+    edge = np.flatnonzero(~over)
+    if len(edge):
+        assert contact.points is not None
+        size = float(np.clip(30.0 / math.sqrt(len(edge)), 1.4, 4.4))
+        for kind in ContactState:
+            here = edge[solution.state[edge] == kind]
+            if len(here):
+                ax.plot(*contact.points[here].T, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
+                label = f"{kind.label} ({len(here)})"
+                handles.append(Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind]))
+    ax.set_aspect("equal")
+    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit))
+    ax.spines[["top", "right"]].set_visible(False)
+    if title:
+        ax.set_title(title)
+    if legend:
+        sides = {one.side for one in (*stated.contact.values(), *stated.areas.values()) if not one.rubs}
+        lines = [note] if note else []
+        lines += [line for line in law_captions(solution.problem) if not line.lower().startswith("none law")]
+        lines += ["foundation below"] if sides == {Side.BELOW} else []
+        lines += [f"{solution.problem.unknowns} unknowns", f"{solution.method}: {solution.status.value}"]
+        handles += [Line2D([], [], ls="", label=line) for line in lines]
+        ax.legend(
+            handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, handlelength=1.6,
+            handleheight=1.2, labelspacing=0.7,
+        )  # fmt: skip
+    return fig
+
+
+def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit: str) -> Figure:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    mesh = stated.mesh
+    facets = mesh.boundary_facets
+    fig = Figure(figsize=(6.3, 5.0))
+    ax: Any = fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d")
+    surface = Poly3DCollection(list(mesh.points[facets]), linewidths=0.15, edgecolors="#00000060")
+    surface.set_array(solution.displacement[facets, 0].mean(axis=1))
+    surface.set_cmap("cividis")
+    surface.set_rasterized(len(facets) > MANY_FACETS)
+    ax.add_collection3d(surface)
+    fig.colorbar(surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(stated.kind.unknown)
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit), zlabel=with_unit("z", unit))
+    ax.set_box_aspect(high - low, zoom=1.0)
+    if title:
+        ax.set_title(title)
+    return fig
+
+
+def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
+    """Force per area of the foundation, and the penetration, over an area of contact; not in cells that supports touch.
+
+    Raises
+    ------
+    ProblemError
+        The mesh lies in space.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.tri import Triangulation
+
+    problem, stated = solution.problem, solution.problem.origin
+    assert isinstance(stated, ScalarProblem)
+    mesh, contact = stated.mesh, problem.contact
+    if mesh.dim == 3:
+        raise ProblemError("contact over a volume is not drawn as a flat map; write it with write_vtu")
+    over = np.flatnonzero(over_area(solution))
+    lam, r = solution.multiplier[over].sum(axis=1), solution.local[over].sum(axis=1)
+    rubs = any(one.rubs for one in stated.areas.values())
+    held = np.ones(mesh.number_of_nodes, dtype=bool)
+    held[contact.node[over]] = False
+    cells = mesh.cells[(~held[mesh.cells]).all(axis=1)]
+    grid = Triangulation(mesh.points[:, 0], mesh.points[:, 1], cells)
+    fig = Figure(figsize=(8.2, 4.4), layout="constrained")
+    panels = fig.subplots(1, 2, sharey=True)
+    for panel, values, name in (
+        (panels[0], lam, with_unit("friction" if rubs else "force per area of the foundation", stress_unit)),
+        (panels[1], r, with_unit("slip" if rubs else "penetration (negative: distance)", unit)),
+    ):
+        at: Array = np.zeros(mesh.number_of_nodes)
+        at[contact.node[over]] = values
+        colours = panel.tripcolor(
+            grid, at, shading="gouraud", cmap="cividis", rasterized=mesh.number_of_cells > MANY_CELLS
+        )
+        fig.colorbar(colours, ax=panel, location="bottom", shrink=0.85, aspect=30).set_label(name)
+        for line in polylines(mesh.boundary_facets):
+            panel.plot(*mesh.points[line].T, color="black", lw=0.8)
+        panel.set_aspect("equal")
+        panel.locator_params(nbins=5)
+        panel.set_xlabel(with_unit("x", unit))
+        panel.spines[["top", "right"]].set_visible(False)
+    panels[0].set_ylabel(with_unit("y", unit))
+    if title:
+        fig.suptitle(title, fontsize=10)
+    return fig
