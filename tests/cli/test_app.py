@@ -18,23 +18,9 @@ import hemivar
 from hemivar import cli
 from hemivar.cli.session import Session
 from hemivar.files.sample import SAMPLE
+from tests.problem_files import block_file
 
-BASE = """\
-title = "block"
-[mesh]
-rectangle = [1.0, 1.0]
-cells = [4, 4]
-[material]
-lame = [4.0, 4.0]
-[loads]
-body = [-0.8, -0.8]
-[supports]
-left = "clamped"
-[contact.bottom]
-normal = { law = "survey", q_max = 0.3, p_const = 2.0 }
-friction = { law = "tresca", bound = 0.5 }
-gap = 0.0
-"""
+BASE = block_file(4) + "gap = 0.0\n"
 
 
 def changed(*pairs: tuple[str, str]) -> str:
@@ -232,9 +218,10 @@ BAD_FILES: dict[str, tuple[str, list[str]]] = {
     ),
     # formulas
     "formula, unknown name": (
-        changed(("gap = 0.0", 'gap = "0.1 * t"')),
-        ["[contact.bottom] gap", "'0.1 * t' at character 7", "'t' is not known"],
+        changed(("gap = 0.0", 'gap = "0.1 * q"')),
+        ["[contact.bottom] gap", "'0.1 * q' at character 7", "'q' is not known"],
     ),
+    "formula, time in statics": (changed(("gap = 0.0", 'gap = "0.1 * t"')), ["gap", "depends on time", "[time]"]),
     "formula, misspelt function": (
         changed(("gap = 0.0", 'gap = "sine(x)"')),
         ["[contact.bottom] gap", "character 1", "did you mean 'sin'?"],

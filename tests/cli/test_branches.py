@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from hemivar import cli
+from hemivar.branches import PathProgress, SearchProgress
+from hemivar.cli.show import StageView
+from hemivar.workflows import Event
 
 BLOCK = """\
 title = "block on a brittle layer"
@@ -102,3 +107,19 @@ def test_bad_input_is_refused_in_one_line(
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("event", "text"),
+    [
+        (SearchProgress(7, 2), "7 starts, 2 solutions"),
+        (SearchProgress(0, 2), "2 solutions"),
+        (PathProgress(5, 0.25), "5 points, load factor 0.25"),
+    ],
+)
+def test_a_terminal_shows_how_far_a_search_is(event: Event, text: str) -> None:
+    for terminal in (True, False):
+        out = io.StringIO()
+        with StageView(Console(file=out, force_terminal=terminal, width=120)) as view:
+            view(event)
+        assert (text in out.getvalue()) is terminal

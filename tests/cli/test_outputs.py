@@ -19,22 +19,11 @@ from hemivar.cli.outputs import Writer
 from hemivar.cli.session import Session
 from hemivar.errors import ProblemError
 from hemivar.workflows import comparison
+from tests.problem_files import block_file
 
-PROBLEM = """\
-title = "block"
-[mesh]
-rectangle = [1.0, 1.0]
-cells = [2, 2]
-[material]
-lame = [4.0, 4.0]
-[loads]
-body = [-0.8, -0.8]
-[supports]
-left = "clamped"
-[contact.bottom]
-normal = { law = "table", file = "law.csv" }
-friction = { law = "tresca", bound = { table = "bound.csv" } }
-"""
+PROBLEM = block_file(
+    2, normal='{ law = "table", file = "law.csv" }', friction='{ law = "tresca", bound = { table = "bound.csv" } }'
+)
 GMSH = """\
 $MeshFormat
 2.2 0 8
@@ -147,6 +136,8 @@ def test_the_mesh_of_a_problem_is_noted(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["solve", "p.toml", "--vtu", "."], ["--vtu .", "must end in .vtu"]),
+        (["solve", "p.toml", "--plot", "."], ["--plot .", "must end in"]),
         (["solve", "p.toml", "--vtu", "a.vtu"], ["--vtu a_contact.vtu", "this is a folder"]),
         (["solve", "p.toml", "--json", 300 * "a" + ".json"], ["--json", "too long"]),
         (["solve", "p.toml", "--json", "a\0.json"], ["--json", "null byte"]),
@@ -431,6 +422,7 @@ def test_a_settings_file_that_matplotlib_cannot_read_is_one_line(folder: Path) -
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_bytes_that_are_no_text_on_the_command_line(folder: Path) -> None:
     for arguments in (
         ["solve", b"\xff.toml"],

@@ -23,24 +23,11 @@ import pytest
 
 from hemivar import cli
 from hemivar.files.sample import SAMPLE
+from tests.problem_files import block_file
 
-PROBLEM = """\
-title = "block"
-[mesh]
-rectangle = [1.0, 1.0]
-cells = [8, 8]
-[material]
-lame = [4.0, 4.0]
-[loads]
-body = [-0.8, -0.8]
-[supports]
-left = "clamped"
-[contact.bottom]
-normal = { law = "survey", q_max = 0.3, p_const = 2.0 }
-friction = { law = "tresca", bound = 0.5 }
-"""
-LONG = PROBLEM.replace("[8, 8]", "[64, 64]")
-PATH = PROBLEM.replace('friction = { law = "tresca", bound = 0.5 }\n', "")
+PROBLEM = block_file(8)
+LONG = block_file(64)
+PATH = block_file(8, friction=None)
 OLD = b"what was here before"
 
 #: Arguments of every command that writes, and the files it writes.

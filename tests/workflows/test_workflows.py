@@ -15,7 +15,7 @@ import pytest
 
 import hemivar as hv
 from hemivar import workflows
-from hemivar.branches import find_solutions, follow_path
+from hemivar.branches import PathProgress, SearchProgress, find_solutions, finding, follow_path, following
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine
 from hemivar.gallery import survey as survey_problem
@@ -44,7 +44,7 @@ from hemivar.workflows import (
 )
 from hemivar.workflows.survey_runs import observed_order
 
-from ..problems import square
+from ..problems import bar, square
 
 Result = TypeVar("Result")
 PROBLEM = square(n=4)
@@ -232,17 +232,43 @@ def test_solutions_and_path_are_those_of_the_library() -> None:
     assert not result_of(workflows.path(PROBLEM, PathOptions((0.0, 1.5), max_points=3))).reached_end
 
 
-def test_the_options_of_a_search_reach_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[dict[str, object]] = []
+@pytest.mark.parametrize("enumerate_up_to", [20_000, 0])
+def test_a_search_tells_of_its_starts_and_ends_when_asked_to(enumerate_up_to: int) -> None:
+    problem = bar(0.5, hv.Softening(2.0, 0.1, 2.0))
+    options = SolutionsOptions(starts=3, enumerate_up_to=enumerate_up_to)
+    whole, events = watched(finding(problem, options))
+    steps = [event for event in events if isinstance(event, SearchProgress)]
+    assert steps[-1].found == len(whole) == 3
+    assert [step.found for step in steps] == sorted(step.found for step in steps)
+    assert steps[-1].starts == whole.starts
+    first = result_of(finding(problem, options), lambda event: event.found == 1)
+    assert first.interrupted
+    assert len(first) == 1
 
-    def search(problem: hv.DiscreteProblem, **options: object) -> tuple[hv.Solution, ...]:
+
+def test_a_path_tells_of_its_points_and_ends_when_asked_to() -> None:
+    problem = bar(0.5, hv.Softening(2.0, 0.1, 2.0))
+    whole, events = watched(workflows.path(problem, PathOptions((0.0, 2.0))))
+    steps = [event for event in events if isinstance(event, PathProgress)]
+    assert {step.load_factor for step in steps} <= set(whole.load_factor)
+    assert steps[-1].load_factor == whole.load_factor[-1]
+    part = result_of(following(problem, PathOptions((0.0, 2.0))), lambda event: event.load_factor > 0.1)
+    assert part.interrupted
+    assert 2 <= len(part) < len(whole)
+
+
+def test_the_options_of_a_search_reach_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[SolutionsOptions] = []
+
+    def search(problem: hv.DiscreteProblem, options: SolutionsOptions) -> Work[tuple[hv.Solution, ...]]:
         seen.append(options)
+        yield from ()
         return ()
 
-    monkeypatch.setattr(equilibria, "find_solutions", search)
+    monkeypatch.setattr(equilibria, "finding", search)
     options = SolutionsOptions(3, 4, 5, Controls(rtol=1e-7))
     result_of(workflows.solutions(PROBLEM, options))
-    assert seen == [{"starts": 3, "max_solutions": 4, "seed": 5, "controls": Controls(rtol=1e-7)}]
+    assert seen == [options]
 
 
 def test_prescribed_displacements_grow_with_the_load_of_a_statement() -> None:
@@ -287,6 +313,7 @@ def test_a_law_that_is_not_known(arguments: tuple[str, dict[str, str]], words: s
 # ---- survey --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_survey_that_is_interrupted_keeps_what_is_done() -> None:
     runs, events = watched(
         workflows.survey(SurveyOptions(max_n=8)), lambda event: isinstance(event, Stage) and event.number == 1

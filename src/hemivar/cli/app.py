@@ -19,6 +19,8 @@ from hemivar.cli.certification import certify
 from hemivar.cli.comparison import compare
 from hemivar.cli.equilibria import path, solutions
 from hemivar.cli.law_study import laws
+from hemivar.cli.march_results import animate, history
+from hemivar.cli.marching import march
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import check_outputs, internal_error, one_line
 from hemivar.cli.solving import solve
@@ -160,7 +162,7 @@ def methods() -> int:
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    solve, certify, solutions, path, compare, survey, new, laws, methods,
+    solve, certify, solutions, path, march, history, animate, compare, survey, new, laws, methods,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__)(_command)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -12,9 +12,6 @@ from hemivar.cli.options import Exit, MaxTime, ProblemPath, controls_of
 from hemivar.cli.session import Session
 from hemivar.cli.show import SolveView, print_head
 from hemivar.errors import ProblemError
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["certify"]
 

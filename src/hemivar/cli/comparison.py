@@ -41,7 +41,7 @@ def compare(
     """
     from hemivar.report.tables import Table
     from hemivar.solvers import METHODS
-    from hemivar.workflows import CompareOptions, Condensed, Stage, result_of
+    from hemivar.workflows import CompareOptions, Condensed, result_of
     from hemivar.workflows import compare as compared
 
     names = list(METHODS) if methods is None else [name.strip() for name in methods.split(",")]
@@ -63,10 +63,8 @@ def compare(
                         print(f"condensation      {seconds:.3g} s, shared by all methods, not in the times below")
                     limits = f"{controls.max_time:g} s for each method, relative residual {controls.rtol:.0e}"
                     print(f"limits            {limits}\n")
-                case Stage():
-                    stages(event)
                 case _:
-                    pass
+                    stages(event)
 
         found = result_of(compared(discrete, CompareOptions(solvers, controls)), show)
     table = Table(_COLUMNS, tuple(_row(tried) for tried in found.attempts))

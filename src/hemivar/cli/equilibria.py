@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hemivar.cli.options import MOST_STEPS, Exit, MaxTime, ProblemPath, Rtol, suggest
+from hemivar.basics.arguments import suggest
+from hemivar.cli.options import MOST_STEPS, Exit, MaxTime, ProblemPath, Rtol
 from hemivar.cli.session import Session
-from hemivar.cli.show import console, print_head, print_table
+from hemivar.cli.show import StageView, console, print_head, print_table
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -45,7 +46,8 @@ def solutions(
     from hemivar.workflows import SolutionsOptions, result_of
     from hemivar.workflows import solutions as search
 
-    found = result_of(search(discrete, SolutionsOptions(starts, max_solutions, seed, session.controls)))
+    with StageView(console()) as view:
+        found = result_of(search(discrete, SolutionsOptions(starts, max_solutions, seed, session.controls)), view)
     if json is not None:
         record = {
             "problem": session.stated.name,
@@ -116,7 +118,8 @@ def path(
     from hemivar.workflows import path as follow
 
     options = PathOptions(load_factor, max_points, session.controls.max_time)
-    found = result_of(follow(session.stated.problem, options))
+    with StageView(console()) as view:
+        found = result_of(follow(session.stated.problem, options), view)
     _print_path(found)
     record = path_record(found, quantity)
     for point in record["points"]:

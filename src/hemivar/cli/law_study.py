@@ -10,7 +10,7 @@ import typer
 
 from hemivar.basics.disk import noting_files_read
 from hemivar.cli.options import Exit
-from hemivar.cli.outputs import Writer, check_outputs, keep_off
+from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def laws(
     with noting_files_read() as files:
         work = study_law(name, values, friction=friction, first=plot is not None, label="--set ")
         studies = result_of(work)
-    keep_off({"--plot": plot}, files)
+    keep_off(files_of({"--plot": plot}), files)
     writer = Writer()
     for study in studies:
         _print_study(study, named=file is None and formula is None)

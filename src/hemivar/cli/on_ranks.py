@@ -4,38 +4,51 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hemivar.basics.disk import noting_files_read, same_file, shown, try_output
+from hemivar.basics.disk import noting_files_read, shown, try_output
 from hemivar.cli.ending import all_or_none
-from hemivar.cli.outputs import one_line
+from hemivar.cli.options import Exit, controls_of
+from hemivar.cli.outputs import Writer, check_distinct, keep_off, one_line
+from hemivar.cli.session import naming_file
+from hemivar.cli.show import print_contact, print_not_converged, print_step, print_step_head
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
-from hemivar.errors import FileError, HemivarError, ProblemError, SupportError
+from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
+from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.mesh import Grid
 from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
-from hemivar.solvers import ContactState, Status
+from hemivar.solvers import Status
 
 if TYPE_CHECKING:
     from hemivar.certify import Certificate
-    from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
+    from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Piece, Ranks
     from hemivar.files.mesh_table import StatedMesh
     from hemivar.files.problem_file import ProblemFile
-    from hemivar.solvers import Controls, Progress
+    from hemivar.solvers import Progress
     from hemivar.solvers.base import State
 
-__all__ = ["ProblemOnRanks", "read_on_ranks", "run_on_ranks"]
+__all__ = [
+    "ProblemOnRanks",
+    "end_of_all",
+    "named",
+    "print_head_on_ranks",
+    "read_on_ranks",
+    "run_on_ranks",
+    "stated_on_ranks",
+]
 
 
+@dataclass(frozen=True, eq=False)
 class ProblemOnRanks:
     """A problem file as the ranks hold it: the statement on this rank's piece, and the bodies of all meshes."""
 
-    def __init__(self, stated: ProblemFile, bodies: list[BodyOnRanks]) -> None:
-        self.stated = stated
-        self.bodies = bodies
+    stated: ProblemFile
+    bodies: list[BodyOnRanks]
 
 
 def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
@@ -46,12 +59,36 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
     ProblemError, MethodError
         The same on all ranks.
     """
-    from hemivar.engines.petsc import assemble, family
+    from hemivar.engines.petsc import assemble
+
+    stated, pieces = stated_on_ranks(path, ranks)
+    problem = stated.problem
+    assert isinstance(problem, ContactProblem)
+    bodies: list[BodyOnRanks] = []
+    for piece in pieces:
+        last = piece is pieces[-1]
+        below = bodies[-1] if bodies else None
+        try:
+            bodies.append(assemble(ranks, piece, problem.on, coarser=below, check_coercivity=last))
+        except HemivarError as refused:
+            raise named(refused, stated.name) from None
+    return ProblemOnRanks(stated, bodies)
+
+
+def stated_on_ranks(path: Path, ranks: Ranks) -> tuple[ProblemFile, list[Piece]]:
+    """Read a problem file, and cut the mesh that it starts from; the statement is that on the piece of each rank.
+
+    Raises
+    ------
+    ProblemError, MethodError
+        The same on all ranks.
+    """
+    from hemivar.engines.petsc import family
     from hemivar.engines.petsc.pieces import grid_numbers
     from hemivar.files.problem_file import parse_problem_file, read_text
 
     text = ranks.mpi.bcast(ranks.agree(lambda: read_text(path) if ranks.rank == 0 else ""))
-    pieces = []
+    pieces: list[Piece] = []
 
     def place(stated: StatedMesh) -> Any:
         recipe = stated.recipe
@@ -66,7 +103,7 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
         try:
             pieces.extend(family(ranks, stated.begin, recipe.halvings, recipe.refine, renumber, crossed))
         except ProblemError as refused:
-            raise _named(refused, str(path), "[mesh] ") from None
+            raise named(refused, str(path), "[mesh] ") from None
         return pieces[-1].mesh
 
     def read() -> ProblemFile:
@@ -86,101 +123,95 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
         assert stated is not None
         return stated
 
-    stated = ranks.agree(both)
-    bodies: list[BodyOnRanks] = []
-    for piece in pieces:
-        last = piece is pieces[-1]
-        below = bodies[-1] if bodies else None
-        try:
-            bodies.append(assemble(ranks, piece, stated.problem.on, coarser=below, check_coercivity=last))
-        except HemivarError as refused:
-            raise _named(refused, stated.name, "[supports] " if isinstance(refused, SupportError) else "") from None
-    return ProblemOnRanks(stated, bodies)
+    found = ranks.agree(both)
+    if isinstance(found.problem, ScalarProblem):
+        raise shared(MethodError(f"{found.name}: kind: the engine 'petsc' has no scalar problems; leave --engine out"))
+    return found, pieces
 
 
-def _named(error: HemivarError, name: str, table: str) -> HemivarError:
+def named(error: HemivarError, name: str, table: str = "") -> HemivarError:
     """The error with file and table before it; still one of all ranks if it was."""
-    if str(error).startswith(f"{name}: "):
-        return error
-    named = type(error)(f"{name}: {table}{error}")
-    return shared(named) if getattr(error, "shared", False) else named
+    told = naming_file(error, name, table)
+    return shared(told) if getattr(error, "shared", False) else told
 
 
 def run_on_ranks(
     path: Path,
-    check: Callable[[], None],
-    controls_of: Callable[[ProblemFile, Callable[[Progress], bool | None] | None], Controls],
-    say: Callable[[Progress], bool | None] | None,
-    json: Path | None,
-    vtu: Path | None,
-    checkpoint: Path | None,
+    outputs: Mapping[str, Path | None],
     restart: Path | None,
+    limits: tuple[float | None, float | None, int | None],
+    check: Callable[[], None],
+    quiet: bool,
 ) -> int:
     """Solve a problem file on all ranks; returns the exit code.
 
     Parameters
     ----------
     path : Path
-    check : function
-        Looks at what can be looked at before work begins.
-    controls_of : function
-        Limits, with a function to call after every step.
-    say : function or None
-        Prints a step; work ends if it returns True.
-    json, vtu : Path or None
-        What to write.
-    checkpoint : Path or None
-        Where to keep the iterate after every step.
+    outputs : mapping of option to Path or None
+        Of ``--json``, ``--vtu`` and ``--checkpoint``, where the iterate is kept after every step.
     restart : Path or None
         A checkpoint to go on from.
+    limits : tuple
+        Relative tolerance, seconds and steps of the command line.
+    check : function
+        Looks at what can be looked at before work begins.
+    quiet : bool
+        Whether no step is printed.
     """
     from hemivar.engines.petsc import read_checkpoint, solve_distributed, world
 
     ranks = world()
     first = ranks.rank == 0
     bell = Alarm()
+    json, vtu, checkpoint = (outputs[option] for option in ("--json", "--vtu", "--checkpoint"))
     with all_or_none(ranks), bell.listening():
         ranks.agree(check)
-        outputs = {"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}
         ranks.agree(lambda: _try_pieces(vtu, ranks))
         with noting_files_read() as inputs:
             problem = read_on_ranks(path, ranks)
         body = problem.bodies[-1]
         ranks.agree(lambda: _keep_off(outputs, [path, *inputs], restart, ranks) if first else None)
         if first:
-            _print_head(problem)
-        else:
-            say = None
-        controls = ranks.agree(lambda: controls_of(problem.stated, say))
+            print_head_on_ranks(problem.stated, body, len(problem.bodies))
+            print_step_head()
+        say = print_step if first and not quiet else None
+        controls = ranks.agree(lambda: controls_of(problem.stated, *limits, say))
         resume = None if restart is None else read_checkpoint(restart, body)
         keep = None if checkpoint is None else _Keeper(checkpoint, body)
         alarm = bell.limited(controls.max_time)
         solution = solve_distributed(body, None, controls, resume=resume, watch=keep, alarm=alarm)
         certificate = certify_on_ranks(solution, alarm=alarm)
         _print_summary(solution, certificate)
-        failed = [] if keep is None or keep.error is None else [keep.error]
-        written: list[Path] = []
+        writer = Writer()
+        writer.failed += [] if keep is None or keep.error is None else [keep.error]
         writers: tuple[tuple[Path | None, Callable[[Path], list[Path]]], ...] = (
             (json, lambda name: [write_json_on_ranks(solution, name, certificate)]),
             (vtu, lambda name: write_vtu_on_ranks(solution, name)),
         )
         for target, write in writers:
             try:
-                written += [] if target is None else write(target)
+                writer.written += [] if target is None else write(target)
             except HemivarError as error:
                 if not getattr(error, "shared", False):
                     raise
-                failed.append(str(error))
+                writer.failed.append(str(error))
+        ended = {Status.CONVERGED: Exit.CONVERGED, Status.INTERRUPTED: Exit.INTERRUPTED}
+        code = ended.get(solution.status, Exit.NOT_CONVERGED)
         if first:
-            _print_end(solution, written, failed)
-        ranks.mpi.Barrier()
-        if solution.status is Status.INTERRUPTED:
-            if not first:
-                raise SystemExit(130)  # the first rank says it for all
-            return 130
-        if failed:
-            return 2
-        return 0 if solution.status is Status.CONVERGED else 1
+            writer.tell()
+            if code == Exit.NOT_CONVERGED:
+                print_not_converged(solution)
+            code = Exit(writer.ended(code))
+        return end_of_all(ranks, code)
+
+
+def end_of_all(ranks: Ranks, code: Exit) -> int:
+    """The exit code of the first rank, which all ranks return; the first says for all that it was interrupted."""
+    code = Exit(ranks.mpi.bcast(code))
+    if code == Exit.INTERRUPTED and ranks.rank:
+        raise SystemExit(code)
+    return code
 
 
 class _Keeper:
@@ -226,54 +257,30 @@ def _try_pieces(vtu: Path | None, ranks: Ranks) -> None:
             raise ProblemError(f"--vtu: {error}; name another file") from error
 
 
-def _keep_off(outputs: dict[str, Path | None], inputs: list[Path], restart: Path | None, ranks: Ranks) -> None:
+def _keep_off(outputs: Mapping[str, Path | None], inputs: list[Path], restart: Path | None, ranks: Ranks) -> None:
     """Refuse outputs that would fall on a file that was read, or on one another.
 
     The checkpoint alone may take the place of the one that the solve goes on from.
     """
-    taken: list[tuple[Path, str]] = []
-    for option, path in outputs.items():
-        if path is None:
-            continue
-        files = [path, *(pieces_of(path, ranks.size) if option == "--vtu" else [])]
-        read = [*inputs, *([restart] if restart is not None and option != "--checkpoint" else [])]
-        for file in files:
-            if any(same_file(file, other) for other in read):
-                raise ProblemError(f"{option} {shown(file)}: it was read for this problem; name another file")
-            for other, what in taken:
-                if same_file(file, other):
-                    raise ProblemError(f"{option} {shown(file)}: this is a file of {what} already; name another one")
-        taken += [(file, option) for file in files]
+    files = {option: [] if path is None else [path] for option, path in outputs.items()}
+    files["--vtu"] += [piece for path in files["--vtu"] for piece in pieces_of(path, ranks.size)]
+    check_distinct(files)
+    for option, own in files.items():
+        keep_off({option: own}, [*inputs, *([restart] if restart is not None and option != "--checkpoint" else [])])
 
 
-def _print_end(solution: DistributedSolution, written: list[Path], failed: list[str]) -> None:
-    """Print on rank 0 what was written, and on standard error what went wrong."""
-    if written:
-        print(f"written           {', '.join(map(shown, written))}")
-    sys.stdout.flush()
-    if solution.status not in (Status.CONVERGED, Status.INTERRUPTED):  # of which the command itself speaks
-        sys.stderr.write(
-            f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
-            f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
-        )
-    for message in failed:
-        sys.stderr.write(f"hemivar: error: {one_line(message)}\n")
-    sys.stderr.flush()
-
-
-def _print_head(problem: ProblemOnRanks) -> None:
-    body = problem.bodies[-1]
-    stated, piece = problem.stated, body.piece
+def print_head_on_ranks(stated: ProblemFile, body: BodyOnRanks, levels: int) -> None:
+    """Print what the problem is, and how it lies over the ranks."""
+    piece = body.piece
     print(one_line(stated.problem.title) or shown(stated.name))
-    print(f"mesh              {piece.total} nodes on {len(problem.bodies)} levels")
+    print(f"mesh              {piece.total} nodes on {levels} levels")
     print(f"ranks             {body.ranks.size}, {piece.mesh.number_of_cells} cells on the first")
     print(f"unknowns          {body.unknowns}")
     for warning in body.warnings:
         print(f"warning           {warning}")
     where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
     print(f"contact points    {body.contact_points}{where}")
-    print("method            petsc: nonsmooth multigrid, with the cycles of PETSc")
-    print(f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}", flush=True)
+    print("method            petsc: nonsmooth multigrid, with the cycles of PETSc", flush=True)
 
 
 def _print_summary(solution: DistributedSolution, certificate: Certificate) -> None:
@@ -306,9 +313,6 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
     print(f"normal force      {sums['normal_force']:.6g}")
     force = sums["force"]
     print(f"force             ({', '.join(f'{c:.6g}' for c in force)}), of the foundation on the body")
-    what = "length" if body.dim == 2 else "area"
-    print(f"contact {what:<10}{sums['contact_length']:.6g} of {sums['whole_length']:.6g}")
-    counts = zip(sums["counts"], ContactState, strict=True)
-    print(f"contact points    {', '.join(f'{count} {state.label}' for count, state in counts)}")
+    print_contact("length" if body.dim == 2 else "area", sums["contact_length"], sums["whole_length"], sums["counts"])
     print(f"max penetration   {sums['max_penetration']:.6g}")
     print(f"max pressure      {sums['max_pressure']:.6g}")

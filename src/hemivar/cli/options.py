@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hemivar.basics.arguments import suggest
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -17,16 +17,19 @@ if TYPE_CHECKING:
     from hemivar.solvers import Controls, Progress, Solver
 
 __all__ = [
+    "ENGINES",
     "MOST_STEPS",
+    "EngineName",
     "Exit",
     "MaxSteps",
     "MaxTime",
     "ProblemPath",
+    "Quiet",
     "Rtol",
+    "check_engine",
     "check_limits",
     "controls_of",
     "method_named",
-    "suggest",
 ]
 
 _LARGEST_RTOL = 1e-2
@@ -41,6 +44,14 @@ MaxTime = Annotated[float | None, typer.Option(metavar="S", help="Limit of each 
 MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps (set by the method).")]
 
 
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing but the summary.")]
+#: Engines by the names of ``--engine``.
+ENGINES = ("scipy", "petsc")
+EngineName = Annotated[
+    str, typer.Option("--engine", metavar="NAME", help="'scipy', or 'petsc' for all ranks of mpirun.")
+]
+
+
 class Exit(IntEnum):
     """Exit codes of the command."""
 
@@ -49,6 +60,12 @@ class Exit(IntEnum):
     BAD_INPUT = 2
     INTERNAL = 70
     INTERRUPTED = 130
+
+
+def check_engine(name: str) -> None:
+    """Refuse an engine that there is not."""
+    if name not in ENGINES:
+        raise ProblemError(f"--engine {name}: it is not known{suggest(name, ENGINES)}")
 
 
 def check_limits(rtol: float | None = None, max_time: float | None = None, max_steps: int | None = None) -> None:
@@ -91,10 +108,3 @@ def method_named(name: str) -> Solver:
     if name not in METHODS:
         raise ProblemError(f"method '{name}' is not known{suggest(name, list(METHODS))}")
     return METHODS[name]
-
-
-def suggest(name: str, known: Sequence[str]) -> str:
-    """What may have been meant, and what is known."""
-    close = difflib.get_close_matches(name, known, n=1)
-    guess = f"; did you mean '{close[0]}'?" if close else ""
-    return f"{guess} (known: {', '.join(known)})"

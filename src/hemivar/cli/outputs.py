@@ -15,7 +15,17 @@ from hemivar.cli.options import Exit
 from hemivar.cli.terminal import hold_signals, quiet_logging
 from hemivar.errors import FileError, HemivarError, ProblemError
 
-__all__ = ["FIGURES", "Writer", "check_folder", "check_outputs", "internal_error", "keep_off", "one_line"]
+__all__ = [
+    "FIGURES",
+    "Writer",
+    "check_distinct",
+    "check_folder",
+    "check_outputs",
+    "files_of",
+    "internal_error",
+    "keep_off",
+    "one_line",
+]
 
 #: Characters of a message that are shown: a name of thousands of them would hide what is wrong.
 _LONGEST = 1000
@@ -25,6 +35,10 @@ FIGURES = (".png", ".svg", ".pdf")
 _SUFFIXES = {
     "--json": (".json",),
     "--csv": (".csv",),
+    "--fields": (".pvd", ".xdmf"),
+    "--table": (".csv", ".parquet"),
+    "--animation": (".gif", ".mp4"),
+    "--output": (".gif", ".mp4"),
     "--vtu": (".vtu",),
     "--plot": FIGURES,
     "--plot-contact": FIGURES,
@@ -45,31 +59,43 @@ def check_outputs(outputs: Mapping[str, Path | None], source: Path | None = None
     ProblemError
         One sentence that names the option and the file.
     """
-    taken: list[tuple[Path, str]] = [] if source is None else [(source, "the problem file")]
     for option, path in outputs.items():
-        if path is None:
-            continue
         suffixes = _SUFFIXES.get(option)
-        if suffixes and path.suffix.lower() not in suffixes:
+        if path is not None and suffixes and path.suffix.lower() not in suffixes:
             raise ProblemError(f"{option} {path}: the name must end in {' or '.join(suffixes)}")
-        for file in _files(option, path):
+    files = files_of(outputs)
+    for option, own in files.items():
+        for file in own:
             _check_file(file, option)
+    check_distinct(files, source)
+
+
+def files_of(outputs: Mapping[str, Path | None]) -> dict[str, list[Path]]:
+    """The files that each option writes: with ``--vtu`` and PVD, those of the contact boundaries too."""
+    files = {option: [] if path is None else [path] for option, path in outputs.items()}
+    for option, suffix in (("--vtu", ".vtu"), ("--fields", ".pvd")):
+        for path in tuple(files.get(option, ())):
+            if option == "--vtu" or path.suffix.lower() == suffix:
+                files[option].append(path.with_name(f"{path.stem}_contact{suffix}"))
+    return files
+
+
+def check_distinct(files: Mapping[str, Iterable[Path]], source: Path | None = None) -> None:
+    """Refuse files that two options would write, by whatever name, and the problem file ``source``."""
+    taken: list[tuple[Path, str]] = [] if source is None else [(source, "the problem file")]
+    for option, own in files.items():
+        for file in own:
             for other, what in taken:
                 if same_file(file, other):
                     raise ProblemError(f"{option} {file}: this is {what} already; name another file")
             taken.append((file, option))
 
 
-def keep_off(outputs: Mapping[str, Path | None], inputs: Iterable[Path]) -> None:
-    """Refuse outputs that would overwrite a file that was read, by whatever name.
-
-    Raises
-    ------
-    ProblemError
-    """
+def keep_off(files: Mapping[str, Iterable[Path]], inputs: Iterable[Path]) -> None:
+    """Refuse files that would overwrite one that was read, by whatever name."""
     inputs = list(inputs)
-    for option, path in outputs.items():
-        for file in () if path is None else _files(option, path):
+    for option, own in files.items():
+        for file in own:
             for read in inputs:
                 if same_file(file, read):
                     raise ProblemError(f"{option} {file}: {read} was read for this problem; name another file")
@@ -87,13 +113,6 @@ def check_folder(path: Path, names: Iterable[str]) -> None:
         raise ProblemError(f"--out {path}: the folder is write-protected; name another one")
     for name in names:
         _try(path / name, "--out", "folder")
-
-
-def _files(option: str, path: Path) -> tuple[Path, ...]:
-    """The files that an option writes."""
-    if option == "--vtu":
-        return path, path.with_name(f"{path.stem}_contact.vtu")
-    return (path,)
 
 
 def _check_file(path: Path, option: str) -> None:
@@ -150,7 +169,7 @@ class Writer:
         if path is None or (picture and self.interrupted):
             return
         try:
-            keep_off({option: path}, self.inputs)
+            keep_off(files_of({option: path}), self.inputs)
         except ProblemError as error:
             self.failed.append(str(error))
             return

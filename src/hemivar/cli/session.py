@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import noting_files_read
 from hemivar.cli.options import check_limits, controls_of, method_named
-from hemivar.cli.outputs import Writer, check_outputs, keep_off
-from hemivar.errors import ProblemError, SupportError
+from hemivar.cli.outputs import Writer, check_outputs, files_of, keep_off
+from hemivar.errors import HemivarError, ProblemError, SupportError
 
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.mesh.mesh import Mesh
     from hemivar.solvers import Controls, Solver
 
-__all__ = ["Session"]
+__all__ = ["Session", "naming_file"]
 
 
 class Session:
@@ -49,7 +49,6 @@ class Session:
         self,
         path: Path,
         outputs: Mapping[str, Path | None],
-        *,
         rtol: float | None = None,
         max_time: float | None = None,
         max_steps: int | None = None,
@@ -62,7 +61,7 @@ class Session:
         with noting_files_read() as files:
             self.stated = read_problem_file(path)
         files += [] if solution is None else [solution]
-        keep_off(outputs, files)
+        keep_off(files_of(outputs), files)
         self.outputs = outputs
         self.writer = Writer(files)
         self._limits = rtol, max_time, max_steps
@@ -90,8 +89,11 @@ class Session:
         try:
             return discretize(self.stated.problem if mesh is None else self.stated.problem.on(mesh))
         except ProblemError as error:
-            message = str(error)
-            if not message.startswith(f"{self.stated.name}: "):
-                table = "[supports] " if isinstance(error, SupportError) else ""
-                message = f"{self.stated.name}: {table}{message}"
-            raise ProblemError(message) from error
+            raise naming_file(error, self.stated.name) from error
+
+
+def naming_file(error: HemivarError, name: str, table: str = "") -> HemivarError:
+    """The error with the file, and a table of it, named before what it says, unless it names the file itself."""
+    if str(error).startswith(f"{name}: "):
+        return error
+    return type(error)(f"{name}: {'[supports] ' if isinstance(error, SupportError) else table}{error}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import shown
@@ -17,24 +18,43 @@ if TYPE_CHECKING:
 
     from hemivar.certify import Certificate
     from hemivar.discrete.problem import DiscreteProblem
+    from hemivar.engines.petsc import DistributedSolution
     from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
     from hemivar.solvers import Progress, Solution
-    from hemivar.workflows import Event, Stage
+    from hemivar.workflows import Event
 
-__all__ = ["SolveView", "StageView", "console", "print_head", "print_step", "print_summary", "print_table", "unread"]
+__all__ = [
+    "SolveView",
+    "StageView",
+    "console",
+    "print_contact",
+    "print_head",
+    "print_not_converged",
+    "print_step",
+    "print_step_head",
+    "print_summary",
+    "print_table",
+    "unread",
+]
 
 
-def console() -> Console:
-    """A console without colours unless it is a terminal."""
+def console(plain: bool = False) -> Console:
+    """A console without colours unless it is a terminal, and ``plain`` even there."""
     from rich.console import Console
 
-    return Console(file=sys.stdout, highlight=False, markup=False, emoji=False)
+    terminal = False if plain else None
+    return Console(file=sys.stdout, highlight=False, markup=False, emoji=False, force_terminal=terminal)
 
 
 def unread() -> bool:
     """Whether standard output has failed: nobody follows the work any more, and it ends as by Ctrl-C."""
     return isinstance(sys.stdout, Stream) and sys.stdout.failed is not None
+
+
+def print_step_head(level: str = "") -> None:
+    """Print what stands in the lines for the steps."""
+    print(f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}{level}", flush=True)
 
 
 def print_step(now: Progress) -> bool:
@@ -70,8 +90,7 @@ class SolveView:
                 level = ""
                 if count > 1 and problem.field is not None:
                     level = f"   mesh with h = {problem.field.mesh.size:.3g}, {problem.unknowns} unknowns"
-                head = f"\n{'step':>6}  {'residual':>9}  {'energy':>18}  {'changed points':>14}{level}"
-                print(head, flush=True)
+                print_step_head(level)
             case Progress() if not self.quiet:
                 return print_step(event)
             case Found(solution):
@@ -85,33 +104,47 @@ class SolveView:
 
 
 class StageView(contextlib.AbstractContextManager["StageView"]):
-    """Shows the stages of long work: a bar on a terminal, a line for each elsewhere."""
+    """Shows how far long work is: by a bar on a terminal; elsewhere by a line for each stage."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._context = contextlib.ExitStack()
         self._bar: Bar | None = None
 
-    def __call__(self, stage: Stage) -> None:
-        """Show a stage.
+    def __call__(self, event: Event) -> None:
+        """Show a stage, a start of a search or a point of a path.
 
         Raises
         ------
         KeyboardInterrupt
             Nobody reads it.
         """
+        from hemivar.branches import PathProgress, SearchProgress
+        from hemivar.workflows import Stage
+
+        match event:
+            case Stage(name, number, count):
+                if not self._console.is_terminal:
+                    print(name, flush=True)
+                self._show(name, number, count)
+            case SearchProgress(starts, found):
+                self._show(f"{starts} starts, {found} solutions" if starts else f"{found} solutions")
+            case PathProgress(points, load_factor):
+                self._show(f"{points} points, load factor {load_factor:.4g}")
+        if unread():
+            raise KeyboardInterrupt
+
+    def _show(self, text: str, number: int = 0, count: int | None = None) -> None:
+        """Move the bar of a terminal; without a count it tells only that the work goes on."""
         if not self._console.is_terminal:
-            print(stage.name, flush=True)
-            if unread():
-                raise KeyboardInterrupt
             return
         from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
         if self._bar is None:
             columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
             self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
-            self._bar.add_task("", total=stage.count)
-        self._bar.update(TaskID(0), description=stage.name, completed=stage.number)
+            self._bar.add_task("", total=count)
+        self._bar.update(TaskID(0), description=text, completed=number)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -146,8 +179,17 @@ def print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
     print(f"unknowns          {discrete.unknowns}")
     for warning in discrete.warnings:
         print(f"warning           {warning}")
-    where = f" on {', '.join(stated.problem.contact)}" if stated.problem.contact else ""
+    where = f" on {', '.join(discrete.contact.names)}" if discrete.contact.names else ""
     print(f"contact points    {discrete.contact_points}{where}", flush=True)
+
+
+def print_not_converged(solution: Solution | DistributedSolution) -> None:
+    """Say on standard error how a solve ended, and what to do."""
+    sys.stdout.flush()
+    sys.stderr.write(
+        f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
+        f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
+    )
 
 
 def print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
@@ -160,8 +202,7 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     console.print("\nstatus            ", end="")
     console.print(solution.status.value, style="bold green" if good else "bold red", end="")
     console.print(f" after {solution.steps} steps, relative residual {solution.residual.relative:.1e}")
-    stages = ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
-    print(f"time              {stages}")
+    print(f"time              {', '.join(f'{stage} {seconds:.3g} s' for stage, seconds in solution.timings.items())}")
     print(f"energy            {solution.energy:.10g}")
     if solution.error_bound is not None:
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
@@ -176,14 +217,19 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     if friction.size == 1:
         print(f"friction force    {friction[0]:.6g}")
     elif friction.size:
-        frames = solution.problem.contact.frames
-        assert frames is not None
-        vector = np.einsum("m,mc,mcd->d", solution.problem.contact.weights, solution.friction, frames[:, 1:])
+        vector = -solution.problem.contact.weights @ solution.friction_vectors
         print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
-    what = "length" if solution.problem.contact.components == 2 else "area"
-    total = float(solution.problem.contact.weights.sum())
-    print(f"contact {what:<10}{solution.contact_length:.6g} of {total:.6g}")
-    counts = [f"{int(np.sum(solution.state == state))} {state.label}" for state in ContactState]
-    print(f"contact points    {', '.join(counts)}")
+    contact = solution.contact
+    counts = [int(np.sum(solution.state == state)) for state in ContactState]
+    print_contact(solution.measured, solution.contact_length, float(contact.weights.sum()), counts)
     print(f"max penetration   {solution.penetration.max():.6g}")
     print(f"max pressure      {solution.pressure.max():.6g}")
+
+
+def print_contact(what: str, closed: float, whole: float, counts: Sequence[int]) -> None:
+    """Print how much of the contact boundary is closed, and how many points are open, stick and slip."""
+    from hemivar.solvers import ContactState
+
+    print(f"contact {what:<10}{closed:.6g} of {whole:.6g}")
+    states = (f"{count} {state.label}" for count, state in zip(counts, ContactState, strict=True))
+    print(f"contact points    {', '.join(states)}")

@@ -2,38 +2,35 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hemivar.basics.disk import noting_files_read
 from hemivar.cli.options import (
+    ENGINES,
+    EngineName,
     Exit,
     MaxSteps,
     MaxTime,
     ProblemPath,
     Rtol,
+    check_engine,
     check_limits,
-    controls_of,
     method_named,
-    suggest,
 )
-from hemivar.cli.outputs import check_outputs, keep_off
+from hemivar.cli.outputs import check_outputs
 from hemivar.cli.session import Session
-from hemivar.cli.show import SolveView, console, print_head, print_step, print_summary
+from hemivar.cli.show import SolveView, console, print_head, print_not_converged, print_summary
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.certify import Certificate
     from hemivar.files.problem_file import ProblemFile
-    from hemivar.solvers import Controls, Progress, Solution
+    from hemivar.solvers import Solution
 
 __all__ = ["solve"]
-
-_ENGINES = ("scipy", "petsc")
 
 
 def solve(
@@ -59,9 +56,7 @@ def solve(
     warm_start: Annotated[
         bool, typer.Option("--warm-start", help="Solve on coarser meshes first, each starting the next.")
     ] = False,
-    engine: Annotated[
-        str, typer.Option(metavar="NAME", help="'scipy', or 'petsc' for all ranks of mpirun.")
-    ] = _ENGINES[0],
+    engine: EngineName = ENGINES[0],
     checkpoint: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Keep the iterate here after every step (engine petsc).")
     ] = None,
@@ -72,17 +67,20 @@ def solve(
     """Solve a contact problem."""
     limits = rtol, max_time, max_steps
     pictures = {"--plot": plot, "--plot-contact": plot_contact, "--render": render}
-    if engine not in _ENGINES:
-        raise ProblemError(f"--engine {engine}: it is not known{suggest(engine, _ENGINES)}")
+    check_engine(engine)
     if engine == "petsc":
         outputs = {"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}
-        say = None if quiet else print_step
-        return _on_ranks(problem, outputs, restart, limits, say, {"--method": method, **pictures})
+        from hemivar.cli.on_ranks import run_on_ranks
+
+        def check() -> None:
+            _refuse({"--method": method, **pictures}, "scipy")
+            check_outputs(outputs, problem)
+            check_limits(*limits)
+
+        return run_on_ranks(problem, outputs, restart, limits, check, quiet)
     _refuse({"--checkpoint": checkpoint, "--restart": restart}, "petsc")
     named = None if method is None else method_named(method)
-    session = Session(
-        problem, {"--json": json, "--vtu": vtu, **pictures}, rtol=rtol, max_time=max_time, max_steps=max_steps
-    )
+    session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits)
     stated, writer = session.stated, session.writer
     _check_drawable(stated, plot_contact, render)
     controls = session.controls
@@ -93,6 +91,7 @@ def solve(
         )
     *coarser, discrete = [session.discrete(mesh) for mesh in (*meshes, None)]
     print_head(stated, discrete)
+    from hemivar.solvers import Status
     from hemivar.workflows import RunOptions, result_of, run
 
     view = SolveView(quiet)
@@ -108,7 +107,12 @@ def solve(
             _write(session, view.solution, certificate)
             writer.tell()
             writer.complain()
-    return writer.ended(Exit.INTERRUPTED if interrupted else _exit_code(found.solution))
+    if interrupted:
+        return writer.ended(Exit.INTERRUPTED)
+    if found.solution.status is not Status.CONVERGED:
+        print_not_converged(found.solution)
+        return writer.ended(Exit.NOT_CONVERGED)
+    return writer.ended(Exit.CONVERGED)
 
 
 def _refuse(options: Mapping[str, object], engine: str) -> None:
@@ -117,35 +121,17 @@ def _refuse(options: Mapping[str, object], engine: str) -> None:
             raise ProblemError(f"{option} goes with --engine {engine}; leave one of the two out")
 
 
-def _on_ranks(
-    problem: Path,
-    outputs: dict[str, Path | None],
-    restart: Path | None,
-    limits: tuple[float | None, float | None, int | None],
-    say: Callable[[Progress], bool | None] | None,
-    others: Mapping[str, object],
-) -> int:
-    """Solve by the engine of many ranks."""
-    from hemivar.cli.on_ranks import run_on_ranks
-
-    def check() -> None:
-        _refuse(others, "scipy")
-        check_outputs(outputs, problem)
-        check_limits(*limits)
-
-    def controls(stated: ProblemFile, say: Callable[[Progress], bool | None] | None) -> Controls:
-        keep_off(outputs, inputs)
-        return controls_of(stated, *limits, say)
-
-    files = outputs["--json"], outputs["--vtu"], outputs["--checkpoint"]
-    with noting_files_read() as inputs:
-        return run_on_ranks(problem, check, controls, say, *files, restart)
-
-
 def _check_drawable(stated: ProblemFile, plot_contact: Path | None, render: Path | None) -> None:
     """Refuse pictures that this problem has not."""
-    if plot_contact is not None and not stated.problem.contact:
+    if plot_contact is not None and not (stated.problem.contact or getattr(stated.problem, "areas", {})):
         raise ProblemError(f"{stated.name}: --plot-contact draws contact boundaries, and there is none; take --plot")
+    from hemivar.mechanics import ScalarProblem
+
+    scalar = isinstance(stated.problem, ScalarProblem)
+    if scalar and plot_contact is not None and stated.problem.mesh.dim == 3:
+        raise ProblemError(f"{stated.name}: --plot-contact draws contact of one component in the plane; take --vtu")
+    if scalar and render is not None:
+        raise ProblemError(f"{stated.name}: --render draws deformed bodies, and this is a scalar problem; take --plot")
     if render is not None:
         from hemivar.report.scene import check_rendering
 
@@ -157,48 +143,20 @@ def _check_drawable(stated: ProblemFile, plot_contact: Path | None, render: Path
 
 def _write(session: Session, solution: Solution, certificate: Certificate | None) -> None:
     """Write what was asked for, data before pictures, and what may end the process last."""
+    from hemivar.files import write_json, write_vtu
 
-    def json(path: Path) -> None:
-        from hemivar.files import write_json
+    writer, outputs, title = session.writer, session.outputs, session.title
+    writer.write("--json", outputs["--json"], lambda path: write_json(solution, path, certificate))
+    writer.write("--vtu", outputs["--vtu"], lambda path: write_vtu(solution, path))
+    if not any(outputs[option] for option in ("--plot", "--plot-contact", "--render")):
+        return
+    from hemivar.report import plot_contact, plot_solution, render_solution, save
 
-        write_json(solution, path, certificate)
-
-    def vtu(path: Path) -> tuple[Path, Path | None]:
-        from hemivar.files import write_vtu
-
-        return write_vtu(solution, path)
-
-    def plot(path: Path) -> None:
-        from hemivar.report import plot_solution, save
-
-        save(plot_solution(solution, scale="auto", title=session.title), path)
-
-    def plot_contact(path: Path) -> None:
-        from hemivar.report import plot_contact, save
-
-        save(plot_contact(solution, title=session.title), path)
-
-    def render(path: Path) -> None:
-        from hemivar.report.scene import render_solution
-
-        render_solution(solution, path, scale="auto", title=session.stated.problem.title or None)
-
-    writer, outputs = session.writer, session.outputs
-    writer.write("--json", outputs["--json"], json)
-    writer.write("--vtu", outputs["--vtu"], vtu)
-    writer.write("--plot", outputs["--plot"], plot, picture=True)
-    writer.write("--plot-contact", outputs["--plot-contact"], plot_contact, picture=True)
-    writer.write("--render", outputs["--render"], render, picture=True)
-
-
-def _exit_code(solution: Solution) -> Exit:
-    from hemivar.solvers import Status
-
-    if solution.status is Status.CONVERGED:
-        return Exit.CONVERGED
-    sys.stdout.flush()
-    sys.stderr.write(
-        f"hemivar: not converged: {solution.status.value} after {solution.steps} steps, relative residual "
-        f"{solution.residual.relative:.1e}: {solution.status.remedy}\n"
-    )
-    return Exit.NOT_CONVERGED
+    plain = session.stated.problem.title or None
+    pictures: dict[str, Callable[[Path], object]] = {
+        "--plot": lambda path: save(plot_solution(solution, scale="auto", title=title), path),
+        "--plot-contact": lambda path: save(plot_contact(solution, title=title), path),
+        "--render": lambda path: render_solution(solution, path, scale="auto", title=plain),
+    }
+    for option, draw in pictures.items():
+        writer.write(option, outputs[option], draw, picture=True)

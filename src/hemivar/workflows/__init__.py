@@ -8,12 +8,14 @@ Nothing here prints, writes a file or ends the process: the command, a notebook 
 """
 
 from hemivar.basics.generators import result_of
+from hemivar.branches import PathOptions, PathProgress, SearchProgress, SolutionsOptions
 from hemivar.solvers import Progress
 from hemivar.workflows.certification import CertifyOptions, certify
 from hemivar.workflows.comparison import Attempt, CompareOptions, Comparison, Condensed, compare, energy_norm_difference
-from hemivar.workflows.equilibria import PathOptions, SolutionsOptions, path, solutions
+from hemivar.workflows.equilibria import path, solutions
 from hemivar.workflows.events import Begun, Certified, Chosen, Event, Found, Notice, Stage, Warned, Work
 from hemivar.workflows.law_study import LawStudy, study_law
+from hemivar.workflows.marching import MarchSettings, Ready, Taken, evolution_of, march, plan_of
 from hemivar.workflows.solving import RunOptions, RunResult, run
 from hemivar.workflows.survey_runs import Advanced, SurveyOptions, SurveyRuns, survey
 
@@ -30,21 +32,29 @@ __all__ = [
     "Event",
     "Found",
     "LawStudy",
+    "MarchSettings",
     "Notice",
     "PathOptions",
+    "PathProgress",
     "Progress",
+    "Ready",
     "RunOptions",
     "RunResult",
+    "SearchProgress",
     "SolutionsOptions",
     "Stage",
     "SurveyOptions",
     "SurveyRuns",
+    "Taken",
     "Warned",
     "Work",
     "certify",
     "compare",
     "energy_norm_difference",
+    "evolution_of",
+    "march",
     "path",
+    "plan_of",
     "result_of",
     "run",
     "solutions",

@@ -9,7 +9,7 @@ from hemivar.certify import Certificate
 from hemivar.certify import certify as certificate_of_pair
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.posed import posed
-from hemivar.mechanics import ContactProblem
+from hemivar.mechanics import Statement
 from hemivar.solvers import Controls, Solver
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Certified, Found, Work
@@ -38,7 +38,7 @@ class CertifyOptions:
 
 
 def certify(
-    problem: DiscreteProblem | ContactProblem,
+    problem: DiscreteProblem | Statement,
     unknowns: Array | None = None,
     multiplier: Array | None = None,
     options: CertifyOptions | None = None,
@@ -49,7 +49,7 @@ def certify(
 
     Parameters
     ----------
-    problem : DiscreteProblem or ContactProblem
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
     unknowns : array (n,), optional
     multiplier : array (m, d), optional
         Recomputed from equilibrium if not given.

@@ -10,7 +10,7 @@ import numpy as np
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import posed
-from hemivar.mechanics import ContactProblem
+from hemivar.mechanics import Statement
 from hemivar.solvers import METHODS, Controls, Solution, Solver, Status, solving, suited
 from hemivar.systems import Workspace
 from hemivar.workflows.events import Notice, Stage, Work
@@ -92,7 +92,7 @@ class Comparison:
     interrupted: bool
 
 
-def compare(problem: DiscreteProblem | ContactProblem, options: CompareOptions | None = None) -> Work[Comparison]:
+def compare(problem: DiscreteProblem | Statement, options: CompareOptions | None = None) -> Work[Comparison]:
     """Solve a problem by several methods, the reference first: newton, or multigrid where no factorisation fits.
 
     Yields :class:`Condensed`, then for every method :class:`Stage`, its steps and :class:`Attempt`.  A method that is
@@ -100,7 +100,7 @@ def compare(problem: DiscreteProblem | ContactProblem, options: CompareOptions |
 
     Parameters
     ----------
-    problem : DiscreteProblem or ContactProblem
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
     options : CompareOptions, optional
     """
     options = CompareOptions() if options is None else options

@@ -6,6 +6,7 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
+from hemivar.branches import PathProgress, SearchProgress
 from hemivar.certify import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.solvers import Progress, Solution, Solver
@@ -14,7 +15,8 @@ __all__ = ["Begun", "Certified", "Chosen", "Event", "Found", "Notice", "Stage", 
 
 
 class Notice:
-    """Base of all events but the steps of a solve, which are :class:`~hemivar.solvers.Progress`."""
+    """Base of all events but the steps of a solve, :class:`~hemivar.solvers.Progress`, the starts of a search and the
+    points of a path, :class:`~hemivar.branches.SearchProgress` and :class:`~hemivar.branches.PathProgress`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,6 @@ class Certified(Notice):
 Result = TypeVar("Result")
 
 #: What a use case yields.
-Event: TypeAlias = Progress | Notice
+Event: TypeAlias = Progress | SearchProgress | PathProgress | Notice
 #: A use case at work: it yields events, ends early after a step if it is sent True, and returns its result.
 Work: TypeAlias = Generator[Event, bool | None, Result]

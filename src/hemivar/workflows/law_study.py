@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from hemivar.basics.arguments import suggest
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Friction, Superpotential
@@ -74,9 +74,7 @@ def study_law(
     found = [laws[name] for laws in (NORMAL_LAWS, FRICTION_LAWS) if name in laws]
     if not found:
         known = list(dict.fromkeys([*NORMAL_LAWS, *FRICTION_LAWS]))
-        close = difflib.get_close_matches(name, known, n=1)
-        guess = f"; did you mean '{close[0]}'?" if close else ""
-        raise ProblemError(f"law '{name}' is not known{guess} (known: {', '.join(known)})")
+        raise ProblemError(f"law '{name}' is not known{suggest(name, known)}")
     if friction:
         found = [entry for entry in found if entry.kind is LawKind.FRICTION]
         if not found:

@@ -12,7 +12,7 @@ from hemivar.certify import Certificate, certify, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
 from hemivar.fem.posed import posed
-from hemivar.mechanics import ContactProblem
+from hemivar.mechanics import Statement
 from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.systems.workspace import Workspace
@@ -34,13 +34,13 @@ class RunOptions:
         The method; chosen by predicted cost and memory if not given.
     controls : Controls
         Tolerances and limits of each solve; the certificate has as much time again.
-    coarser : sequence of DiscreteProblem or ContactProblem
+    coarser : sequence of DiscreteProblem, ContactProblem or ScalarProblem
         The same body on coarser meshes, the coarsest first: each solution is the first guess on the next mesh.
     """
 
     solver: Solver | None = None
     controls: Controls = field(default_factory=Controls)
-    coarser: Sequence[DiscreteProblem | ContactProblem] = ()
+    coarser: Sequence[DiscreteProblem | Statement] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class RunResult:
 
 
 def run(
-    problem: DiscreteProblem | ContactProblem, options: RunOptions | None = None, workspace: Workspace | None = None
+    problem: DiscreteProblem | Statement, options: RunOptions | None = None, workspace: Workspace | None = None
 ) -> Work[RunResult]:
     """Solve a problem, with a certificate.
 
@@ -76,7 +76,7 @@ def run(
 
     Parameters
     ----------
-    problem : DiscreteProblem or ContactProblem
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
     options : RunOptions, optional
     workspace : Workspace, optional
         What is known of the body, and stays known; by default the certificate gets the levels of the solve, and factors

@@ -1,0 +1,141 @@
+"""``hemivar history`` and ``hemivar animate``: the table of a march, and its film."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hemivar.basics.arguments import suggest
+from hemivar.cli.march_run import MarchOptions, MarchRun, write_film
+from hemivar.cli.options import Exit, Quiet
+from hemivar.cli.outputs import Writer, check_outputs
+from hemivar.cli.show import console, print_table
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.report.march_figures import Units
+
+__all__ = ["animate", "history"]
+
+_UnitNames = Annotated[
+    str | None,
+    typer.Option("--units", metavar="T,L,F,S,E", help="Units for the labels: of time, length, force, stress, energy."),
+]
+
+
+def history(
+    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="What 'hemivar march' wrote as --table.")],
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw it (.png, .svg or .pdf).")] = None,
+    kind: Annotated[
+        str | None, typer.Option(metavar="NAME", help="ledger, forces, loop, steps or columns (ledger).")
+    ] = None,
+    columns: Annotated[str | None, typer.Option(metavar="A,B,...", help="Columns to draw or to list.")] = None,
+    units: _UnitNames = None,
+) -> int:
+    """List the columns of the table of a march, or draw it."""
+    from hemivar.files.history_table import read_history_table
+    from hemivar.report.march_figures import MARCH_FIGURES, plot_march
+
+    check_outputs({"--plot": plot}, table)
+    named = _units(units)
+    known = [name for name in MARCH_FIGURES if name != "map"]
+    kind = kind or ("ledger" if columns is None else "columns")
+    if kind not in known:
+        raise ProblemError(f"--kind {kind}: it is not known{suggest(kind, known)}")
+    found = read_history_table(table)
+    chosen = [] if columns is None else [name.strip() for name in columns.split(",")]
+    for name in chosen:
+        if name not in found:
+            raise ProblemError(f"--columns {name}: the table has no such column{suggest(name, list(found))}")
+    writer = Writer([table])
+    if plot is None:
+        _list_columns(found, chosen or list(found))
+        return writer.ended(Exit.CONVERGED)
+
+    def draw(file: Path) -> None:
+        from hemivar.report.saving import save
+
+        save(plot_march(found, kind, columns=chosen, units=named), file)
+
+    writer.write("--plot", plot, draw, picture=True)
+    writer.tell()
+    return writer.ended(Exit.CONVERGED)
+
+
+def _units(names: str | None) -> Units:
+    """Units for the labels; those at the end may be left out."""
+    from hemivar.report.march_figures import Units
+
+    given = [] if names is None else [name.strip() for name in names.split(",")]
+    if len(given) > len(fields(Units)):
+        raise ProblemError(f"--units {names}: give five at most, as in s,mm,N,MPa,mJ")
+    return Units(*given)
+
+
+def _list_columns(found: Any, names: list[str]) -> None:
+    """Least, greatest and last value of columns."""
+    import numpy as np
+
+    from hemivar.report.tables import Table
+
+    times = found["time"]
+    print(f"rows              {len(times)}, t = {times[0]:g} to {times[-1]:g}")
+
+    def row(name: str) -> tuple[object, ...]:
+        values = found[name][np.isfinite(found[name])]
+        if not values.size:
+            return name, "", "", ""
+        return name, f"{values.min():.6g}", f"{values.max():.6g}", f"{values[-1]:.6g}"
+
+    print_table(console(), Table(("column", "least", "greatest", "last"), tuple(map(row, names))))
+
+
+def animate(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A list of frames (.pvd), or a problem file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The film (.gif or .mp4).")],
+    scale: Annotated[
+        float | None, typer.Option(metavar="X", help="Factor of the displacement (so that it is visible).")
+    ] = None,
+    seconds: Annotated[float, typer.Option(metavar="S", help="Length of the film.")] = 6.0,
+    frames: Annotated[int, typer.Option(metavar="N", min=1, help="Frames at most.")] = 200,
+    colour: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of the body: none, displacement or speed (by its dimension).")
+    ] = None,
+    units: _UnitNames = None,
+    dpi: Annotated[int, typer.Option(metavar="N", help="Dots per inch; the film is 6.3 inches wide.")] = 100,
+    until: Annotated[float | None, typer.Option(metavar="T", help="End of time, of a problem file.")] = None,
+    step: Annotated[float | None, typer.Option(metavar="T", help="Length of the steps, of a problem file.")] = None,
+    quiet: Quiet = False,
+) -> int:
+    """Make a film of a march: from its frames, or from a problem file, which is marched first."""
+    from hemivar.report.animation import check_film
+    from hemivar.report.film_pictures import FilmColour
+
+    check_film(output)
+    named = _units(units)
+    colours = [kind.value for kind in FilmColour]
+    if colour is not None and colour not in colours:
+        raise ProblemError(f"--colour {colour}: it is not known{suggest(colour, colours)}")
+    film: Any
+    code: int = Exit.CONVERGED
+    if file.suffix.lower() == ".pvd":
+        from hemivar.files import read_film
+
+        if until is not None or step is not None:
+            raise ProblemError("--until and --step go with a problem file; a list of frames has its times already")
+        check_outputs({"--output": output}, file)
+        film, writer = read_film(file), Writer([file])
+    else:
+        run = MarchRun(file, {"--output": output}, None, MarchOptions(until=until, step=step), own=False)
+        code = run.march(quiet, write=False)
+        film, writer = run.found, run.session.writer
+        if film is None or code == Exit.INTERRUPTED:
+            return writer.ended(code)
+    drawn: dict[str, Any] = {"scale": "auto" if scale is None else scale, "seconds": seconds, "frames": frames}
+    drawn |= {"dpi": dpi, "colour": colour, "unit": named.length, "time_unit": named.time}
+    write_film(writer, "--output", output, film, quiet, **drawn)
+    writer.tell()
+    return writer.ended(code)

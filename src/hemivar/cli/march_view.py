@@ -1,0 +1,206 @@
+"""A march as it is shown: its steps while it goes, a bar on a terminal, and the summary."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from hemivar.basics.disk import shown
+from hemivar.cli.options import Exit
+from hemivar.cli.show import console, unread
+from hemivar.errors import FileError
+
+if TYPE_CHECKING:
+    from hemivar.evolution import History
+    from hemivar.evolution.discrete import DiscreteEvolution
+    from hemivar.files.series import Series
+    from hemivar.workflows import Event, Taken
+
+__all__ = ["Bar", "MarchView", "code_of", "print_history"]
+
+_SHOWN = 8
+#: Without a terminal a line is printed for steps this part of the whole apart.
+_APART = 0.05
+
+
+class MarchView:
+    """Shows a march while it goes, and writes its frames as they come.
+
+    Parameters
+    ----------
+    head : function
+        Prints what the problem is.
+    begin : function
+        Makes the series of frames, or None where they are not written while they come.
+    failed : list of str
+        Takes what could not be written.
+    quiet : bool
+        Whether no step is shown.
+    plain : bool
+        Whether steps are lines on a terminal, too; a launcher shows every rank one that is none.
+    """
+
+    def __init__(
+        self,
+        head: Callable[[DiscreteEvolution], None],
+        begin: Callable[[DiscreteEvolution], Series | None],
+        failed: list[str],
+        quiet: bool,
+        plain: bool = False,
+    ) -> None:
+        self.quiet, self.failed = quiet, failed
+        self.series: Series | None = None
+        self._head, self._begin_series = head, begin
+        self._bar = Bar(quiet or plain, "t")
+        self._told = -math.inf
+
+    def __enter__(self) -> MarchView:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def __call__(self, event: Event) -> bool:
+        """Show an event; returns whether to stop."""
+        from hemivar.workflows import Ready, Taken
+
+        if isinstance(event, Ready):
+            self._begin(event.discrete)
+        elif isinstance(event, Taken):
+            self._frames(event)
+            if not self.quiet:
+                self._step(event)
+            return unread()
+        return False
+
+    def _begin(self, discrete: DiscreteEvolution) -> None:
+        self._head(discrete)
+        self.series = self._begin_series(discrete)
+        if not self.quiet and not self._bar.drawn:
+            head = f"\n{'step':>7}  {'time':>11}  {'length':>9}  {'residual':>9}  {'margin':>8}  {'normal force':>13}"
+            print(f"{head}  left", flush=True)
+
+    def _frames(self, event: Taken) -> None:
+        """Write a frame at once, so that a march that is killed leaves what it had."""
+        stepped = event.stepped
+        if self.series is None or not (stepped.frame or stepped.earlier):
+            return
+        index = stepped.moment.index
+        new = [] if stepped.frame is None else [(index, stepped.frame)]
+        try:
+            self.series.add([*stepped.earlier, *new])
+        except FileError as error:  # the march is worth more than its frames: they are tried again in the end
+            self.failed.append(f"--fields: {error}")
+            self.series = None
+
+    def _step(self, event: Taken) -> None:
+        row, done = event.stepped.row, event.stepped.done
+        left = _duration(event.left)
+        what = f"{row.time:.6g}   length {row.step:.3g}   residual {row.residual:.1e}   left {left}"
+        if self._bar.drawn:
+            self._bar.show(done, what)
+        elif done - self._told >= _APART or event.stepped.happened or row.jumped or done >= 1.0:
+            self._told = done
+            force = row.values["normal_force"]
+            line = f"{event.stepped.moment.index:>7}  {row.time:>11.6g}  {row.step:>9.3g}  {row.residual:>9.2e}"
+            happened = ", ".join((*event.stepped.happened, *(("jumped",) if row.jumped else ())))
+            print(f"{line}  {row.margin:>8.3g}  {force:>13.6g}  {left:<8} {happened}".rstrip(), flush=True)
+
+
+class Bar(contextlib.AbstractContextManager["Bar"]):
+    """A bar on a terminal; nothing elsewhere."""
+
+    def __init__(self, quiet: bool, what: str) -> None:
+        self._console = console()
+        self.drawn = self._console.is_terminal and not quiet
+        self._context = contextlib.ExitStack()
+        self._bar: Any = None
+        self._what = what
+
+    def show(self, done: float, text: str) -> None:
+        """Show the part that is done, and a text."""
+        if not self.drawn:
+            return
+        from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
+
+        if self._bar is None:
+            columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}", markup=False))
+            self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
+            self._bar.add_task("", total=1.0)
+        self._bar.update(TaskID(0), description=f"{self._what} {text}", completed=done)
+
+    def close(self) -> None:
+        """Take it away."""
+        self._context.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _duration(seconds: float) -> str:
+    """A time that is left, in words."""
+    if not math.isfinite(seconds):
+        return "-"
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    if seconds < 3600.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"
+
+
+def print_history(found: History, plain: bool = False) -> None:
+    """The summary of a march."""
+    out = console(plain)
+    steps = len(found.rows) - 1
+    out.print("\nstatus            ", end="")
+    out.print(found.ended, style="bold green" if found.finished else "bold red", end="")
+    taken = int(found["solver_steps"].sum())
+    out.print(f" at t = {found.moment.time:g} after {steps} steps ({taken} of the solver), {len(found.frames)} frames")
+    if not steps:
+        return
+    print(f"worst residual    {found.residual:.1e}")
+    print(f"least margin      {found.margin:.6g}{_lost(found)}")
+    ledger = found.ledger
+    print(f"put in            {ledger['work']:.6g} by loads, {ledger['moved']:.6g} by moved supports")
+    kinds = {
+        "stored": ("elastic", "branches", "contact", "kinetic"),
+        "lost": ("viscous", "branch_loss", "friction", "damping", "memory", "numerical", "jumps"),
+    }
+    for label, names in kinds.items():
+        parts = [f"{name.replace('_', ' ')} {ledger[name]:.6g}" for name in names if ledger[name] != 0.0]
+        print(f"{label:<18}{', '.join(parts) or 'nothing'}")
+    largest = max(abs(value) for name, value in ledger.items() if name != "gap")
+    part = abs(ledger["gap"]) / largest if largest > 0.0 else 0.0
+    print(f"gap of the ledger {ledger['gap']:.1e}, {part:.0e} of the largest entry")
+    error = found.time_error
+    bound = f"at most {error.bound:.3g} in the norm of the {error.norm}" if error.norm else "not known"
+    print(f"error in time     {bound}: {error.why}")
+    for when, name in found.events[:_SHOWN]:
+        print(f"event             {name} at t = {when:.6g}")
+    if len(found.events) > _SHOWN:
+        print(f"                  (of {len(found.events)} events; --json FILE holds all)")
+    for message in found.messages[:_SHOWN]:
+        print(f"note              {shown(message)}")
+    sys.stdout.flush()
+
+
+def _lost(found: History) -> str:
+    """How often a step may have had several solutions."""
+    import numpy as np
+
+    lost = int(np.count_nonzero(found["margin"][1:] <= 0.0))
+    return f"; {lost} steps may have several solutions" if lost else ", every step has one solution only"
+
+
+def code_of(found: History) -> Exit:
+    """The exit code of a march; says on standard error where it ended too early."""
+    if found.finished:
+        return Exit.CONVERGED
+    if found.ended == "interrupted":
+        return Exit.INTERRUPTED
+    sys.stdout.flush()
+    sys.stderr.write(f"hemivar: not finished: {found.ended} at t = {found.moment.time:g}\n")
+    return Exit.NOT_CONVERGED

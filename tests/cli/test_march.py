@@ -1,0 +1,204 @@
+"""The commands march, history and animate."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hemivar import cli
+from hemivar.cli import main
+from hemivar.files import read_film, read_history_table
+
+STATIC = """\
+title = "block"
+[mesh]
+rectangle = [2.0, 1.0]
+cells = [4, 2]
+[material]
+lame = [4.0, 4.0]
+density = 1.0
+viscosity = [0.2, 0.2]
+[loads]
+body = [0.3, -0.8]
+[supports]
+left = "clamped"
+[contact.bottom]
+normal = { law = "survey", q_max = 0.3, p_const = 2.0 }
+friction = { law = "tresca", bound = 0.05 }
+"""
+TIMED = """
+[time]
+until = 1.0
+scheme = { name = "generalized-alpha", rho = 0.7 }
+step = 0.05
+inertia = true
+[output]
+every = 0.25
+fields = "run.pvd"
+table = "run.csv"
+probes = { tip = [2.0, 1.0] }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "static.toml").write_text(STATIC)
+    (tmp_path / "timed.toml").write_text(STATIC + TIMED)
+    return tmp_path
+
+
+def test_a_file_with_time_is_marched(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["march", "timed.toml"]) == 0
+    out = capsys.readouterr().out
+    for text in ("finished at t = 1 after 20 steps", "least margin", "gap of the ledger", "run.csv, run.pvd"):
+        assert text in out
+    table = read_history_table(folder / "run.csv")
+    assert table["time"][-1] == 1.0
+    assert np.abs(table["gap"]).max() < 1e-12 * table["work"].max()
+    assert {"tip.u_x", "tip.u_y"} <= table.keys()
+    assert read_film(folder / "run.pvd").times == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
+
+
+def test_options_go_before_the_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--until", "0.5", "--step", "0.1", "--scheme", "implicit-euler", "--every", "0.1", "--out", "new/a"]
+    assert main(["march", "timed.toml", *options, "--json", "a.json", "--plot", "a.png", "-q"]) == 0
+    assert "5 steps" in capsys.readouterr().out
+    assert sorted(p.name for p in (folder / "new").iterdir()) == ["a", "a.ckpt", "a.csv", "a.pvd", "a_contact.pvd"]
+    assert len(read_film(folder / "new" / "a.pvd").times) == 6
+    assert (folder / "a.json").exists()
+    assert (folder / "a.png").exists()
+    assert not (folder / "run.csv").exists()
+
+
+def test_a_static_file_says_what_it_needs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["march", "static.toml", "--until", "1"]) == 2
+    assert "[time] with until and step, or give --until and --step" in capsys.readouterr().err
+    assert main(["march", "static.toml", "--until", "1", "--step", "0.25", "--table", "s.csv"]) == 0
+    assert read_history_table(folder / "s.csv")["time"].tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert main(["march", "static.toml", "--until", "1", "--adaptive", "1e-3", "-q"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--until", "-1"], "let it end later"),
+        (["--until", "nan"], "--until is nan"),
+        (["--step", "0"], "--step is 0; it must be a positive number"),
+        (["--step", "7"], "longer than the whole"),
+        (["--adaptive", "-1"], "--adaptive is -1"),
+        (["--every", "0"], "--every is 0"),
+        (["--scheme", "newmrk"], "did you mean 'newmark'"),
+        (["--scheme", "sdirk2"], "for bodies without mass"),
+        (["--jump", "globl"], "did you mean 'global'"),
+        (["--max-time", "0"], "--max-time is 0"),
+        (["--rtol", "1"], "--rtol is 1"),
+        (["--resume"], "--resume needs a checkpoint; name it by --checkpoint"),
+        (["--minutes", "1"], "--minutes goes with a checkpoint"),
+        (["--minutes", "-1", "--checkpoint", "a.ckpt"], "--minutes is -1"),
+        (["--fields", "a.vtk"], "the name must end in .pvd or .xdmf"),
+        (["--table", "a.txt"], "the name must end in .csv or .parquet"),
+        (["--animation", "a.avi"], "the name must end in .gif or .mp4"),
+        (["--checkpoint", "run.csv"], "run.csv: this is --table already"),
+        (["--table", "timed.toml/a.csv"], "is not a folder"),
+    ],
+)
+def test_bad_options(options: list[str], says: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["march", "timed.toml", *options]) == 2
+    err = capsys.readouterr().err
+    assert says in err
+    assert err.count("\n") == 1
+    assert not (folder / "run.pvd").exists()
+
+
+def test_a_checkpoint_of_another_problem_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--until", "0.5", "--step", "0.1", "--checkpoint", "a.ckpt", "-q"]
+    assert main(["march", "static.toml", *arguments]) == 0
+    (folder / "other.toml").write_text(STATIC.replace("-0.8", "-0.9"))
+    assert main(["march", "other.toml", *arguments, "--resume"]) == 2
+    assert "belongs to another evolution" in capsys.readouterr().err
+
+
+def test_resumed_is_the_same(folder: Path) -> None:
+    """A march in two parts leaves the files of one."""
+    whole = ["march", "timed.toml", "--checkpoint", "a.ckpt", "--minutes", "0", "-q"]
+    assert main(whole) == 0
+    files = {path: path.read_bytes() for path in [folder / "run.csv", *folder.glob("run*.pvd"), *folder.glob("run/*")]}
+    for path in (*files, folder / "a.ckpt"):
+        path.unlink()
+    assert main([*whole, "--max-time", "0.02"]) in (0, 1)
+    assert main([*whole, "--resume"]) == 0
+    for path, data in files.items():
+        assert path.read_bytes() == data, path
+
+
+def test_ctrl_c_ends_after_the_step_with_everything_written(folder: Path) -> None:
+    (folder / "long.toml").write_text(
+        (STATIC + TIMED).replace("[4, 2]", "[16, 8]").replace("until = 1.0", "until = 1000.0")
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hemivar", "march", "long.toml", "--checkpoint", "a.ckpt"],
+        env={**os.environ, "PYTHONPATH": str(Path(cli.__file__).parents[2])},
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # ignored by what runs in the back
+    )  # fmt: skip
+    assert process.stdout is not None
+    while process.stdout.readline().split()[:1] != ["1"]:
+        assert process.poll() is None
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (130, "hemivar: interrupted\n")
+    assert "interrupted at t = " in out
+    table = read_history_table(folder / "run.csv")
+    assert len(table["time"]) > 1
+    assert read_film(folder / "run.pvd").times[-1] == table["time"][-1]
+    assert (folder / "a.ckpt").exists()
+
+
+def test_history(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["march", "timed.toml", "-q"]) == 0
+    capsys.readouterr()
+    assert main(["history", "run.csv", "--columns", "normal_force,tip.u_y"]) == 0
+    out = capsys.readouterr().out
+    assert "rows              21, t = 0 to 1" in out
+    assert "tip.u_y" in out
+    assert "residual" not in out
+    for kind in ("ledger", "forces", "loop", "steps"):
+        assert main(["history", "run.csv", "--plot", f"{kind}.png", "--kind", kind]) == 0
+        assert (folder / f"{kind}.png").stat().st_size > 3000
+    assert main(["history", "run.csv", "--plot", "c.svg", "--columns", "tip.u_x,kinetic"]) == 0
+    for arguments, says in (
+        (["--kind", "map", "--plot", "m.png"], "--kind map: it is not known"),
+        (["--columns", "tip.u_z"], "did you mean 'tip.u_"),
+        (["--plot", "run.csv"], "the name must end in"),
+    ):
+        assert main(["history", "run.csv", *arguments]) == 2
+        assert says in capsys.readouterr().err
+
+
+def test_animate(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from PIL import Image
+
+    assert main(["march", "timed.toml", "-q"]) == 0
+    assert main(["animate", "run.pvd", "-o", "a.gif", "--dpi", "40"]) == 0
+    assert main(["animate", "timed.toml", "-o", "b.gif", "--dpi", "40", "-q"]) == 0
+    for name in ("a.gif", "b.gif"):
+        with Image.open(folder / name) as film:
+            assert film.n_frames == 5  # type: ignore[attr-defined]
+    capsys.readouterr()
+    for arguments, says in (
+        (["run.pvd", "-o", "a.png"], "films are written as .gif or .mp4"),
+        (["run.pvd", "-o", "a.gif", "--until", "2"], "go with a problem file"),
+        (["nothing.pvd", "-o", "a.gif"], "no such file"),
+        (["static.toml", "-o", "a.gif"], "it says nothing of time"),
+    ):
+        assert main(["animate", *arguments]) == 2
+        assert says in capsys.readouterr().err
