@@ -1,0 +1,288 @@
+"""Where the body may touch: its local displacement and the law, at the points of a rule on every contact facet.
+
+In the plane the rule is one of Gauss on the parts into which the kinks of the law cut a facet, and on quarters of
+them; in space facets are cut into sixteen. A local displacement that misses a kink by rounding is put there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hemivar.adapt.body_data import BodyData
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.assembly import quadrature_rule
+from hemivar.laws import ContactLaw
+from hemivar.mechanics.conditions import evaluate_scalar
+from hemivar.mechanics.obstacles import obstacle_contact
+
+__all__ = ["ContactTraces", "contact_traces", "radial_parts"]
+
+#: Parts of an edge, and of each side of a triangle, besides those between kinks.
+_PARTS = 4
+#: Distance to a kink, over the largest displacement or gap, that is rounding.
+_ROUNDING = 1e-11
+#: Gap, over the extent of the body, where its normal misses the obstacle.
+_FAR = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTraces:
+    """Points of a rule on the contact facets.
+
+    Attributes
+    ----------
+    data : BodyData
+    facets : int array, shape (k,)
+        Numbers of the facets.
+    barycentric : array, shape (k, q, d)
+        Coordinates of the points on each facet.
+    weights : array, shape (k, q)
+        They sum to the measures of the facets.
+    frames : array, shape (k, q, d, d)
+        Normal and tangents at the points.
+    local : array, shape (k, q, d)
+        Penetration and slip; what misses a kink by rounding is put there.
+    law : ContactLaw
+        At the k q points; a friction bound that depends on the penetration is taken there.
+    beyond : float
+        By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
+    """
+
+    data: BodyData
+    facets: IntArray
+    barycentric: Array
+    weights: Array
+    frames: Array
+    local: Array
+    law: ContactLaw
+    beyond: float
+
+    @cached_property
+    def loose(self) -> Array:
+        """Projections (k, d, d) on the components that no support holds."""
+        return np.asarray(np.eye(self.data.table.dim) - self.data.unknown[self.facets])
+
+    def forces(self, moments: Array) -> Array:
+        """Force of the foundation on the body, reversed, at the points: xi in local components, shape (k, q, d).
+
+        Parameters
+        ----------
+        moments : array, shape (F, d, d)
+            Of the tractions of an admissible stress.
+        """
+        data, dim = self.data, self.data.table.dim
+        left = data.facet_loads[self.facets] - moments[self.facets]
+        inverse = (np.eye(dim) - 1.0 / (dim + 1)) * dim * (dim + 1)
+        nodal = np.einsum("f,ab,fbi->fai", 1.0 / data.table.measures[self.facets], inverse, left)
+        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.barycentric, nodal, self.frames, optimize=True))
+
+    def interpolated(self, moments: Array) -> Array:
+        """Force of the foundation, reversed, interpolated between nodal values, in local components (k, q, d).
+
+        Parameters
+        ----------
+        moments : array, shape (F, d, d)
+            Of tractions that share the forces of the nodes among facets in proportion to their size. A node that the
+            supports hold has no such force: it takes the mean of the others of its facet.
+        """
+        data, dim = self.data, self.data.table.dim
+        left = (data.facet_loads[self.facets] - moments[self.facets]) * dim
+        nodal = left / data.table.measures[self.facets][:, None, None]
+        held = np.zeros(data.table.mesh.number_of_nodes, dtype=bool)
+        outer = ~data.table.interior & (data.contact < 0) & data.unknown.any(axis=(1, 2))
+        held[data.table.facets[outer]] = True
+        known = ~held[data.table.facets[self.facets]]
+        count = np.maximum(known.sum(axis=1), 1)[:, None]
+        mean = np.einsum("fa,fai->fi", known.astype(float), nodal) / count
+        nodal = np.where(known[:, :, None], nodal, mean[:, None])
+        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.barycentric, nodal, self.frames, optimize=True))
+
+    def moments(self, forces: Array) -> Array:
+        """Moments (F, d, d) of forces in local components (k, q, d), in the coordinates of the mesh."""
+        out = np.zeros(self.data.facet_loads.shape)
+        out[self.facets] = np.einsum(
+            "fq,fqa,fqc,fqci->fai", self.weights, self.barycentric, forces, self.frames, optimize=True
+        )
+        return out
+
+    def allowed(self, forces: Array) -> Array:
+        """The elements of dj(r) nearest to forces in local components, shape (k, q, d)."""
+        flat = self.law.nearest_multiplier(self._flat(self.local), self._flat(forces))
+        return flat.reshape(forces.shape)
+
+    def _flat(self, values: Array) -> Array:
+        return values.reshape(-1, values.shape[-1])
+
+    def square(self, off: Array) -> tuple[Array, Array]:
+        """Integrals (k,) of the squares of the normal and of the tangential part of forces (k, q, d).
+
+        Components along which supports hold the body do not count.
+        """
+        if (self.loose != np.eye(self.loose.shape[-1])).any():
+            vectors = np.einsum("fqc,fqci->fqi", off, self.frames)
+            off = np.einsum("fij,fqj,fqci->fqc", self.loose, vectors, self.frames, optimize=True)
+        parts = off**2
+        return (
+            np.asarray(np.einsum("fq,fq->f", self.weights, parts[..., 0])),
+            np.asarray(np.einsum("fq,fqc->f", self.weights, parts[..., 1:])),
+        )
+
+    def integral(self, values: Array) -> Array:
+        """Integrals (k,) over the facets of values (k, q) at the points."""
+        return np.asarray(np.einsum("fq,fq->f", self.weights, values))
+
+
+def radial_parts(slip: Array, force: Array) -> tuple[Array, Array]:
+    """Sizes (m,) of slips (m, t), and the forces (m, t) along them; the whole size of a force where nothing slips."""
+    size = np.sqrt(np.einsum("mi,mi->m", slip, slip))
+    along = np.einsum("mi,mi->m", slip, force) / np.where(size > 0.0, size, 1.0)
+    return size, np.where(size > 0.0, along, np.sqrt(np.einsum("mi,mi->m", force, force)))
+
+
+def contact_traces(data: BodyData) -> ContactTraces | None:
+    """The points of all contact facets; None if there is no contact."""
+    if not data.problem.contact:
+        return None
+    table, dim = data.table, data.table.dim
+    parts = []
+    for number, name in enumerate(data.problem.contact):
+        facets = np.flatnonzero(data.contact == number)
+        if dim == 2:
+            barycentric, share = _between_kinks(data, name, facets)
+        else:
+            points, weights = _cut_triangle()
+            barycentric = np.broadcast_to(points, (len(facets), *points.shape))
+            share = np.broadcast_to(weights, (len(facets), len(weights)))
+        local, frames, places = _local(data, name, facets, barycentric)
+        law = data.problem.contact[name].law.at(places.reshape(-1, dim))
+        parts.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
+    width = max(part[1].shape[1] for part in parts)
+    law = ContactLaw.concatenate([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in parts])
+    facets = np.concatenate([part[0] for part in parts])
+    barycentric = np.concatenate([_padded(part[1], width) for part in parts])
+    weights = np.concatenate([_padded(part[2], width, 0.0) for part in parts])
+    frames = np.concatenate([_padded(part[3], width) for part in parts])
+    local = np.concatenate([_padded(part[4], width) for part in parts])
+    local, beyond = _snapped(law, local.reshape(-1, dim), _scale(data, local))
+    if law.state_dependent:
+        law = law.frozen_at(local)
+    return ContactTraces(data, facets, barycentric, weights, frames, local.reshape(frames.shape[:3]), law, beyond)
+
+
+def _filled(part: tuple[IntArray, Array, Array, Array, Array, ContactLaw], width: int) -> IntArray:
+    """Numbers of the points of a boundary, its last points repeated up to a width."""
+    count, own = part[1].shape[:2]
+    return np.asarray((np.arange(count)[:, None] * own + np.minimum(np.arange(width), own - 1)).ravel())
+
+
+def _padded(values: Array, width: int, fill: float | None = None) -> Array:
+    """Values (k, q, ...) with the last point repeated up to a width, or filled up with a number."""
+    short = width - values.shape[1]
+    if short == 0:
+        return values
+    tail = np.repeat(values[:, -1:], short, axis=1)
+    return np.concatenate([values, tail if fill is None else np.full(tail.shape, fill)], axis=1)
+
+
+def _scale(data: BodyData, local: Array) -> float:
+    """Size of what may cancel in the local displacement."""
+    near = np.abs(local[np.abs(local) < _extent(data)]).max(initial=0.0)
+    return max(float(np.abs(data.displacement).max(initial=0.0)), float(near))
+
+
+def _extent(data: BodyData) -> float:
+    points = data.problem.mesh.points
+    return float((points.max(axis=0) - points.min(axis=0)).max())
+
+
+def _local(data: BodyData, name: str, facets: IntArray, barycentric: Array) -> tuple[Array, Array, Array]:
+    """Penetration and slip (k, q, d), frames (k, q, d, d) and places (k, q, d) of points (k, q, d) on facets."""
+    table, contact = data.table, data.problem.contact[name]
+    dim = table.dim
+    corners = table.facets[facets]
+    places = np.einsum("fqa,fai->fqi", barycentric, table.mesh.points[corners])
+    moved = np.einsum("fqa,fai->fqi", barycentric, data.displacement[corners])
+    normals = np.broadcast_to(table.normals[facets][:, None], places.shape)
+    flat = places.reshape(-1, dim)
+    if contact.obstacle is None:
+        gap = evaluate_scalar(contact.gap, flat, f"gap of contact '{name}'")
+    else:
+        assert contact.normals is not None
+        turned, gap = obstacle_contact(
+            contact.obstacle, contact.normals, flat, normals.reshape(-1, dim), f"contact '{name}'"
+        )
+        normals = turned.reshape(places.shape)
+        gap = np.where(np.isfinite(gap), gap, _FAR * _extent(data))
+    frames = _frames(normals.reshape(-1, dim)).reshape(*places.shape, dim)
+    local = np.einsum("fqci,fqi->fqc", frames, moved)
+    local[..., 0] -= gap.reshape(local.shape[:2])
+    return local, frames, places
+
+
+def _frames(normal: Array) -> Array:
+    """Normal and tangents, shape (k, d, d)."""
+    if normal.shape[1] == 2:
+        return np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=1)
+    axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+    first = np.cross(axis, normal)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([normal, first, np.cross(normal, first)], axis=1)
+
+
+def _between_kinks(data: BodyData, name: str, facets: IntArray) -> tuple[Array, Array]:
+    """Barycentric coordinates (k, q, 2) and shares (k, q) of points between the kinks on edges."""
+    ends, _, places = _local(data, name, facets, np.broadcast_to(np.eye(2), (len(facets), 2, 2)))
+    law = data.problem.contact[name].law.at(places.mean(axis=1))
+    cuts = [np.broadcast_to(np.arange(_PARTS + 1) / _PARTS, (len(facets), _PARTS + 1))]
+    laws = [law.normal] if law.state_dependent else [law.normal, law.tangential]
+    profiles = [law.friction.profile] if law.state_dependent else []
+    for component, scalar in enumerate([*laws, *profiles]):
+        first, last = ends[:, 0, component], ends[:, 1, component]
+        knots = np.broadcast_to(scalar.knots, (len(facets), scalar.knots.shape[-1]))
+        both = knots if component == 0 else np.concatenate([knots, -knots], axis=1)
+        with np.errstate(all="ignore"):
+            at = (both - first[:, None]) / (last - first)[:, None]
+        cuts.append(np.where((at > 0.0) & (at < 1.0), at, 0.0))
+    cut = np.sort(np.concatenate(cuts, axis=1), axis=1)
+    point, weight = quadrature_rule(1, 5)
+    length = np.diff(cut, axis=1)
+    at = cut[:, :-1, None] + length[:, :, None] * point[:, 1]
+    share = (length[:, :, None] * weight).reshape(len(facets), -1)
+    flat = at.reshape(len(facets), -1)
+    return np.stack([1.0 - flat, flat], axis=2), share
+
+
+def _cut_triangle() -> tuple[Array, Array]:
+    """Barycentric coordinates (q, 3) and weights (q,) of a rule of degree 3 on the parts of a triangle."""
+    point, weight = quadrature_rule(2, 3)
+    points = []
+    for i in range(_PARTS):
+        for j in range(_PARTS - i):
+            corner = np.array([[i, j], [i + 1, j], [i, j + 1]], dtype=float)
+            points.append(point @ corner)
+            if i + j < _PARTS - 1:
+                points.append(point @ np.array([[i + 1, j + 1], [i, j + 1], [i + 1, j]], dtype=float))
+    at = np.concatenate(points) / _PARTS
+    return np.column_stack([1.0 - at.sum(axis=1), at]), np.tile(weight, _PARTS**2) / _PARTS**2
+
+
+def _snapped(law: ContactLaw, local: Array, size: float) -> tuple[Array, float]:
+    """Local displacements (m, d), those that miss a kink by rounding put there; how far they leave the domain."""
+    near, out = _ROUNDING * size, local.copy()
+    kink = law.normal.kink_within(out[:, 0], near)
+    out[:, 0] = np.where(np.isnan(kink), out[:, 0], kink)
+    if out.shape[1] > 1:
+        scalar = law.friction.profile if law.state_dependent else law.tangential
+        slip = np.sqrt(np.einsum("mi,mi->m", out[:, 1:], out[:, 1:]))
+        kink = scalar.kink_within(slip, near)
+        moved: BoolArray = ~np.isnan(kink)
+        factor = np.where(moved, kink, slip) / np.where(slip > 0.0, slip, 1.0)
+        out[:, 1:] *= np.where(moved, np.maximum(factor, 0.0), 1.0)[:, None]
+    ends = law.normal.domain
+    inside = np.clip(out[:, 0], ends.lower, ends.upper)
+    beyond = float(np.abs(inside - out[:, 0]).max(initial=0.0))
+    out[:, 0] = inside
+    return out, beyond

@@ -1,0 +1,150 @@
+"""Patches of facets with the cells on their sides, coloured so that patches of one colour have no cell in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.facet_table import FacetTable
+from hemivar.mesh.keys import EDGES, pair_keys
+
+__all__ = ["Batch", "PatchKind", "coloured", "patch_batches", "rigid_modes"]
+
+
+class PatchKind(StrEnum):
+    """What the facets of a patch have in common."""
+
+    FACET = "facet"
+    """Every facet is a patch of its own."""
+    EDGE = "edge"
+    """An edge of a body in space; in the plane, edges are facets."""
+    VERTEX = "vertex"
+    """A vertex."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Patches of one colour with the same numbers of facets and cells.
+
+    Attributes
+    ----------
+    facets : int array, shape (k, f)
+    cells : int array, shape (k, c)
+    place : int array, shape (k, c, d + 1)
+        Where each facet of each cell stands among the facets of the patch; f where it is none of them.
+    """
+
+    facets: IntArray
+    cells: IntArray
+    place: IntArray
+
+    def take(self, chosen: BoolArray | slice) -> Batch:
+        """Some of the patches."""
+        return Batch(self.facets[chosen], self.cells[chosen], self.place[chosen])
+
+
+def coloured(cell_patches: IntArray, count: int, seed: int = 0) -> IntArray:
+    """Colours (count,) of patches, different for patches of one cell.
+
+    Each colour is a largest set of patches that share no cell, found by rounds in which a patch is taken if it has the
+    highest of random numbers in all its cells (M. Luby, SIAM J. Comput. 15, 1986). The same mesh has the same colours.
+
+    Parameters
+    ----------
+    cell_patches : int array, shape (M, q)
+        The patches of each cell; -1 where there are fewer.
+    count : int
+        Number of patches.
+    seed : int
+    """
+    colour = np.full(count, -1, dtype=np.int64)
+    number = np.random.default_rng(seed).permutation(count) + 1
+    real = cell_patches >= 0
+    at = np.where(real, cell_patches, 0)
+    cells_of = np.bincount(cell_patches[real], minlength=count)
+    colour[cells_of == 0] = 0
+    current = 0
+    while (colour < 0).any():
+        open_ = colour < 0
+        while open_.any():
+            value = np.where(real & open_[at], number[at], 0)
+            top = value.max(axis=1)
+            first = (value > 0) & (value == top[:, None])
+            wins = np.bincount(at[first], minlength=count) == cells_of
+            wins &= open_
+            colour[wins] = current
+            taken = (real & wins[at]).any(axis=1)
+            open_[at[taken][real[taken]]] = False
+        current += 1
+    return colour
+
+
+def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray) -> list[Batch]:
+    """The patches of a kind, of the facets that are free, shape (F,), in batches; colour after colour."""
+    facet_patches, cell_patches = _incidence(table, kind)
+    chosen = np.flatnonzero(free)
+    width = facet_patches.shape[1]
+    patch, facet = facet_patches[chosen].ravel(), np.repeat(chosen, width)
+    order = np.lexsort((facet, patch))
+    patch, facet = patch[order], facet[order]
+    count = int(max(facet_patches.max(initial=-1), cell_patches.max(initial=-1))) + 1
+    facets_of = np.bincount(patch, minlength=count)
+    first_facet = np.cumsum(facets_of) - facets_of
+
+    owner = table.owners[facet]
+    cells = len(table.cells)
+    pairs = np.repeat(patch, 2) * cells + owner.ravel()
+    pairs = np.unique(pairs[owner.ravel() >= 0])
+    patch_of, cell_of = np.divmod(pairs, cells)
+    cells_of = np.bincount(patch_of, minlength=count)
+    first_cell = np.cumsum(cells_of) - cells_of
+
+    keys = patch * len(table.facets) + facet
+    wanted = patch_of[:, None] * len(table.facets) + table.cell_facets[cell_of]
+    found = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
+    inside = keys[found] == wanted if len(keys) else np.zeros(wanted.shape, dtype=bool)
+    place = np.where(inside, found - first_facet[patch_of][:, None], facets_of[patch_of][:, None])
+
+    colour = coloured(np.where(facets_of[cell_patches] > 0, cell_patches, -1), count)
+    batches = []
+    live = np.flatnonzero(facets_of > 0)
+    kinds, group = np.unique(np.column_stack([colour, facets_of, cells_of])[live], axis=0, return_inverse=True)
+    for number, (_, f, c) in enumerate(kinds):
+        of = live[group.ravel() == number]
+        at = first_cell[of][:, None] + np.arange(c)
+        batches.append(Batch(facet[first_facet[of][:, None] + np.arange(f)], cell_of[at], place[at]))
+    return batches
+
+
+def _incidence(table: FacetTable, kind: PatchKind) -> tuple[IntArray, IntArray]:
+    """The patches of each facet (F, p) and of each cell (M, q)."""
+    dim = table.dim
+    if kind is PatchKind.VERTEX:
+        return table.facets, table.cells
+    if kind is PatchKind.FACET or dim == 2:
+        return np.arange(len(table.facets))[:, None], table.cell_facets
+    count = table.mesh.number_of_nodes
+    known = np.asarray(table.mesh.edges, dtype=np.int64)
+    keys = known[:, 0] * count + known[:, 1]
+
+    def edges(simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
+        ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
+        return np.asarray(np.searchsorted(keys, pair_keys(ends, count)))
+
+    return edges(table.facets, ((0, 1), (1, 2), (0, 2))), edges(table.cells, EDGES[3])
+
+
+def rigid_modes(x: Array) -> Array:
+    """Rigid motions at places (..., d): (..., r, d), r = 3 or 6."""
+    dim = x.shape[-1]
+    turns = [(1, 0)] if dim == 2 else [(2, 1), (0, 2), (1, 0)]
+    out = np.zeros((*x.shape[:-1], dim + len(turns), dim))
+    for c in range(dim):
+        out[..., c, c] = 1.0
+    for row, (i, j) in enumerate(turns):
+        out[..., dim + row, i] = x[..., j]
+        out[..., dim + row, j] = -x[..., i]
+    return out

@@ -1,0 +1,259 @@
+"""Tractions in equilibrium with a discrete solution, vertex by vertex (element equilibration).
+
+The tractions of an admissible stress are linear on facets and known by their moments ``m_{F,a} = int_F s nu phi_a``. On
+every cell T and at every vertex a of it they shall fulfil
+
+    sum of m_{F,a} over the facets F of T at a, outward  =  int_T s_h grad phi_a - int_T f0 phi_a,
+
+which makes them work like ``s_h = C eps(u_h)`` against every linear field on T: forces and moments of the cell balance.
+Equations of different vertices have no moment in common. Those of one vertex, for the moments nearest to the mean of
+``s_h nu`` from both sides, are a graph Laplacian on the cells around it. In a direction in which no facet at the vertex
+may take up a force it is singular, and solvable because the vertex is in equilibrium.
+
+P. Ladeveze and D. Leguillon, SIAM J. Numer. Anal. 20 (1983); compared with others in arXiv 1704.06680.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.adapt.body_data import BodyData
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.errors import ProblemError
+from hemivar.fem.facet_table import facet_vertices
+
+__all__ = ["Tractions", "equilibrated", "shared_forces"]
+
+#: Part of the largest projection below which no facet at a vertex takes up a force along a direction.
+_FREE = 1e-10
+#: Numbers of the matrices solved together.
+_ENTRIES = 1 << 22
+
+
+@dataclass(frozen=True, eq=False)
+class Tractions:
+    """Moments of tractions in equilibrium.
+
+    Attributes
+    ----------
+    moments : array, shape (F, d, d)
+        Facet, vertex, component; of the outward normal of the first cell.
+    defect : array, shape (M, d + 1, d)
+        Loads ``int_T g phi_a`` that had to be added to those of the body: what vertices without contact lack for
+        equilibrium, rounding or an unfinished solve.
+    """
+
+    moments: Array
+    defect: Array
+
+
+def equilibrated(data: BodyData, pressures: Array) -> Tractions:
+    """Tractions in equilibrium on every cell and at every vertex of it.
+
+    Parameters
+    ----------
+    data : BodyData
+    pressures : array, shape (F, d, d)
+        Moments of the tractions by which the foundation acts, to start with; zero away from contact boundaries. What a
+        vertex of the contact boundary lacks for its equilibrium is added to its facets in proportion to their size.
+
+    Raises
+    ------
+    ProblemError
+        Cells around a vertex are joined there through no facet.
+    """
+    table = data.table
+    members = facet_vertices(table.dim)
+    stars = _Stars.of(data)
+    start = _started(data, pressures, stars)
+    local = _sides(data)
+    potential = stars.solve(start.lack.reshape(-1, table.dim)).reshape(start.lack.shape)
+    moments = start.moments
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        chosen = np.flatnonzero(table.owners[:, side] >= 0)
+        values = potential[table.owners[chosen, side][:, None], members[local[chosen, side]]]
+        moments[chosen] += sign * np.einsum("fij,faj->fai", data.unknown[chosen], values)
+    return Tractions(moments, start.defect)
+
+
+def shared_forces(data: BodyData) -> Array:
+    """Moments (F, d, d) of tractions on contact facets that share the forces of the nodes in proportion to size."""
+    return _started(data, np.zeros(data.facet_loads.shape), _Stars.of(data)).moments
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Moments (F, d, d) near to those of the displacement, what pairs lack with them (M, d + 1, d), and the defect."""
+
+    moments: Array
+    lack: Array
+    defect: Array
+
+
+def _started(data: BodyData, pressures: Array, stars: _Stars) -> _Start:
+    table = data.table
+    dim, corners = table.dim, table.dim + 1
+    own = data.cell_moments  # of the mean stress of each cell, outward
+    first, second = table.owners.T
+    local = _sides(data)
+    mean = own[first, local[:, 0]]
+    inside = table.interior
+    mean[inside] = 0.5 * (mean[inside] - own[second[inside], local[inside, 1]])
+    start = np.repeat(np.einsum("fij,fj->fi", data.unknown, mean)[:, None], dim, axis=1)
+    outer = np.flatnonzero(~inside)
+    given = data.facet_loads[outer] + pressures[outer]
+    start[outer] += given - np.einsum("fij,faj->fai", data.unknown[outer], given)
+
+    right = np.einsum("m,mij,maj->mai", table.volumes, data.stress, table.gradients, optimize=True) - data.loads
+    outward = table.of_cells(start)
+    lack = right.copy()
+    members = facet_vertices(dim)
+    for facet in range(corners):
+        lack[:, members[facet]] -= outward[:, facet]
+
+    # what is missing along directions that no facet at the vertex takes up
+    total = np.zeros((table.mesh.number_of_nodes, dim))
+    for c in range(dim):
+        total[:, c] = np.bincount(table.cells.ravel(), weights=lack[:, :, c].ravel(), minlength=len(total))
+    total = np.einsum("nij,nj->ni", stars.free, total)
+    touched = np.flatnonzero(data.contact >= 0)
+    size = np.bincount(table.facets[touched].ravel(), weights=np.repeat(table.measures[touched], dim),
+                       minlength=len(total))  # fmt: skip
+    at = table.facets[touched]
+    share = table.measures[touched, None] / size[at]
+    more = share[:, :, None] * total[at]
+    start[touched] += more
+    cell, side = first[touched], local[touched, 0]
+    for a in range(dim):
+        lack[cell, members[side, a]] -= more[:, a]
+    total[size > 0.0] = 0.0
+    around = np.bincount(table.cells.ravel(), weights=np.repeat(table.volumes, corners), minlength=len(total))
+    defect = total[table.cells] * (table.volumes[:, None] / around[table.cells])[:, :, None]
+    lack -= defect
+
+    return _Start(start, lack, defect)
+
+
+def _sides(data: BodyData) -> IntArray:
+    """Local numbers (F, 2) of the facets in their first and second cells."""
+    table = data.table
+    at = table.cell_facets[table.owners] == np.arange(len(table.facets))[:, None, None]
+    return np.asarray(np.argmax(at, axis=2), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stars:
+    """The cells around the vertices: pairs of a cell and a vertex of it, numbered ``cell (d + 1) + vertex``.
+
+    Attributes
+    ----------
+    vertex, place : int arrays, shape (pairs,)
+        The vertex of each pair, and its place among the pairs of that vertex.
+    count : int array, shape (N,)
+        Cells around each vertex.
+    joined : int array, shape (k, 2)
+        Pairs of two cells at the ends of each facet inside, for each of its vertices.
+    held : int array, shape (h,)
+        Pairs at boundary facets that take up a force, one for each facet, and ``block``, shape (h, d, d), along what.
+    block : array, shape (h, d, d)
+    free : array, shape (N, d, d)
+        Projections on the directions along which no facet at the vertex takes up a force.
+    """
+
+    vertex: IntArray
+    place: IntArray
+    count: IntArray
+    joined: IntArray
+    held: IntArray
+    block: Array
+    free: Array
+
+    @classmethod
+    def of(cls, data: BodyData) -> _Stars:
+        table = data.table
+        dim, corners = table.dim, table.dim + 1
+        nodes = table.mesh.number_of_nodes
+        vertex = table.cells.ravel()
+        order = np.argsort(vertex, kind="stable")
+        count = np.bincount(vertex, minlength=nodes)
+        place = np.empty(len(vertex), dtype=np.int64)
+        place[order] = np.arange(len(vertex)) - np.repeat(np.cumsum(count) - count, count)
+        members = facet_vertices(dim)
+        pair = np.empty((len(table.facets), 2, dim), dtype=np.int64)
+        cell, side = np.divmod(np.arange(table.cell_facets.size), corners)
+        number, second = table.cell_facets.ravel(), (table.signs.ravel() < 0.0).astype(np.int64)
+        pair[number, second] = (cell * corners)[:, None] + members[side]
+        inside = table.interior
+        joined = pair[inside].transpose(0, 2, 1).reshape(-1, 2)
+        _refuse_pinched(joined, vertex, nodes, table.mesh.points)
+        outer = np.flatnonzero(~inside & data.unknown.any(axis=(1, 2)))
+        held = pair[outer, 0].ravel()
+        block = np.repeat(data.unknown[outer], dim, axis=0)
+        taken = np.zeros((nodes, dim, dim))
+        np.add.at(taken, vertex[held], block)
+        free = np.broadcast_to(np.eye(dim), taken.shape).copy()
+        some = np.flatnonzero(taken.any(axis=(1, 2)))
+        size, axes = np.linalg.eigh(taken[some])
+        loose = (size < _FREE * dim).astype(float)
+        free[some] = np.einsum("kin,kn,kjn->kij", axes, loose, axes)
+        return cls(vertex, place, count, joined, held, block, free)
+
+    def solve(self, lack: Array) -> Array:
+        """Potentials (pairs, d) whose differences over facets bring each pair what it lacks, shape (pairs, d)."""
+        nodes, dim = self.free.shape[:2]
+        coupled = np.zeros(nodes, dtype=bool)
+        coupled[self.vertex[self.held]] = True
+        out = np.zeros(lack.shape)
+        for size in np.unique(self.count):
+            for group, components in ((self.count == size) & ~coupled, 1), ((self.count == size) & coupled, dim):
+                chosen = np.flatnonzero(group)
+                step = max(_ENTRIES // (size * components) ** 2, 1)
+                for start in range(0, len(chosen), step):
+                    self._solve(chosen[start : start + step], int(size), components, lack, out)
+        return out
+
+    def _solve(self, chosen: IntArray, size: int, components: int, lack: Array, out: Array) -> None:
+        """Vertices with the same number of cells; one system for all components, or one that couples them."""
+        nodes, dim = self.free.shape[:2]
+        row = np.full(nodes, -1, dtype=np.int64)
+        row[chosen] = np.arange(len(chosen))
+        pairs = np.flatnonzero(row[self.vertex] >= 0)
+        joined = self.joined[row[self.vertex[self.joined[:, 0]]] >= 0]
+        graph = np.zeros((len(chosen), size, size))
+        at, one, two = row[self.vertex[joined[:, 0]]], self.place[joined[:, 0]], self.place[joined[:, 1]]
+        graph[at, one, two] = graph[at, two, one] = -1.0
+        diagonal = np.arange(size)
+        graph[:, diagonal, diagonal] = -graph.sum(axis=2)
+        right = np.zeros((len(chosen), size, dim))
+        right[row[self.vertex[pairs]], self.place[pairs]] = lack[pairs]
+        if components == 1:
+            found = np.linalg.solve(graph + 1.0 / size, right)
+        else:
+            full = np.einsum("kab,ij->kaibj", graph, np.eye(dim))
+            full += (self.free / size)[chosen][:, None, :, None, :]
+            here = row[self.vertex[self.held]] >= 0
+            at, one = row[self.vertex[self.held[here]]], self.place[self.held[here]]
+            held = np.zeros((len(chosen), size, dim, dim))
+            np.add.at(held, (at, one), self.block[here])
+            full[:, diagonal, :, diagonal] += held.transpose(1, 0, 2, 3)
+            flat = full.reshape(len(chosen), size * dim, size * dim)
+            found = np.linalg.solve(flat, right.reshape(len(chosen), -1, 1)).reshape(right.shape)
+        out[pairs] = found[row[self.vertex[pairs]], self.place[pairs]]
+
+
+def _refuse_pinched(joined: IntArray, vertex: IntArray, nodes: int, points: Array) -> None:
+    """Refuse bodies that hang together at a vertex only."""
+    ones: BoolArray = np.ones(len(joined), dtype=bool)
+    graph = sp.coo_array((ones, (joined[:, 0], joined[:, 1])), shape=(len(vertex), len(vertex)))
+    parts, label = sp.csgraph.connected_components(graph, directed=False)
+    if parts == nodes:
+        return
+    _, first = np.unique(label, return_index=True)
+    bad = int(np.argmax(np.bincount(vertex[first], minlength=nodes) > 1))
+    place = ", ".join(f"{x:.6g}" for x in points[bad])
+    raise ProblemError(
+        f"cells around the node {bad}, x = ({place}), meet there and share no facet; join them through facets"
+    )

@@ -1,0 +1,142 @@
+"""Adaptive solves: the distance that is asked for is reached, on fewer cells, and it is a bound all the way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.adapt import AdaptiveSolution, solve_adaptive, solving_adaptive
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import stiffness_matrix
+from hemivar.fem.transfer import interpolate
+from hemivar.gallery import survey, weighted_block
+from hemivar.mesh import rectangle
+
+
+@pytest.fixture(scope="module")
+def softening() -> AdaptiveSolution:
+    """A foundation whose friction weakens, on a body with a strong corner at its support."""
+    problem = hv.ContactProblem(
+        mesh=rectangle((1.0, 1.0), (4, 4)),
+        material=hv.Material.lame(4.0, 4.0),
+        supports={"left": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.SlipWeakening(0.1, 1.0, 0.5, 20.0))},
+        body_force=(0.9, -0.3),
+    )
+    return solve_adaptive(problem, rtol=0.08)
+
+
+def test_a_guaranteed_distance_is_reached(softening: AdaptiveSolution) -> None:
+    assert softening.reached
+    assert softening.ended == "reached"
+    assert softening.distance.relative <= 0.08
+    for level in softening.levels:
+        assert level.solution.status is hv.Status.CONVERGED
+        assert level.distance.guaranteed
+        assert 0.0 < level.distance.constant < 1.0
+        assert level.indicator.sum() >= 0.999 * level.distance.parts.misfit**2
+    assert "reached" in repr(softening)
+    rows = softening.rows()
+    assert [row["unknowns"] for row in rows] == [level.unknowns for level in softening.levels]
+    assert rows[-1]["relative_bound"] == softening.distance.relative
+
+
+def test_the_bound_holds_on_every_mesh(softening: AdaptiveSolution) -> None:
+    """Against the solution with quadratic elements on the last mesh refined once more, which is nested in all."""
+    last = softening.solution.problem
+    assert isinstance(last.origin, hv.ContactProblem)
+    fine = replace(last.origin, mesh=last.origin.mesh.refined(), order=2)
+    reference = hv.solve(fine)
+    assert reference.status is hv.Status.CONVERGED
+    field = reference.problem.field
+    assert field is not None
+    K = stiffness_matrix(fine.mesh, fine.material, 2)
+    for level in softening.levels:
+        own = level.problem.field
+        assert own is not None
+        off = (reference.displacement - interpolate(own, level.solution.displacement, field)).ravel()
+        error = math.sqrt(off @ (K @ off))
+        assert error <= level.distance.distance
+        assert level.distance.distance * (1.0 - level.distance.constant) < 2.0 * error
+
+
+def test_a_known_solution() -> None:
+    known = weighted_block(n=2)
+    found = solve_adaptive(known.problem, rtol=0.03)
+    assert found.reached
+    for level in found.levels:
+        own = level.problem.field
+        assert own is not None
+        assert isinstance(level.problem.origin, hv.ContactProblem)
+        fine = replace(level.problem.origin, mesh=level.problem.origin.mesh.refined(), order=2)
+        nodes = fine.mesh.nodes(2)
+        off = (known.displacement(nodes) - interpolate(own, level.solution.displacement, nodes)).ravel()
+        error = math.sqrt(off @ (stiffness_matrix(fine.mesh, fine.material, 2) @ off))
+        assert error <= level.distance.distance < 1.6 * error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("data", ["figure1", "figure3", "5.1"])
+def test_linear_elements_converge_at_their_best_rate(data: str) -> None:
+    """One half in the number of unknowns, whatever the corners do; uniform meshes have less."""
+    found = solve_adaptive(survey(data, 4), rtol=1e-6, max_unknowns=6000)
+    assert found.ended == "max_unknowns"
+    assert 0.46 < found.rate < 0.6
+
+
+def test_it_refines_where_the_error_is(softening: AdaptiveSolution) -> None:
+    mesh = softening.solution.problem.field.mesh  # type: ignore[union-attr]
+    assert mesh.volumes.min() < mesh.volumes.max() / 15.0
+    smallest = mesh.points[mesh.cells].mean(axis=1)[mesh.volumes < 1.01 * mesh.volumes.min()]
+    ends = np.array([[0.0, 0.0], [0.0, 1.0]])  # of the clamped edge
+    assert np.linalg.norm(smallest[:, None] - ends, axis=2).min(axis=1).max() < 0.1
+
+
+def test_where_it_ends() -> None:
+    problem = survey("5.1", 4)
+    assert solve_adaptive(problem, rtol=1e-9, max_unknowns=100).ended == "max_unknowns"
+    assert solve_adaptive(problem, rtol=1e-9, max_time=1e-9).ended == "max_time"
+    running = solving_adaptive(problem, rtol=1e-9)
+    next(running)
+    with pytest.raises(StopIteration) as ended:
+        running.send(True)
+    assert ended.value.value.ended == "stopped"
+    assert len(ended.value.value.levels) == 1
+    assert math.isnan(ended.value.value.rate)
+
+
+def test_a_body_without_margin_has_no_bound() -> None:
+    law = hv.Contact(hv.Compliance(10.0), hv.SlipWeakening(0.1, 1.0, 0.2, 2000.0))
+    problem = replace(survey("5.1", 4), contact={"bottom": law}, body_force=(0.9, -0.3))
+    found = solve_adaptive(problem)
+    assert found.ended == "no bound"
+    assert not found.reached
+    assert not found.distance.guaranteed
+    assert "softens too much" in " ".join(found.distance.reasons)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rtol": 0.0}, "rtol = 0.0; give a positive number"),
+        ({"rtol": -1.0}, "rtol = -1.0; give a positive number"),
+        ({"share": 2.0}, "a number up to 1"),
+        ({"share": 0.0}, "share = 0.0; give a positive number"),
+        ({"max_time": float("nan")}, "give a positive number"),
+        ({"rtol": "small"}, "rtol"),
+    ],
+)
+def test_options_are_checked(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        solve_adaptive(survey("5.1", 4), **options)  # type: ignore[arg-type]
+
+
+def test_quadratic_elements_and_other_things_are_refused() -> None:
+    with pytest.raises(ProblemError, match="take order = 1"):
+        solve_adaptive(replace(survey("5.1", 4), order=2))
+    with pytest.raises(ProblemError, match="give a ContactProblem"):
+        solve_adaptive(hv.discretize(survey("5.1", 4)))  # type: ignore[arg-type]
