@@ -74,7 +74,7 @@ def _row(shape: str, dim: int, cells: int, layers: int) -> dict[str, Any]:
     condensing = _status("VmHWM") - base
     hv.solve(discrete, workspace=hv.Workspace.holding(condensed))
     solving = _status("VmHWM") - base
-    factor = condensed._body.factor
+    factor = condensed.body.factor
     fill = factor._factor.nnz if isinstance(factor, SuperLUFactorisation) else 0
     return {
         "shape": shape,

@@ -28,7 +28,7 @@ from common import peak_mib, show
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.systems.body import levels_of
+from hemivar.systems.body_on_levels import levels_of
 
 TOLERANCE = 1e-10
 PROBLEMS = {
