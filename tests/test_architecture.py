@@ -29,8 +29,10 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("fem",),
     ("linear",),
     ("systems",),
-    ("solvers", "certify", "gallery"),
-    ("branches", "engines", "evolution", "adapt"),
+    ("solvers", "certify"),
+    ("branches", "adapt"),
+    ("evolution",),
+    ("engines", "gallery"),
     ("files",),
     ("workflows",),
     ("report",),
@@ -47,6 +49,12 @@ HANDED_ON = {
     ("solvers.solution", "to_json"): "files",
     ("solvers.solution", "to_vtu"): "files",
     ("solvers.solution", "plot"): "report",
+    ("evolution.history", "write"): "files",
+    ("evolution.history", "to_dict"): "files",
+    ("evolution.history", "to_json"): "files",
+    ("evolution.history", "to_dataframe"): "files",
+    ("evolution.history", "plot"): "report",
+    ("evolution.history", "animate"): "report",
 }
 
 #: External packages that only some rooms know; module path prefixes inside hemivar.
@@ -245,13 +253,16 @@ def test_import_is_quick(module: str, absent: tuple[str, ...]) -> None:
 #: Methods that write or read a file; a temporary name of ``whole_file`` may be written to.
 WRITING = {"write_text", "write_bytes", "savefig", "screenshot", "to_csv", "tofile", "savez", "savetxt", "touch"}
 READING = {"read_text", "read_bytes", "loadtxt", "genfromtxt"}
-#: Where files are opened otherwise: descriptors of the process, files of the system, parallel writers of one file.
+#: Where files are opened otherwise: descriptors of the process, files of the system, parallel writers of one file,
+#: arrays that are packed into a stream.
 OPENING = (
     "basics.disk",
     "cli.terminal",
     "basics.memory",
     "engines.petsc.checkpoint",
     "engines.petsc.files",
+    "engines.petsc.march_checkpoint",
+    "evolution.march_state",
     "report.on_ranks",
 )
 

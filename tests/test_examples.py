@@ -125,7 +125,13 @@ def test_there_are_at_least_eight_examples_and_each_is_tested() -> None:
         assert re.search(rf"""["']{name}(\.py)?["']""", text), f"examples/{name}.py has no test of its numbers"
 
 
-@pytest.mark.parametrize("name", NAMES)
+#: Those whose numbers test_gallery_nonmonotone.py computes anew, in its own process.
+LONG = {"broken_foundation", "weakening_friction"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in NAMES]
+)
 def test_runs_as_a_script(name: str, tmp_path: Path) -> None:
     out = tmp_path / "new" / "folder"
     command = [sys.executable, str(EXAMPLES / f"{name}.py"), "--out", str(out)]
@@ -274,6 +280,14 @@ def test_files_of_the_cube_are_the_gallery() -> None:
     for name, problem in (("cube_friction", survey_cube("5.1", 8)), ("cube_logarithmic", survey_cube_logarithmic(n=8))):
         known = hv.solve(hv.discretize(problem)).raise_for_status()
         assert solved(f"{name}.toml").energy == pytest.approx(known.energy, rel=1e-9)
+
+
+def test_thermoviscoelastic() -> None:
+    found = load("thermoviscoelastic").main()
+    assert found["momentum"] == pytest.approx(found["pushed"], rel=1e-6)
+    assert abs(found["heat_gap"]) < 1e-12
+    assert 0.25 < found["least"] < found["greatest"] < 0.28
+    assert found["margin"] > 0.0
 
 
 def test_every_problem_file_solves_with_the_command(tmp_path: Path) -> None:

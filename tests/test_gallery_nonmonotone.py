@@ -174,8 +174,8 @@ def test_slips_by_lambert_solve_their_equation() -> None:
     [
         (0.5, 1.0, 0.3, ["local minimiser"]),
         (0.5, 1.0, 0.1, ["local minimiser"]),
-        (1.0, 20.0, 0.248, ["local minimiser", "maximum", "local minimiser"]),
-        (1.0, 20.0, 0.26, ["local minimiser"]),
+        pytest.param(1.0, 20.0, 0.248, ["local minimiser", "maximum", "local minimiser"], marks=pytest.mark.slow),
+        pytest.param(1.0, 20.0, 0.26, ["local minimiser"], marks=pytest.mark.slow),
     ],
 )
 def test_all_slips_of_the_shear_column(bound: float, rate: float, free: float, kinds: list[str]) -> None:
@@ -205,6 +205,7 @@ def load(path: Path) -> ModuleType:
     return module
 
 
+@pytest.mark.slow
 def test_example_of_the_weakening_friction(tmp_path: Path) -> None:
     found = load(ROOT / "examples" / "weakening_friction.py").main(tmp_path)
     assert found["lambert"] < 1e-12

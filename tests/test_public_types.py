@@ -13,9 +13,12 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.discrete import ContactPoints, Field, Quadratic, Space
 from hemivar.errors import HemivarError
+from hemivar.evolution import SCHEMES
 from hemivar.files import ProblemFile, SolverSettings
 from hemivar.formula import Formula
 from hemivar.mesh import Grid, Mesh, MeshRecipe, box, rectangle
+
+SCALAR = (gallery.membrane_obstacle(8), gallery.antiplane_friction(4))
 
 
 def public_dataclasses() -> list[str]:
@@ -41,6 +44,9 @@ def examples() -> dict[str, list[object]]:
         box(cells=2), box(cells=2).refined(), problem.mesh.recipe,
         Grid((1.0, 2.0), (3, 4), "cross", (0.0, 1.0)),
         steel, hv.Material.lame(Formula("1 + x"), 2.0), hv.Material.tensor(np.eye(3), (0.1, 0.2, 0.3)),
+        hv.Branch(lame=(1, 2), time=0.5), hv.Branch(young=Formula("1 + x"), poisson=0.3, time=2.0),
+        hv.Branch(tensor=np.eye(3), time=1.0),
+        hv.Material.lame(1.0, 2.0, density=3.0, viscosity=(0, Formula("x")), branches=[hv.Branch(lame=(1, 2), time=3)]),
         hv.Material.by_region({"all": steel}), hv.Clamped(), hv.Roller(), hv.Fixed(x=0.5, y=Formula("x")),
         hv.Prescribed(vector), hv.Pressure(2.0), hv.Plane(vector, (1.0, 3.0)), hv.Sphere(vector, 2.0, True),
         hv.Cylinder((1.0, 2.0, 3.0), (1.0, 1.0, 0.3), 0.5), hv.SignedDistance(Formula("y + 1")),
@@ -54,7 +60,18 @@ def examples() -> dict[str, list[object]]:
         hv.PenetrationBound(([0.0, 1.0], [0.0, 2.0])), *hv.METHODS.values(), hv.FixedPoint(hv.NonsmoothNewton()),
         hv.LoadStepping(hv.NonsmoothNewton(), 3), hv.Powell(), hv.LBFGS(), hv.ProximalBundle(), hv.ExactInner(),
         hv.NewtonKrylov(), hv.Controls(1e-6, 1.0, 3, 2.0, print), gallery.SURVEY_DATA["5.1"], gallery.weighted_block(),
+        *(one.problem for one in SCALAR), SCALAR[0].problem.area, SCALAR[1].problem.contact["bottom"], *SCALAR,
         SolverSettings("newton"), ProblemFile(problem, SolverSettings(), "name", 2),
+        hv.Bonding(50.0, 0.05, 0.2), hv.DampedContact(hv.Compliance(2.0)), hv.PenetrationMemory(30.0, 0.4), hv.Secant(),
+        hv.RateAndState(0.01, 0.015, 8e-3, 1e-6, 1e-9, 1e6), hv.SlipSum(),
+        hv.ViscousFoundation(2.0), hv.Wear(Formula("1 + x")),
+        hv.Evolution(problem), *SCHEMES.values(), hv.FixedStep(0.1), hv.AdaptiveStep(1e-3, 0.1, 0.01, 1.0),
+        hv.Save(0.5, 10, {"tip": (0.5, 0.5)}), hv.Checkpoint("run.ckpt", 2.0),
+        hv.march(hv.Evolution(problem), 0.1, step=0.1),
+        hv.March(1.0, step=0.1, stops=(0.5,), events=(hv.Touch(),), jump="global"), hv.Touch("stop"), hv.Release(),
+        hv.HeatContact(2.0, Formula("x + t"), 0.5), hv.HeatContact(exchange=hv.Compliance(2.0)),
+        hv.Heat(1.0, {"all": 2.0}, expansion=0.1, temperature=Formula("x"), contact={"bottom": hv.HeatContact(1.0)}),
+        hv.Slip(rate=0.1), hv.BondBroken(below=0.1), hv.MarginLost(), hv.When(function=abs, label="own"),
     ]  # fmt: skip
     made: dict[str, list[object]] = {}
     for one in found:
