@@ -216,24 +216,47 @@ class CuttingPlanes(Superpotential):
         first = np.zeros((len(x), 1), dtype=np.int64)
         return np.take_along_axis(knots, order, axis=1), np.concatenate([first, passed], axis=1)
 
-    def _tangent(self, piece: IntArray, table: Array) -> Array:
-        index = np.take_along_axis(self._pieces[1], np.broadcast_to(piece, (len(table),))[:, None], axis=1)
-        return np.take_along_axis(table, index, axis=1)[:, 0]
+    @cached_property
+    def _tangents(self) -> tuple[Array, Array, Array]:
+        """Points, values and slopes of the tangents that hold on each piece, (m, pieces) each."""
+        of_piece = self._pieces[1]
+        points, values, slopes = (
+            np.take_along_axis(x, of_piece, axis=1) for x in (self.points, self.values, self.slopes)
+        )
+        return points, values, slopes
+
+    def _on(self, piece: IntArray, table: Array) -> Array:
+        if np.ndim(piece) == 0:
+            column: Array = table[:, int(piece)]
+            return column
+        chosen: Array = table[np.arange(len(table)), np.broadcast_to(piece, (len(table),))]
+        return chosen
 
     @property
     def knots(self) -> Array:
         return self._pieces[0]
+
+    @cached_property
+    def _knot_slopes(self) -> tuple[Array, Array]:
+        knots, slopes = self.knots, self._tangents[2]
+        finite = np.isfinite(knots)
+        left = np.where(knots <= self.ends.lower[:, None], -np.inf, slopes[:, :-1])
+        right = np.where(knots >= self.ends.upper[:, None], np.inf, slopes[:, 1:])
+        return np.where(finite, left, 0.0), np.where(finite, right, 0.0)
+
+    def knot_slopes(self) -> tuple[Array, Array]:
+        return self._knot_slopes
 
     @property
     def domain(self) -> Interval:
         return self.ends
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
-        away = r - self._tangent(piece, self.points)
-        return self._tangent(piece, self.values) + self._tangent(piece, self.slopes) * away
+        points, values, slopes = self._tangents
+        return self._on(piece, values) + self._on(piece, slopes) * (r - self._on(piece, points))
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
-        return self._tangent(piece, self.slopes)
+        return self._on(piece, self._tangents[2])
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return np.zeros(len(self.points))
