@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import pkgutil
 import subprocess
 import sys
+from functools import cache
 
 import pytest
 
@@ -28,10 +30,43 @@ print(json.dumps({{name: type(getattr(hemivar, name)).__name__ for name in hemiv
 """
 
 
+# One interpreter that has loaded what takes long and is not hemivar; each code runs in a fork of it.
+SERVER = """
+import contextlib, io, json, os, sys, traceback
+import matplotlib.figure, meshio, numpy, pyamg, rich.console, scipy.optimize, scipy.sparse.linalg, skfem, typer
+assert not [name for name in sys.modules if name.startswith("hemivar")]
+for line in sys.stdin:
+    if os.fork():
+        os.wait()
+        continue
+    printed, failed = io.StringIO(), ""
+    try:
+        with contextlib.redirect_stdout(printed):
+            exec(json.loads(line), {"__name__": "__main__"})
+    except BaseException:
+        failed = traceback.format_exc()
+    print(json.dumps([printed.getvalue(), failed]), flush=True)
+    os._exit(0)
+"""
+
+
+@cache
+def server() -> subprocess.Popen[str]:
+    made = subprocess.Popen([sys.executable, "-c", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    atexit.register(made.kill)
+    return made
+
+
 def python(code: str) -> str:
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    """What a code prints in an interpreter that has imported nothing of hemivar."""
+    asked, answers = server().stdin, server().stdout
+    assert asked is not None
+    assert answers is not None
+    asked.write(json.dumps(code) + "\n")
+    asked.flush()
+    printed, failed = json.loads(answers.readline())
+    assert not failed, failed
+    return str(printed)
 
 
 def kinds(modules: list[str], later: list[str]) -> dict[str, str]:

@@ -390,10 +390,10 @@ def test_colours_pass_where_they_are_meant() -> None:
 @pytest.mark.parametrize(
     "env",
     [
-        {"MPLBACKEND": "nonsense"},
-        {"MPLCONFIGDIR": "/dev/null/nowhere"},
+        pytest.param({"MPLBACKEND": "nonsense"}, marks=pytest.mark.slow),
+        pytest.param({"MPLCONFIGDIR": "/dev/null/nowhere"}, marks=pytest.mark.slow),
         {"MATPLOTLIBRC": "rc"},
-        {"HOME": "/dev/null/nowhere"},
+        pytest.param({"HOME": "/dev/null/nowhere"}, marks=pytest.mark.slow),
         {"HOME": "/dev/null/nowhere", "XDG_CACHE_HOME": "", "XDG_CONFIG_HOME": "", "MPLCONFIGDIR": "/proc/nowhere"},
     ],
     ids=lambda env: ",".join(env),

@@ -10,10 +10,10 @@ from hemivar.errors import ProblemError
 from hemivar.report import run_survey
 
 
-@pytest.fixture(scope="module")
-def small(tmp_path_factory):
+@pytest.fixture(scope="module", params=[pytest.param(8, marks=pytest.mark.slow)])
+def small(tmp_path_factory, request):
     said = []
-    result = run_survey(tmp_path_factory.mktemp("survey"), max_n=8, progress=said.append)
+    result = run_survey(tmp_path_factory.mktemp("survey"), max_n=request.param, progress=said.append)
     return result, said
 
 

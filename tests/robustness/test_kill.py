@@ -247,7 +247,7 @@ def _kill_at_random(driver: Driver, folder: Path, arguments: list[str], files: l
 @pytest.mark.parametrize("command", ["solve", "certify"])
 def test_kill_at_random_moments(command: str, driver: Driver, tmp_path: Path) -> None:
     arguments, files = COMMANDS[command]
-    assert _kill_at_random(driver, tmp_path, arguments, files, 3, seed=1) > 0
+    assert _kill_at_random(driver, tmp_path, arguments, files, 2, seed=1) > 0
 
 
 @pytest.mark.slow

@@ -101,6 +101,7 @@ def test_energy_of_the_default_never_rises_and_few_steps_suffice(data: str, n: i
     assert energies[-1] == pytest.approx(problem.energy(found.unknowns), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_certified_bound_of_the_bundle_method_holds() -> None:
     for data in SURVEY_DATA:
         problem, expected = reference(data, 16)
@@ -129,7 +130,9 @@ def test_methods_share_a_condensation() -> None:
 
 
 @pytest.mark.parametrize("data", SURVEY_DATA)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method", [pytest.param(name, marks=pytest.mark.slow) if name == "bundle" else name for name in METHODS]
+)
 def test_warm_start_over_nested_meshes(method: str, data: str) -> None:
     """Every method of the survey, as in the survey: h = 1/2, 1/4, ... each started from the last."""
     problems = [discrete_square(data, n) for n in (2, 4, 8, 16)]

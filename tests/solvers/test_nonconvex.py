@@ -172,6 +172,12 @@ def test_a_bound_that_depends_on_the_penetration_is_solved_by_a_fixed_point() ->
     assert found.contraction < 0.5
     again = solve(frozen(found), initial=found)
     assert relative_difference(again, found) < 1e-8
+
+
+@pytest.mark.slow
+def test_a_fixed_point_in_steps_of_the_load_ends_where_the_whole_load_does() -> None:
+    problem = strip(CAPPED, Logarithmic(PenetrationBound(ramp)))
+    found = solve(problem)
     by_steps = solve(problem, LoadStepping(FixedPoint(NonsmoothNewton(search=Search.DOWNHILL))))
     assert by_steps.status is Status.CONVERGED
     assert relative_difference(by_steps, found) < 1e-7

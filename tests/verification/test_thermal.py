@@ -164,6 +164,7 @@ def test_coupled_decay(scheme: Scheme, order: int) -> None:
     assert history.ledger["thermal"] != 0.0
 
 
+@pytest.mark.slow
 def test_a_coupling_that_would_not_contract() -> None:
     """T0 beta^2 / (c kappa) = 26: rounds that only repeat each other would run away, weighted ones meet."""
     off, warmer, history = coupled(1, hv.ImplicitEuler(), 400, 30.0)
@@ -174,6 +175,7 @@ def test_a_coupling_that_would_not_contract() -> None:
     closed(history)
 
 
+@pytest.mark.slow
 def test_no_agreement_is_told() -> None:
     """A conductance that is another one whenever it is asked: the step is given up, and nothing is accepted."""
     random = np.random.default_rng(3)
