@@ -307,34 +307,98 @@ def test_damaged_checkpoints_are_refused_on_all_ranks(tmp_path: Path, good: byte
             assert words in (said[name] or ""), (name, said[name])
 
 
+def _prepared(case: Case, folder: Path, good: bytes) -> list[str]:
+    """Write what a case needs into a folder; returns the arguments of the command."""
+    problem = folder / "p.toml"
+    problem.write_text(case.text, encoding="utf-8")
+    (folder / "good").write_bytes(good)
+    case.prepare(folder)
+    options = [option.replace("{}", str(folder)) for option in case.options]
+    return ["solve", str(problem), "--engine", "petsc", "-q", *options]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What became of a case: exit code, what was said, and the kept files as they were before."""
+
+    folder: Path
+    before: dict[str, bytes]
+    code: int
+    said: str
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory, good: bytes) -> Callable[[str, int], Run]:
+    """Runs of all cases: those without conditions share processes, as long as none of them aborts these."""
+    done: dict[tuple[str, int], Run] = {}
+    prepared: dict[tuple[str, int], tuple[Path, list[str], dict[str, bytes]]] = {}
+
+    def prepare(name: str, ranks: int) -> None:
+        case, folder = CASES[name], tmp_path_factory.mktemp("case")
+        arguments = _prepared(case, folder, good)
+        before = {file: (folder / file).read_bytes() for file in case.kept if (folder / file).exists()}
+        prepared[name, ranks] = folder, arguments, before
+
+    def alone(name: str, ranks: int) -> None:
+        folder, arguments, before = prepared[name, ranks]
+        conditions = {**CASES[name].conditions}
+        if conditions.get("rank") == -1:
+            conditions["rank"] = ranks - 1
+        end = mpirun(ranks, _HERE / "hostile.py", json.dumps(conditions), *arguments, limit=_LIMIT)
+        done[name, ranks] = Run(folder, before, end.returncode, end.stdout + end.stderr)
+
+    def together(names: list[str], ranks: int) -> None:
+        while names:
+            results = tmp_path_factory.mktemp("batch")
+            cases = results / "cases.json"
+            cases.write_text(json.dumps([(name, prepared[name, ranks][1]) for name in names]), encoding="utf-8")
+            mpirun(ranks, _HERE / "hostile_batch.py", cases, results, limit=4.0 * _LIMIT)
+            ended = 0
+            for number, name in enumerate(names):
+                if not (results / f"{number}.json").exists():
+                    break
+                of_ranks = json.loads((results / f"{number}.json").read_text(encoding="utf-8"))
+                folder, _, before = prepared[name, ranks]
+                code = max(code for code, _ in of_ranks)
+                done[name, ranks] = Run(folder, before, code, "".join(said for _, said in of_ranks))
+                ended += 1
+            if ended < len(names):
+                shutil.rmtree(prepared[names[ended], ranks][0])
+                prepare(names[ended], ranks)
+                alone(names[ended], ranks)
+            names = names[ended + 1 :]
+
+    def run(name: str, ranks: int) -> Run:
+        if (name, ranks) not in done:
+            if CASES[name].conditions:
+                prepare(name, ranks)
+                alone(name, ranks)
+            else:
+                plain = [other for other, case in CASES.items() if not case.conditions]
+                for other in plain:
+                    prepare(other, ranks)
+                together(plain, ranks)
+        return done[name, ranks]
+
+    return run
+
+
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("name", CASES)
-def test_one_line_and_an_exit_code(tmp_path: Path, good: bytes, name: str, ranks: int) -> None:
-    case = CASES[name]
-    problem = tmp_path / "p.toml"
-    problem.write_text(case.text, encoding="utf-8")
-    (tmp_path / "good").write_bytes(good)
-    case.prepare(tmp_path)
-    before = {file: (tmp_path / file).read_bytes() for file in case.kept if (tmp_path / file).exists()}
-    options = [option.replace("{}", str(tmp_path)) for option in case.options]
-    conditions = {**case.conditions}
-    if conditions.get("rank") == -1:
-        conditions["rank"] = ranks - 1
-    arguments = ["solve", str(problem), "--engine", "petsc", "-q", *options]
-    done = mpirun(ranks, _HERE / "hostile.py", json.dumps(conditions), *arguments, limit=_LIMIT)
-    said = done.stdout + done.stderr
-    lines = [line for line in said.splitlines() if line.startswith("hemivar: ") and "hemivar: warning" not in line]
-    assert done.returncode == case.code, said
-    assert len(lines) == 1, said
+def test_one_line_and_an_exit_code(runs: Callable[[str, int], Run], name: str, ranks: int) -> None:
+    case, run = CASES[name], runs(name, ranks)
+    lines = [line for line in run.said.splitlines() if line.startswith("hemivar: ") and "hemivar: warning" not in line]
+    assert run.code == case.code, run.said
+    assert len(lines) == 1, run.said
     assert case.words in lines[0]
     assert "/." not in lines[0], "the name of a temporary file"
-    assert "Traceback" not in said
-    assert "Warning" not in said
-    assert "\x1b" not in said
+    assert "Traceback" not in run.said
+    assert "Warning" not in run.said
+    assert "\x1b" not in run.said
     for file in case.kept:
-        found = (tmp_path / file).read_bytes()
+        found = (run.folder / file).read_bytes()
         assert found
-        assert before.get(file, found) == found
+        assert run.before.get(file, found) == found
         if file == "r.json":
             assert json.loads(found)["status"] == "converged"
-    assert not [file for file in tmp_path.iterdir() if file.name.startswith(".")], "a temporary file was left"
+    assert not [file for file in run.folder.iterdir() if file.name.startswith(".")], "a temporary file was left"
