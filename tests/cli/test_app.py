@@ -709,7 +709,15 @@ def test_the_module_runs_and_prints_its_version(tmp_path: Path) -> None:
     done = in_process("--version", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stdout == f"hemivar {hemivar.__version__}\n"
-    assert in_process(cwd=tmp_path).returncode == 2
+    done = in_process(cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [word in done.stdout for word in ("hemivar new", "hemivar solve", "hemivar certify")] == [True] * 3
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+def test_the_shell_completes_commands(tmp_path: Path) -> None:
+    words = {"_HEMIVAR_COMPLETE": "complete_bash", "COMP_WORDS": "hemivar so", "COMP_CWORD": "1"}
+    assert in_process(cwd=tmp_path, **words).stdout.split() == ["solve", "solutions"]
 
 
 def test_help_imports_neither_numpy_nor_the_library(tmp_path: Path) -> None:

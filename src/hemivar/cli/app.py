@@ -17,6 +17,7 @@ from hemivar import __version__
 from hemivar.basics.disk import shown, write_text
 from hemivar.cli.certification import certify
 from hemivar.cli.comparison import compare
+from hemivar.cli.doctor import doctor
 from hemivar.cli.equilibria import path, solutions
 from hemivar.cli.law_study import laws
 from hemivar.cli.march_results import animate, history
@@ -33,8 +34,7 @@ __all__ = ["app", "main"]
 app = typer.Typer(
     name="hemivar",
     help="Solve contact problems of elastic bodies with foundations given by superpotentials.",
-    no_args_is_help=True,
-    add_completion=False,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Exit codes: 0 converged, 1 not converged, 2 bad input or a file that cannot be written, 130 interrupted.",
@@ -118,13 +118,25 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+_FIRST = """hemivar {version}: contact problems of elastic bodies, solved and certified.
+
+  hemivar new problem.toml                  a commented problem to begin with
+  hemivar solve problem.toml --plot a.png   solve it and draw it
+  hemivar certify problem.toml              is it unique, and how exact
+
+All commands: hemivar --help.  What is installed: hemivar doctor."""
+
+
+@app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Options of the command itself."""
+    """Solve contact problems of elastic bodies with foundations given by superpotentials."""
+    if context.invoked_subcommand is None:
+        print(_FIRST.format(version=__version__))
 
 
 def new(
@@ -162,7 +174,7 @@ def methods() -> int:
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    solve, certify, solutions, path, march, history, animate, compare, survey, new, laws, methods,
+    solve, certify, solutions, path, march, history, animate, compare, survey, new, laws, methods, doctor,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__)(_command)

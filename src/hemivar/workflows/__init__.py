@@ -12,6 +12,7 @@ from hemivar.branches import PathOptions, PathProgress, SearchProgress, Solution
 from hemivar.solvers import Progress
 from hemivar.workflows.certification import CertifyOptions, certify
 from hemivar.workflows.comparison import Attempt, CompareOptions, Comparison, Condensed, compare, energy_norm_difference
+from hemivar.workflows.diagnosis import Diagnosis, Part, diagnose
 from hemivar.workflows.equilibria import path, solutions
 from hemivar.workflows.events import Begun, Certified, Chosen, Event, Found, Notice, Stage, Warned, Work
 from hemivar.workflows.law_study import LawStudy, study_law
@@ -29,11 +30,13 @@ __all__ = [
     "CompareOptions",
     "Comparison",
     "Condensed",
+    "Diagnosis",
     "Event",
     "Found",
     "LawStudy",
     "MarchSettings",
     "Notice",
+    "Part",
     "PathOptions",
     "PathProgress",
     "Progress",
@@ -50,6 +53,7 @@ __all__ = [
     "Work",
     "certify",
     "compare",
+    "diagnose",
     "energy_norm_difference",
     "evolution_of",
     "march",
