@@ -1,0 +1,122 @@
+"""What a checkpoint keeps: every number, to the last bit, whatever there is to remember."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hemivar.basics.types import Array
+from hemivar.errors import FileError, ProblemError
+from hemivar.evolution import Checkpoint, Frame, Row
+from hemivar.evolution.heat_book import HeatBook, Warmth
+from hemivar.evolution.ledger import Ledger
+from hemivar.evolution.march_state import MarchState
+from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.steps import Pace
+
+
+class Numbers:
+    """Numbers of which no two are the same, none of them one that decimals could write."""
+
+    def __init__(self) -> None:
+        self._random = np.random.default_rng(5)
+
+    def __call__(self, *shape: int) -> Array:
+        return np.asarray(self._random.standard_normal(shape) / 3.0)
+
+    def one(self) -> float:
+        return float(self(1)[0])
+
+    def motion(self, *shape: int) -> Motion:
+        return Motion(self(*shape), self(*shape), self(*shape))
+
+    def all_of(self, kind: Any) -> Any:
+        return kind(**{one.name: self.one() for one in fields(kind)})
+
+
+def state(heat: bool) -> MarchState:
+    """A march in its third step, of a body with two branches and memories on two boundaries."""
+    some = Numbers()
+
+    def moment(**more: Any) -> Moment:
+        return Moment(
+            some.one(), 3, some.motion(7), some.motion(4, 2), some(4, 2), ledger=some.all_of(Ledger), **more
+        )  # fmt: skip
+
+    memory = {"bottom": {"0.opening": some(3), "1.depth": some(3)}, "right": {"slip": some(1), "opening": some(1)}}
+    warm = Warmth(replace(moment(), index=4), some.all_of(HeatBook), 5, some.one()) if heat else None
+    values = [{"normal_force": some.one(), "tip.u_x": some.one(), "time_error": math.nan} for _ in range(3)]
+    frames = [
+        Frame(
+            some.one(), some(5, 2), some(5, 2), *(some(4, 2) for _ in range(3)), {"opening": some(4), "slip": some(4)},
+            some(5) if heat else None,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    return MarchState(
+        moment(branches=(some(7), some(7)), memory=memory, heat=warm),
+        Pace(some.one(), -2, 1),
+        tuple(
+            Row(some.one(), some.one(), i + 6, some.one(), some.one(), math.inf, one, i == 1)
+            for i, one in enumerate(values)
+        ),
+        tuple(frames),
+        (9, 4),
+        ((some.one(), "touch"), (some.one(), "release")),
+        ("the body jumped", "and again"),
+        some.one(),
+        some.one(),
+        some(7),
+        some.one() ** 2,
+    )
+
+
+def same(one: Any, other: Any, where: str = "state") -> None:
+    if is_dataclass(one) and not isinstance(one, type):
+        assert type(one) is type(other), where
+        for part in fields(one):
+            same(getattr(one, part.name), getattr(other, part.name), f"{where}.{part.name}")
+    elif isinstance(one, Mapping):
+        assert list(one) == list(other), where
+        for key in one:
+            same(one[key], other[key], f"{where}[{key}]")
+    elif isinstance(one, tuple):
+        assert len(one) == len(other), where
+        for i, (first, second) in enumerate(zip(one, other, strict=True)):
+            same(first, second, f"{where}[{i}]")
+    elif isinstance(one, float | np.ndarray):
+        np.testing.assert_array_equal(np.asarray(one), np.asarray(other), err_msg=where)
+    else:
+        assert type(one) is type(other), where
+        assert one == other, where
+
+
+@pytest.mark.parametrize("heat", [False, True])
+def test_what_was_packed_is_unpacked(heat: bool) -> None:
+    kept, stream, written = Checkpoint(Path("run.ckpt")), io.BytesIO(), state(heat)
+    kept.pack(stream, written, "mine")
+    same(written, kept.unpack(stream.getvalue(), "mine"))
+    with pytest.raises(FileError, match="another evolution"):
+        kept.unpack(stream.getvalue(), "yours")
+    for broken in (b"", stream.getvalue()[:200], b"no checkpoint"):
+        with pytest.raises(FileError, match="no checkpoint"):
+            kept.unpack(broken, "mine")
+
+
+def test_a_file_that_is_not_there_and_one_that_is(tmp_path: Path) -> None:
+    kept = Checkpoint(tmp_path / "run.ckpt", 0.0)
+    assert kept.read("mine") is None
+    kept.write(state(False), "mine")
+    found = kept.read("mine")
+    same(state(False), found)
+    with pytest.raises(ProblemError, match="time >= 0"):
+        Checkpoint(tmp_path / "run.ckpt", -1.0)
+    with pytest.raises(ProblemError, match="time >= 0"):
+        Checkpoint(tmp_path / "run.ckpt", math.nan)

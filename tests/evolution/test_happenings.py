@@ -1,0 +1,108 @@
+"""Every kind of event, at a time that a closed form tells."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar import gallery
+from hemivar.basics.types import Array
+from hemivar.evolution import BondBroken, Evolution, MarginLost, Release, Save, Slip, Touch, When, march
+
+KAPPA = 3.0
+
+
+def block(contact: hv.Contact, load: Any, **material: Any) -> Evolution:
+    """A unit square between rollers, modulus 3, held at its top and pushed at its bottom: ``3 s + g(s) = load``."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 0.5 * KAPPA, **material),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        tractions={"bottom": load},
+        contact={"bottom": contact},
+    )
+    return Evolution(problem)
+
+
+def falling(x: Array, t: float) -> Array:
+    return np.stack([0.0 * x[:, 0], np.full(len(x), 2.0 * t - 1.0)], axis=1)  # downwards until t = 1/2
+
+
+def test_touch_and_release_of_a_block_that_is_pushed_and_pulled() -> None:
+    """Pushed by ``1 - 2 t``, it leaves the foundation at t = 1/2; pushed by ``2 t - 1``, it comes to it then."""
+    for sign, name, boundary in ((1.0, "release", "bottom"), (-1.0, "touch", None)):
+        events = (Release(boundary=boundary), Touch(boundary=boundary))
+        evolution = block(hv.Contact(hv.Compliance(2.0)), lambda x, t, s=sign: s * falling(x, t))
+        history = march(evolution, 1.0, step=0.3, events=events)
+        # At the start the block is at rest without load: what happens in the first step is not looked at.
+        (time, found) = history.events[-1]
+        assert (time, found) == (pytest.approx(0.5, abs=1e-6), name)
+        assert time in history.times
+        assert any(frame.time == time for frame in history.frames)
+
+
+def test_slip_starts_where_friction_is_overcome() -> None:
+    """A block of mass 1, bound 0.3, pushed by ``t``: it sticks until then. Rigid but for 1e-4 of the load."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.2), (2, 1)),
+        material=hv.Material.lame(1e4, 1e4, density=5.0),
+        supports={"top": hv.Fixed(y=0.0)},
+        body_force=lambda x, t: np.stack([5.0 * t + 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1),
+        contact={"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.3))},
+    )
+    history = march(Evolution(problem, inertia=True), 0.5, step=0.04, events=[Slip("stop", rate=1e-3)])
+    # From then on the velocity is (t - 0.3)^2/2, which passes the rate after sqrt(2e-3); a step counts its end.
+    assert history.ended == "event: slip"
+    assert 0.3 < history.moment.time < 0.3 + math.sqrt(2e-3) + 0.02
+    assert np.abs(history.moment.local.velocity[:, 1]).max() == pytest.approx(1e-3, rel=1e-3)
+    assert march(Evolution(problem, inertia=True), 0.28, step=0.04, events=[Slip(rate=1e-3)]).events == ()
+
+
+def test_a_point_that_sticks_does_not_slip_by_rounding() -> None:
+    history = march(
+        block(hv.Contact(hv.Bilateral(), hv.Tresca(1.0)), (0.0, -1.0)), 0.3, step=0.1, events=[Slip("stop")]
+    )
+    assert history.finished
+
+
+def test_a_bond_is_broken_where_it_falls_below() -> None:
+    """``beta = b + (1 - b) exp(-gamma r^2 t/eta)`` falls to 1/2 at a known time; steps are of order one."""
+    known = gallery.bonded_block()
+    pull, rest = 50.0 * 0.1**2, 0.05 / (50.0 * 0.1**2)
+    exact = -0.2 / pull * math.log((0.5 - rest) / (1.0 - rest))
+    events = [BondBroken("stop", below=0.5), BondBroken("stop", "top", below=0.9), BondBroken("stop", below=0.4)]
+    history = march(known.evolution, 1.0, step=0.1, stops=known.stops, events=events)
+    assert history.ended == "event: bond broken"
+    (state,) = history.moment.memory.values()
+    (bond,) = (values for name, values in state.items() if name.endswith("bond"))
+    assert bond.min() == pytest.approx(0.5, abs=1e-5)
+    assert exact < history.moment.time < exact + 0.1
+
+
+def test_the_margin_is_lost_where_the_law_softens_as_fast_as_the_body_is_stiff() -> None:
+    """alpha = 1 + 4 t passes kappa = 3 at t = 1/2."""
+    law = hv.Softening(10.0, 0.1, lambda x, t: 1.0 + 4.0 * t + 0.0 * x[:, 0])
+    history = march(block(hv.Contact(law), (0.0, -0.1)), 1.0, step=0.3, events=[MarginLost("stop")])
+    assert history.ended == "event: margin lost"
+    assert history.moment.time == pytest.approx(0.5, abs=1e-6)
+    assert history["margin"][1] == pytest.approx(1.0 - (1.0 + 4.0 * 0.3) / 3.0, rel=1e-6)  # claimed from below
+
+
+def test_events_are_counted_once_and_every_one_that_happens() -> None:
+    """Two at one time are both told; one that stays above zero is not told again, one that comes back is."""
+    waves = When(function=lambda discrete, moment: math.sin(2.0 * math.pi * moment.time), label="wave")
+    late = When(function=lambda discrete, moment: moment.time - 0.25, label="late")
+    same = When(function=lambda discrete, moment: 4.0 * (moment.time - 0.25), label="same")
+    evolution = block(hv.Contact(hv.Compliance(2.0)), (0.0, -1.0))
+    history = march(evolution, 2.2, step=0.2, events=[waves, late, same], save=Save(10.0))
+    names = [name for _, name in history.events]
+    assert names == ["wave", "late", "same", "wave", "wave"] or names.count("wave") == 3
+    assert [time for time, name in history.events if name in ("late", "same")] == pytest.approx([0.25] * 2, abs=1e-6)
+    assert [time for time, name in history.events if name == "wave"] == pytest.approx([0.0, 1.0, 2.0], abs=1e-6)
+    # After an event the steps are as long as before.
+    assert np.diff(history.times).max() == pytest.approx(0.2)
+    assert np.sum(np.diff(history.times) > 0.1999) >= 6

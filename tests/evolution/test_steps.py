@@ -1,0 +1,117 @@
+"""The controls of steps by themselves: the ladder, its limits, and what follows a step that failed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hemivar.errors import ProblemError
+from hemivar.evolution import AdaptiveStep, FixedStep
+from hemivar.evolution.steps import Pace
+
+
+def paced(control: AdaptiveStep, constant: float, order: int, count: int) -> tuple[list[float], list[float]]:
+    """Steps that stand and those that do not, of a motion whose local error is ``constant step^(order + 1)``."""
+    pace, kept, rejected = control.first(100.0), [], []
+    while len(kept) < count:
+        step = pace.step
+        stands, pace = control.after(pace, constant * step ** (order + 1), order)
+        (kept if stands else rejected).append(step)
+    return kept, rejected
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("constant", [1e-4, 0.3, 1e4])
+def test_adaptive_steps_settle_where_the_error_is_below_its_tolerance(order: int, constant: float) -> None:
+    control = AdaptiveStep(1e-2, first_step=0.1)
+    kept, rejected = paced(control, constant, order, 60)
+    assert all(constant * step ** (order + 1) <= 1e-2 for step in kept)
+    assert all(constant * step ** (order + 1) > 1e-2 for step in rejected)
+    rungs = np.log2(np.array(kept + rejected) / 0.1)
+    assert np.abs(rungs - np.round(rungs)).max() < 1e-12
+    # It settles on the last rung from which twice the step would still do, with some room.
+    ideal = (1e-2 / constant) ** (1.0 / (order + 1))
+    assert len(set(kept[-20:])) == 1
+    assert 0.45 * ideal <= kept[-1] <= ideal
+    assert not rejected or len(rejected) <= 2  # far off, it goes down many rungs at once
+
+
+def test_a_rejected_step_goes_down_as_far_as_its_error_says() -> None:
+    control = AdaptiveStep(1e-3, first_step=1.0)
+    for order in (1, 2):
+        for rungs in (1, 2, 5):  # an error of 2^(rungs (order + 1)) tolerances, less what 0.1 of a rung keeps back
+            stands, pace = control.after(Pace(1.0), 1e-3 * 2.0 ** ((order + 1) * (rungs - 0.2)), order)
+            assert (stands, pace) == (False, Pace(0.5**rungs, -rungs, 2))
+            stands, pace = control.after(Pace(1.0), 1e-3 * 2.0 ** ((order + 1) * (rungs - 0.05)), order)
+            assert (stands, pace.rung) == (False, -rungs - 1)
+    stands, pace = control.after(Pace(1.0), 1.0000001e-3, 1)
+    assert (stands, pace.rung) == (False, -1)
+    assert control.after(Pace(1.0), 1e-3, 1)[0]
+
+
+def test_steps_grow_after_good_ones_only() -> None:
+    control = AdaptiveStep(1e-3)
+    pace = Pace(0.5, -1, 2)
+    for waiting in (1, 0):
+        stands, pace = control.after(pace, 1e-9, 1)
+        assert (stands, pace) == (True, Pace(0.5, -1, waiting))
+    stands, pace = control.after(pace, 1e-9, 1)
+    assert (stands, pace) == (True, Pace(1.0, 0, 1))
+    assert control.after(Pace(1.0, 0, 0), 0.19e-3, 1)[1].step == 2.0  # below 0.8/4 of the tolerance
+    assert control.after(Pace(1.0, 0, 0), 0.21e-3, 1)[1].step == 1.0
+    assert control.after(Pace(1.0, 0, 2), 0.21e-3, 1)[1] == Pace(1.0, 0, 1)
+
+
+def test_limits_of_adaptive_steps() -> None:
+    control = AdaptiveStep(1e-3, first_step=0.1, least=0.05, most=0.4)
+    kept, rejected = paced(control, 1e-9, 1, 20)
+    assert max(kept) == 0.4  # and not 0.8
+    assert not rejected
+    kept, rejected = paced(control, 1e9, 1, 20)
+    assert min(kept) == 0.05  # a step that cannot be smaller stands
+    assert AdaptiveStep(1e-3, first_step=0.1, most=0.79).after(Pace(0.4, 2, 0), 0.0, 1)[1].step == 0.4
+    assert control.smaller(Pace(0.1)) == Pace(0.05, -1, 2)
+    assert control.smaller(Pace(0.05, -1)) is None
+    # Down by fewer rungs where the least step does not allow more.
+    assert AdaptiveStep(1e-3, least=0.2).after(Pace(1.0), 1e6, 1) == (False, Pace(0.25, -2, 2))
+    deep = AdaptiveStep(1e-3, first_step=1.0)
+    assert deep.smaller(Pace(0.5**30, -30)) is None
+    assert deep.smaller(Pace(0.5**29, -29)) == Pace(0.5**30, -30, 2)
+
+
+def test_first_steps() -> None:
+    assert AdaptiveStep(1e-3).first(2.0) == Pace(2e-3)
+    assert AdaptiveStep(1e-3, most=1e-3).first(2.0) == Pace(1e-3)
+    assert AdaptiveStep(1e-3, first_step=0.3).first(2.0) == Pace(0.3)
+    assert AdaptiveStep(1e-3, first_step=3.0).first(2.0) == Pace(2.0)
+    assert FixedStep(0.5).first(0.5) == Pace(0.5)
+    with pytest.raises(ProblemError, match="longer than the whole"):
+        FixedStep(0.5).first(0.49)
+    for wrong in (0.0, -1.0, math.inf):
+        with pytest.raises(ProblemError, match="positive and finite"):
+            FixedStep(wrong)
+        with pytest.raises(ProblemError, match="positive and finite"):
+            AdaptiveStep(1e-3, first_step=wrong)
+    for rtol in (0.0, 1.0):
+        with pytest.raises(ProblemError, match="between 0 and 1"):
+            AdaptiveStep(rtol)
+    assert AdaptiveStep(1e-3, least=0.1, most=0.1).least == 0.1
+
+
+def test_a_fixed_step_that_failed_is_halved_and_comes_back() -> None:
+    control = FixedStep(1.0, halvings=3)
+    pace, lengths = control.first(10.0), []
+    assert control.after(pace, None, 1) == (True, pace)
+    while (smaller := control.smaller(pace)) is not None:
+        pace = smaller
+        lengths.append(pace.step)
+    assert lengths == [0.5, 0.25, 0.125]
+    steps = []
+    while pace.rung:
+        steps.append(pace.step)
+        stands, pace = control.after(pace, None, 1)
+        assert stands
+    assert pace.step == 1.0
+    assert steps == [0.125] * 2 + [0.25] * 2 + [0.5] * 2
