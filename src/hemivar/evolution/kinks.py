@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from hemivar.formula import Formula, FormulaArray
+from hemivar.formula import Formula
 
 __all__ = ["kinks_in_time"]
 
@@ -56,8 +56,6 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
 def _formulas(value: object, depth: int) -> Iterator[Formula]:
     if isinstance(value, Formula):
         yield value
-    elif isinstance(value, FormulaArray):
-        yield from (entry for entry in value.entries if isinstance(entry, Formula))
     elif depth > _DEEP or isinstance(value, np.ndarray | str | bytes):
         return
     elif isinstance(value, Mapping):

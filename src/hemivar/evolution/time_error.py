@@ -127,7 +127,7 @@ class TimeBound:
     @property
     def now(self) -> TimeError:
         """The bound so far."""
-        return TimeError(self.norm, math.sqrt(self.square) if self.norm else math.nan, self.why)
+        return TimeError(self.norm, math.sqrt(self.square), self.why)
 
     def add(self, taken: Taken) -> float:
         """Count a step; returns the square of the bound at its end."""
