@@ -1,0 +1,244 @@
+"""Identities between transformations, and what is made of laws that are stacked, smooth or of many knots."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.basics.types import Array
+from hemivar.laws import (
+    Compliance,
+    ContactLaw,
+    FormulaLaw,
+    PiecewiseQuadratic,
+    Signorini,
+    SlipWeakening,
+    Softening,
+    Superpotential,
+    SurveyLaw,
+    affine,
+    averaged,
+    bonded,
+    envelope,
+    plus,
+    pushing,
+    secant,
+    slipped,
+)
+from hemivar.laws.memory import Chain, LocalStep, ViscousFoundation, Wear
+from hemivar.laws.stacked import StackedLaw, stack
+from hemivar.laws.testing import check_law
+from hemivar.laws.transformed.affine import AffineLaw
+from hemivar.laws.transformed.exact_table import separated, table_of
+from hemivar.laws.transformed.turns import steepest_fall
+
+#: Convex and not, as tables, smooth, with an end.
+SOME: dict[str, Superpotential] = {
+    "softening": Softening(2.0, 0.1, 0.5),
+    "signorini": Signorini(),
+    "power": Compliance(5.0, 2.5),
+    "logarithm": FormulaLaw("log(1 + r)", even=True),
+}
+R = np.array([-2.1, -0.47, -0.11, 0.03, 0.09, 0.16, 0.37, 1.3])
+
+
+def alike(one: Superpotential, other: Superpotential, r: Array = R, close: float = 1e-9) -> None:
+    """The same law, up to rounding and off the kinks."""
+    at = r[(r > np.max(other.domain.lower)) & (r < np.min(other.domain.upper))]
+    for what in ("value", "derivative", "curvature"):
+        np.testing.assert_allclose(
+            getattr(one, what)(at), getattr(other, what)(at), rtol=close, atol=close, err_msg=what
+        )
+    np.testing.assert_allclose(one.weak_convexity.max(), other.weak_convexity.max(), rtol=1e-6, atol=1e-12)
+    a = np.geomspace(2.0, 300.0, len(r))
+    np.testing.assert_allclose(one.local_argmin(a, a * r), other.local_argmin(a, a * r), rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_two_envelopes_in_series_are_one(name: str) -> None:
+    """Compliances add up: ``e_a(e_b(j)) = e_{a+b}(j)``, behind a shift as well."""
+    law = SOME[name]
+    once = envelope(law, 0.35)
+    alike(envelope(envelope(law, 0.1), 0.25), once)
+    alike(envelope(affine(envelope(law, 0.1), 1.0, -0.07), 0.25), affine(once, 1.0, -0.07))
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_an_envelope_of_an_affine_argument_is_one_of_the_envelope(name: str) -> None:
+    """``j(t r + c)/t`` with the compliance g is the envelope of j with ``g t``, at ``t r + c``."""
+    law = SOME[name]
+    alike(envelope(affine(law, 1.7, 0.06), 0.2), affine(envelope(law, 0.34), 1.7, 0.06))
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_an_affine_law_asked_by_itself_is_the_table(name: str) -> None:
+    """The class that hands questions on, of laws that need it not too: all answers, minimisers among them."""
+    law = SOME[name]
+    theta, c = np.array([1.7]), np.array([0.06])
+    made = AffineLaw(law, theta, c)
+    alike(made, affine(law, 1.7, 0.06))
+    check_law(made)
+    a, b = np.array([3.0]), np.array([0.9])
+    points, energies = made.local_minimisers(a, b)
+    there = np.isfinite(energies)
+    assert there.any()
+    for r, energy in zip(points[there], energies[there], strict=True):
+        at = np.array([r])
+        assert energy == pytest.approx(1.5 * r**2 - 0.9 * r + made.value(at)[0], rel=1e-9, abs=1e-12)
+        near = made.subdifferential(at)
+        assert near.lower[0] - 1e-8 <= 0.9 - 3.0 * r <= near.upper[0] + 1e-8
+    best = float(made.local_argmin(a, b)[0])
+    assert energies[there].min() == pytest.approx(1.5 * best**2 - 0.9 * best + made.value(np.array([best]))[0])
+    inner, outer = made.kinks(), affine(law, 1.7, 0.06).kinks()
+    assert inner.shape == made.knots.shape
+    assert inner.sum() == outer.sum()
+
+
+def test_a_worn_surface_on_a_foundation_that_creeps() -> None:
+    """Two depths in series with a smooth law: the law of the step is an envelope of an envelope."""
+    law, chain = ContactLaw(Compliance(5.0, 2.5)), Chain((ViscousFoundation(3.0), Wear(0.4)))
+    r, lam = np.array([[0.5, 0.2]]), np.array([[0.3, 0.0]])
+    state = {"0.depth": np.array([0.05]), "1.depth": np.array([0.02])}
+    step = LocalStep(0.3, 1.0 / 0.3, r, r, lam)
+    made = chain.law(law, state, step).normal
+    c = 0.3 / 3.0 + 0.4 * 0.2  # of the creeping foundation and of wear
+    pressure = float(made.derivative(np.array([0.5]))[0])
+    assert pressure == pytest.approx(float(envelope(law.normal, c).derivative(np.array([0.43]))[0]), rel=1e-9)
+    assert pressure == pytest.approx(5.0 * (0.43 - c * pressure) ** 2.5, rel=1e-9)
+    np.testing.assert_allclose(chain.seen(state, r), [[0.43, 0.2]], rtol=1e-15)
+
+
+STACKED = stack([(Softening(2.0, 0.1, 0.5), 2), (Compliance(3.0, 2.0), 2), (Softening(1.0, 0.3, 0.2), 1)])
+MIXED = StackedLaw(
+    (SurveyLaw(0.3, 2.0), Compliance(3.0, 2.0)), (np.array([0, 2, 3]), np.array([1, 4])), name="mixed"
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["envelope", "secant", "pushing", "affine", "bonded", "plus"])
+def test_of_stacked_laws_each_part_is_transformed(kind: str) -> None:
+    numbers = np.array([0.3, 0.1, 0.5, 0.02, 0.4])
+    r = np.array([0.2, -0.1, 0.15, -0.3, 0.35])
+    damper = PiecewiseQuadratic([0.0], [4.0, 4.0], [0.0])
+
+    def made(law: Superpotential, i: np.ndarray | None) -> Superpotential:
+        n = numbers if i is None else numbers[i]
+        if kind == "envelope":
+            return envelope(law, n)
+        if kind == "secant":
+            return secant(law, n)
+        if kind == "pushing":
+            return pushing(law, affine(damper, 2.0, n - 0.3))
+        if kind == "bonded":
+            return bonded(law, 50.0, 0.05, 0.2, n, 0.1)
+        return affine(law, 1.0 + n, n) if kind == "affine" else plus(law, affine(damper, 1.0, n))
+
+    whole = MIXED if kind == "pushing" else STACKED
+    stacked = made(whole, None)
+    for j in range(5):
+        alone = made(whole.take(np.array([j])), np.array([j]))
+        for what in ("value", "derivative", "curvature"):
+            found = getattr(stacked, what)(r)[j]
+            assert found == pytest.approx(getattr(alone, what)(r[j : j + 1])[0], rel=1e-12, abs=1e-15), (what, j)
+        assert stacked.weak_convexity[j] == pytest.approx(alone.weak_convexity[0], rel=1e-12)
+
+
+def test_slips_of_stacked_profiles() -> None:
+    first, second = SlipWeakening(2.0, 1.0, 0.4, 3.0).radial, FormulaLaw("log(1 + r)", even=True)
+    sums, d = np.array([0.1, 0.5, 0.3]), np.array([0.2, -0.1, 0.4])
+    made = slipped(stack([(first, 2), (second, 1)]), sums)
+    ends = [(first, 0.1, 0.3), (first, 0.5, 0.6), (second, 0.3, 0.7)]
+    wanted = [float((law.value(np.array([b])) - law.value(np.array([a])))[0]) for law, a, b in ends]
+    np.testing.assert_allclose(made.value(d), wanted, rtol=1e-12)
+
+
+def test_the_steepest_fall_inside_a_piece_is_enclosed() -> None:
+    """``A e^-s - 1.2 B e^-1.2s`` is largest at ``5 ln(1.44 B/A)``: a cell of a grid is too wide there."""
+    A, B = 1.0, 8.0
+    weakening = SlipWeakening(1.0, 1.0 + A, 1.0, 1.0).radial
+    strengthening = SlipWeakening(1.0, 1.0, 1.0 + B, 1.2).radial
+    s = 5.0 * np.log(1.44 * B / A)
+    exact = A * np.exp(-s) - 1.2 * B * np.exp(-1.2 * s)
+    law = plus(weakening, strengthening)
+    assert np.abs(law.knots[0] - s).min() < 1e-5  # where the curvature turns round, least
+    alpha = float(law.weak_convexity[0])
+    assert exact * (1.0 - 1e-12) <= alpha <= 1.05 * exact
+    one, low, high = np.ones(1, dtype=np.int64), np.zeros(1), np.full(1, 30.0)
+    whole = float(steepest_fall((weakening, strengthening), (one, one), low, high)[0])  # with the turn inside
+    assert exact * (1.0 - 1e-12) <= whole <= 1.2 * exact
+    before = float(steepest_fall((weakening, strengthening), (one, one), low, np.full(1, 0.5 * s))[0])
+    there = A * np.exp(-0.5 * s) - 1.2 * B * np.exp(-0.6 * s)
+    assert max(there, 0.0) * (1.0 - 1e-12) <= max(before, 0.0) <= max(1.05 * there, 1e-3 * A)
+
+
+def test_a_table_far_away_keeps_its_knots_apart() -> None:
+    """Where rounding closes pieces they are left a width of one last place."""
+    knots = separated(np.array([[1.0, 1.0, 1.0, np.inf], [0.0, 1.0, 2.0, 3.0]]))
+    np.testing.assert_array_equal(knots[0, :3], 1.0 + np.array([0.0, 1.0, 2.0]) * np.finfo(float).eps)
+    np.testing.assert_array_equal(knots[1], [0.0, 1.0, 2.0, 3.0])
+    assert np.isposinf(knots[0, 3])
+    far = affine(Softening(2.0, 0.1, 0.5), 1.0, np.array([1e17, 0.0]))
+    assert (np.diff(far.knots[0]) > 0.0).all()
+    np.testing.assert_allclose(far.derivative(np.array([0.0, 0.05])), [0.0, 0.1], atol=1e-13)
+    ended = affine(Signorini(), 1.0, 1e17)
+    assert ended.domain.upper[0] == -1e17
+
+
+def test_tables_that_are_scaled_stay_tables() -> None:
+    base = table_of(affine(Softening(2.0, 0.1, 0.5), 1.0, 0.03))
+    assert base is not None
+    r, factors = np.linspace(-0.2, 0.6, 5), np.array([0.5, 1.0, 2.0, 3.0, 0.0])
+    for law in (base.scaled(factors), base.scaled(2.0), SurveyLaw(0.3, 2.0).table.scaled(factors)):
+        again = table_of(law)
+        assert again is not None
+        np.testing.assert_allclose(again.derivative(r), law.derivative(r), rtol=1e-14, atol=1e-15)
+        np.testing.assert_allclose(again.value(r), law.value(r), rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(base.scaled(factors).derivative(r), factors * base.derivative(r), rtol=1e-14)
+
+
+def test_sums_of_tables_with_many_knots_at_many_points() -> None:
+    """They are not copied for every point, and are the same law."""
+    knots = np.linspace(0.0, 2.0, 60)
+    many = PiecewiseQuadratic(knots, np.concatenate([[0.0], 1.0 + np.sin(np.arange(60.0))]), np.zeros(60))
+    shift, r = np.array([0.0, 0.3, -0.2]), np.array([0.11, -0.4, 1.9])
+    law = plus(many, affine(Softening(2.0, 0.1, 0.5), 1.0, shift))
+    for what in ("value", "derivative", "curvature"):
+        wanted = getattr(many, what)(r) + getattr(affine(Softening(2.0, 0.1, 0.5), 1.0, shift), what)(r)
+        np.testing.assert_allclose(getattr(law, what)(r), wanted, rtol=1e-12, atol=1e-14)
+
+
+def test_the_mean_of_a_law_is_the_same_on_the_way_back() -> None:
+    soft = Softening(2.0, 0.1, 0.5)
+    for a, b in ((0.05, 0.3), (-0.2, 0.15), (0.12, 0.25)):
+        there, back = (averaged(soft, x).derivative(np.array([y]))[0] for x, y in ((a, b), (b, a)))
+        assert there == pytest.approx(back, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["affine", "envelope", "secant", "slipped", "averaged", "bonded", "plus", "pushing"])
+def test_some_points_of_a_transformed_law(kind: str) -> None:
+    """Of laws with a row for every point, and one for all: what is taken is the law of these points."""
+    numbers = np.array([0.3, 0.1, 0.45])
+    for many in (True, False):
+        strength = np.array([0.5, 1.0, 0.7]) if many else 0.5
+        smooth: Superpotential = SlipWeakening(strength, 1.0, 0.4, 3.0).radial
+        power: Superpotential = Compliance(10.0 * strength, 2.5)
+        made = {
+            "affine": lambda s=smooth: AffineLaw(s, 1.0 + numbers, numbers),
+            "envelope": lambda p=power: envelope(p, numbers),
+            "secant": lambda p=power: secant(affine(p, 1.0, -0.2), numbers),
+            "slipped": lambda s=smooth: slipped(s, numbers),
+            "averaged": lambda x=strength: averaged(Softening(4.0 * x, 0.1, 0.5), numbers),
+            "bonded": lambda x=strength: bonded(Softening(x, 0.1, 0.5), 50.0 * x, 0.05, 0.2, numbers, 0.1),
+            "plus": lambda s=smooth, p=power: plus(s, affine(p, 1.0, numbers)),
+            "pushing": lambda p=power: pushing(p, affine(Compliance(2.0), 2.0, numbers)),
+        }[kind]()
+        r = np.array([0.15, -0.2, 0.33])
+        for index in (np.array([2, 0]), np.array([1])):
+            some = made.take(index)
+            for what in ("value", "derivative", "curvature"):
+                wanted = getattr(made, what)(r)[index]
+                np.testing.assert_allclose(getattr(some, what)(r[index]), wanted, rtol=1e-12, atol=1e-15)
+            np.testing.assert_allclose(
+                np.broadcast_to(some.weak_convexity, index.shape),
+                np.broadcast_to(made.weak_convexity, (3,))[index],
+                rtol=1e-12,
+            )
