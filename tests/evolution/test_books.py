@@ -1,0 +1,119 @@
+"""The terms of the ledger against integrals of the motion itself, which know nothing of how steps are booked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.evolution import SDIRK2, Evolution, History, ImplicitEuler, Midpoint, Newmark, Save, Scheme, march
+
+SPRING, DASHPOT, RUBBED, PERIOD = 20.0, 3.0, 0.02, 0.3
+
+
+def moved(x: Array, t: float) -> Array:
+    return np.stack([0.2 * t**2 * (1.0 + x[:, 0]), -0.05 * t**2 + 0.0 * x[:, 0]], axis=1)
+
+
+def pushed(x: Array, t: float) -> Array:
+    return np.stack([0.5 * t + 0.0 * x[:, 0], -0.3 * t**2 + 0.0 * x[:, 0]], axis=1)
+
+
+def everything(inertia: bool) -> Evolution:
+    """A body with viscosity and a branch, held at a top that moves, on springs and dashpots, rubbed."""
+    dashpot = hv.PiecewiseQuadratic([0.0], [DASHPOT, DASHPOT], [0.0])
+    springs = hv.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(
+            4.0, 4.0, density=1.0 if inertia else None, viscosity=(0.4, 0.4),
+            branches=[hv.Branch(lame=(2.0, 2.0), time=PERIOD)],
+        ),
+        supports={"top": hv.Prescribed(moved)},
+        body_force=pushed,
+        contact={"bottom": hv.Contact(springs, hv.Tresca(RUBBED), damping=dashpot)},
+    )  # fmt: skip
+    return Evolution(problem, inertia=inertia)
+
+
+def measured(history: History, at: float) -> dict[str, float]:
+    """Energies at the end, and what was done and lost up to it, of the frames alone: by the way from one to the next.
+
+    Loads are taken at one place of every step, ``at``.
+    """
+    discrete, frames = history.discrete, history.frames
+    assert len(frames) == len(history.times)
+    assert discrete.viscosity is not None
+    ((period, branch),) = discrete.branches
+    assert period == PERIOD
+    weights = discrete.problem.contact.weights[:, None]
+    places = [discrete.restrict(one.displacement, discrete.acting(one.time).prescribed) for one in frames]
+    h = np.zeros_like(places[0])
+    found = dict.fromkeys(("viscous", "branch_loss", "damping", "friction", "work", "euler"), 0.0)
+    for before, after, x, y in zip(frames, frames[1:], places, places[1:], strict=False):
+        tau = after.time - before.time
+        way, slid = y - x, after.local - before.local
+        keep, old = np.exp(-tau / PERIOD), h
+        h = keep * h + (1.0 - keep) * PERIOD / tau * way
+        # A middle of the step: Simpson's rule for what the branch loses.
+        half = np.exp(-0.5 * tau / PERIOD)
+        middle = half * old + (1.0 - half) * PERIOD / tau * way
+        energies = branch.energy(old) + 4.0 * branch.energy(middle) + branch.energy(h)
+        found["branch_loss"] += 2.0 * tau / PERIOD * energies / 6.0
+        found["viscous"] += 2.0 * discrete.viscosity.energy(way) / tau
+        found["damping"] += DASHPOT * float((weights * slid**2)[:, 0].sum()) / tau
+        found["friction"] += float((weights * after.multiplier * slid)[:, 1:].sum())
+        found["work"] += float(discrete.acting(before.time + at * tau).load @ way)
+        faster = after.velocity - before.velocity
+        faster = discrete.restrict(faster, faster.ravel()[discrete.moved])
+        loss = 2.0 * tau / PERIOD * energies / 6.0
+        found["euler"] += discrete.stiffness.energy(way) + 0.5 * SPRING * float((weights * slid**2)[:, 0].sum())
+        found["euler"] += float(way @ branch.times(h)) - branch.energy(h) + branch.energy(old) - loss
+        if discrete.mass is not None:
+            found["euler"] += discrete.mass.energy(faster)
+    last = frames[-1]
+    speed = discrete.restrict(last.velocity, last.velocity.ravel()[discrete.moved])
+    return found | {
+        "elastic": discrete.stiffness.energy(places[-1]),
+        "kinetic": 0.0 if discrete.mass is None else discrete.mass.energy(speed),
+        "branches": branch.energy(h),
+        "contact": 0.5 * SPRING * float(weights[:, 0] @ last.local[:, 0] ** 2),
+    }
+
+
+@pytest.mark.parametrize(
+    ("scheme", "inertia", "at", "close"),
+    [
+        (ImplicitEuler(), True, 1.0, 1e-10),
+        (ImplicitEuler(), False, 1.0, 1e-10),
+        (Midpoint(), True, 0.5, 1e-10),
+        (Midpoint(), False, 0.5, 1e-10),
+        (Newmark(0.3, 0.5), True, 0.5, 0.04),
+        (hv.GeneralizedAlpha(0.4), True, 0.5, 0.02),
+        (SDIRK2(), False, 0.5, 1e-3),
+    ],
+    ids=lambda value: getattr(value, "name", str(value)),
+)
+def test_every_term_is_what_it_is_called(scheme: Scheme, inertia: bool, at: float, close: float) -> None:
+    step = 0.04
+    history = march(everything(inertia), 0.8, step=step, scheme=scheme, save=Save(step))
+    ledger, found = history.ledger, measured(history, at)
+    euler = found.pop("euler")
+    for name, value in found.items():
+        exact = name in ("elastic", "kinetic", "branches", "contact", "friction")
+        limit = 1e-10 if exact else 5e-6 if name == "branch_loss" else close
+        assert ledger[name] == pytest.approx(value, rel=limit, abs=1e-14), name
+        assert value > 1e-4 or (name == "kinetic" and not inertia), name
+    if isinstance(scheme, ImplicitEuler):
+        assert ledger["numerical"] == pytest.approx(euler, rel=1e-4)
+    else:  # forces at one end of the step: with half of it a half; in its middle, or in stages: a quarter
+        left = 0.35 if scheme.name in ("midpoint", "sdirk2") else 0.6
+        finer = march(everything(inertia), 0.8, step=0.5 * step, scheme=scheme)
+        assert abs(finer.ledger["numerical"]) < left * abs(ledger["numerical"]) < 0.1 * ledger["work"]
+    assert abs(ledger["gap"]) < 1e-12
+    assert ledger["memory"] == ledger["jumps"] == 0.0
+    put_in = ledger["work"] + ledger["moved"]
+    kept = sum(ledger[name] for name in ("elastic", "kinetic", "branches", "contact"))
+    gone = sum(ledger[name] for name in ("viscous", "branch_loss", "damping", "friction", "numerical"))
+    assert put_in == pytest.approx(kept + gone, rel=1e-12)
