@@ -1,0 +1,77 @@
+"""Heat and motion of one degree of freedom each, step by step by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.evolution import Evolution, ImplicitEuler, Midpoint, Save, Scheme, march
+from hemivar.mechanics.thermal import Heat
+
+KAPPA, VISCOUS, BETA, SOURCE, START = 3.0, 0.6, 2.0, 0.7, 0.2
+
+
+@pytest.mark.parametrize("coupling", [0.0, 1.5])
+@pytest.mark.parametrize(("scheme", "at"), [(ImplicitEuler(), 1.0), (Midpoint(), 0.5)], ids=["euler", "midpoint"])
+def test_a_block_that_is_warmed_from_within(scheme: Scheme, at: float, coupling: float) -> None:
+    """``3 e + 0.6 e' = 2 (th - 0.2)``, ``th' = 0.7 - 2 T0 e'``: at the place of the step where the scheme asks."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=(0.0, 0.5 * VISCOUS)),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        contact={"bottom": hv.Contact(hv.NoContact())},
+    )
+    heat = Heat(
+        1.0, 1.0, thermal_stress=BETA, source=SOURCE, coupling=coupling, temperature=START, stress_free=START,
+        rtol=1e-13,
+    )  # fmt: skip
+    tau, count = 0.25, 4
+    history = march(
+        Evolution(problem, heat=heat), tau * count, step=tau, scheme=scheme, save=Save(probes={"p": (0.5, 0.0)})
+    )
+    e, th, thermal, viscous = [0.0], [START], [0.0], [0.0]
+    for _ in range(count):
+        # (kappa at + c/tau) d - beta at g = beta (th - start) - kappa e;   T0 beta d + g = tau q
+        left = np.array([[KAPPA * at + VISCOUS / tau, -BETA * at], [coupling * BETA, 1.0]])
+        d, g = np.linalg.solve(left, [BETA * (th[-1] - START) - KAPPA * e[-1], tau * SOURCE])
+        thermal.append(thermal[-1] + BETA * (th[-1] + at * g - START) * d)
+        viscous.append(viscous[-1] + VISCOUS * d**2 / tau)
+        e.append(e[-1] + d)
+        th.append(th[-1] + g)
+    close = {"rel": 1e-9, "abs": 1e-12}
+    assert -history["p.u_y"] == pytest.approx(np.array(e), **close)  # type: ignore[arg-type]
+    assert history["temperature.least"] == pytest.approx(np.array(th), **close)  # type: ignore[arg-type]
+    assert history["temperature.greatest"] == pytest.approx(np.array(th), **close)  # type: ignore[arg-type]
+    assert history["thermal"] == pytest.approx(np.array(thermal), **close)  # type: ignore[arg-type]
+    assert history["viscous"] == pytest.approx(np.array(viscous), **close)  # type: ignore[arg-type]
+    assert history["heat.source"] == pytest.approx(SOURCE * history.times, **close)  # type: ignore[arg-type]
+    assert history["heat.deformation"] == pytest.approx(-coupling * BETA * np.array(e), **close)  # type: ignore[arg-type]
+    assert history["heat.content"] == pytest.approx(np.array(th), **close)  # type: ignore[arg-type]
+    assert history["work"] == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(history["heat.gap"]).max() < 1e-11
+    assert np.abs(history["gap"]).max() < 1e-11
+    assert (history["rounds"][1:] >= (2.0 if coupling else 1.0)).all()
+
+
+def test_temperatures_of_supports_and_what_they_give() -> None:
+    """A rod between temperatures that rise: what it stores comes from its supports."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.5), (4, 1)),
+        material=hv.Material.lame(1.0, 1.0),
+        supports={"left": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.NoContact())},
+    )
+    rise = 0.5
+    heat = Heat(
+        2.0, 1e-9, temperature=lambda x: x[:, 0],
+        supports={"left": 0.0, "right": lambda x, t: np.full(len(x), 1.0 + rise * t)},
+    )  # fmt: skip
+    history = march(Evolution(problem, heat=heat), 1.0, step=0.25)
+    # The flow through a section is 2 (1 + t/2) 0.5; what one support gives the other takes: their sum is stored.
+    assert history["temperature.least"] == pytest.approx(0.0, abs=1e-12)
+    assert history["temperature.greatest"] == pytest.approx(1.0 + rise * history.times, rel=1e-12)
+    assert history["heat.content"] == pytest.approx(1e-9 * 0.25 * (1.0 + rise * history.times), rel=1e-6)
+    assert history["heat.supports"] == pytest.approx(
+        history["heat.content"] - history["heat.content"][0], rel=1e-4, abs=1e-14
+    )

@@ -1,0 +1,224 @@
+"""What a march does with steps that fail, what it tells while it goes, which frames it keeps, how it looks back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Save, march, marching
+from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.march import Tools
+from hemivar.evolution.moment import Moment
+from hemivar.evolution.step_error import step_error
+from hemivar.solvers import Controls, Status
+
+KAPPA, VISCOUS = 3.0, 0.6
+
+
+def block(**more: Any) -> Evolution:
+    """``3 u + 0.6 u' = 1``: a unit square between rollers, held at its top, pulled at its bottom."""
+    options = {"start": more.pop("start", 0.0)}
+    given: dict[str, Any] = {
+        "mesh": hv.rectangle((1.0, 1.0), 1),
+        "material": hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=(0.0, 0.5 * VISCOUS)),
+        "supports": {"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        "tractions": {"bottom": (0.0, -1.0)},
+        "contact": {"bottom": hv.Contact(hv.NoContact())},
+    }
+    return Evolution(hv.ContactProblem(**given | more), **options)
+
+
+class Stubborn(Advance):
+    """Steps longer than 0.03 that end between 0.25 and 0.35 fail."""
+
+    most = 0.03
+
+    def take(self, before: Moment, step: float, *rest: Any, **more: Any) -> Taken:
+        taken = super().take(before, step, *rest, **more)
+        if step <= self.most or not 0.25 < taken.moment.time < 0.35:
+            return taken
+        return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
+
+
+class Never(Stubborn):
+    most = 0.0
+
+
+def through(plan: March, kind: type[Advance]) -> History:
+    steps = marching(block(), plan, tools=Tools(advance=kind))
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: History = end.value
+            return found
+
+
+def test_a_step_that_fails_is_halved_until_it_does_not_and_grows_again() -> None:
+    history = through(March(1.0, step=0.1), Stubborn)
+    assert history.finished
+    steps = np.diff(history.times)
+    small = steps < 0.0999
+    inside = (history.times[1:] > 0.25) & (history.times[1:] < 0.35)
+    assert (steps[inside] <= 0.03).all()
+    assert steps.min() == pytest.approx(0.025)
+    assert small.sum() <= 8
+    assert steps[:2] == pytest.approx(0.1)
+    assert steps[-2] == pytest.approx(0.1)
+    assert history.times[-1] == 1.0
+    assert not history.messages
+
+
+def test_a_step_that_cannot_be_solved_ends_the_march_where_it_is() -> None:
+    for step in (FixedStep(0.1, halvings=2), AdaptiveStep(0.5, first_step=0.1, least=0.02, most=0.1)):
+        history = through(March(1.0, step=step), Never)
+        assert history.ended == Status.STALLED.value
+        assert history.moment.time <= 0.25 + 1e-12
+        (message,) = history.messages
+        assert f"t = {history.moment.time:g}" in message
+        assert Status.STALLED.remedy in message
+        assert history.frames[-1].time == history.moment.time
+
+
+def test_what_is_told_while_it_goes() -> None:
+    told = []
+    steps = marching(block(start=2.0), March(3.0, step=0.25, save=Save(0.5)))
+    for one in steps:
+        told.append(one)
+    assert [one.done for one in told] == pytest.approx([0.25, 0.5, 0.75, 1.0])
+    assert [one.row.time for one in told] == pytest.approx([2.25, 2.5, 2.75, 3.0])
+    assert [one.frame is None for one in told] == [True, False, True, False]
+    assert [len(one.earlier) for one in told] == [1, 0, 0, 0]
+    ((number, first),) = told[0].earlier
+    assert (number, first.time) == (0, 2.0)
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0])
+def test_frames_that_are_kept(start: float) -> None:
+    """The first at or after each multiple of the time between them; or at most so many, evenly spread."""
+    times = [frame.time - start for frame in march(block(start=start), start + 1.0, step=0.1, save=Save(0.25)).frames]
+    assert times == pytest.approx([0.0, 0.3, 0.5, 0.8, 1.0])
+    times = [frame.time - start for frame in march(block(start=start), start + 1.0, step=0.1, save=Save(0.3)).frames]
+    assert times == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])  # the last one always
+    for most, wanted in ((200, 11), (11, 11), (10, 6), (5, 4), (2, 2)):
+        history = march(block(start=start), start + 1.0, step=0.1, save=Save(most=most))
+        times = [frame.time - start for frame in history.frames]
+        assert len(times) <= most
+        assert len(times) == wanted
+        assert times[0] == 0.0
+        assert times[-1] == pytest.approx(1.0) or most < 10
+        assert len(set(np.round(np.diff(times[:-1]), 9))) <= 1
+
+
+def test_looking_back() -> None:
+    history = march(block(), 1.0, step=0.1, save=Save(0.25))
+    frame = history.at(0.4)
+    wanted = 0.5 * (history.frames[1].displacement + history.frames[2].displacement)  # of 0.3 and 0.5
+    np.testing.assert_allclose(frame.displacement, wanted, atol=1e-15)
+    assert frame.time == 0.4
+    for known in history.frames:
+        assert history.at(known.time) is known
+    for outside in (-0.01, 1.01):
+        with pytest.raises(ProblemError, match="outside"):
+            history.at(outside)
+    assert history.residual == max(history["residual"][1:])
+    assert history.margin == 1.0
+    assert history.finished
+    assert "10 steps to t = 1" in repr(history)
+    np.testing.assert_array_equal(history.table["time"], history.times)
+    with pytest.raises(ProblemError, match="no column 'nothing'"):
+        history["nothing"]
+
+
+def test_stops_are_met_once() -> None:
+    history = march(block(), 1.0, step=0.3, stops=(0.45, 0.45, 2.0, -1.0, 0.0, 1.0))
+    assert history.times == pytest.approx([0.0, 0.3, 0.45, 0.75, 1.0])
+    assert 0.45 in history.times
+    assert history.times[-1] == 1.0
+    nearly = march(block(), 1.0, step=0.1).times  # ten times a tenth is not one
+    assert len(nearly) == 11
+    assert nearly[-1] == 1.0
+
+
+def test_the_estimate_of_an_error_is_the_error() -> None:
+    """Of implicit Euler ``tau^2 u''/2`` in the energy norm, and the largest displacement since the start."""
+    discrete = discretize_evolution(block())
+    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    moment, tau = initial_moment(advance), 1e-4
+    origin = moment.body.place
+    for _ in range(3):
+        before, taken = moment, advance.take(moment, tau)
+        moment = taken.moment
+    found = step_error(advance, taken, origin)
+    u0, u1 = (np.abs(one.body.place).max() for one in (before, moment))
+    exact = 1.0 / KAPPA + (u0 - 1.0 / KAPPA) * math.exp(-KAPPA / VISCOUS * tau)
+    assert found.energy == pytest.approx(math.sqrt(KAPPA) * abs(exact - u1), rel=2e-3)
+    assert found.slid == pytest.approx(abs(exact - u1), rel=2e-3)
+    assert found.size == pytest.approx(math.sqrt(KAPPA) * u1, rel=1e-9)
+    assert found.way == pytest.approx(u1, rel=1e-12)
+    assert found.relative(2.0, 4.0) == max(found.energy / 2.0, found.slid / 4.0)
+    assert found.relative(0.0, 0.0) == 0.0
+    shifted = step_error(advance, taken, origin + 0.25)
+    assert shifted.way == pytest.approx(0.25, abs=1.01 * u1)
+
+
+def test_the_estimate_with_mass_is_half_the_distance_from_the_prediction() -> None:
+    problem = block(material=hv.Material.lame(0.0, 1.5, density=2.0)).problem
+    discrete = discretize_evolution(Evolution(problem, inertia=True))
+    advance = Advance(discrete, hv.Newmark(), None, Controls())
+    moment, tau = initial_moment(advance), 0.05
+    for _ in range(3):
+        before, taken = moment, advance.take(moment, tau)
+        moment = taken.moment
+    assert discrete.mass is not None
+    K, M = discrete.stiffness.inner.toarray(), discrete.mass.inner.toarray()
+    u: Array = moment.body.place - before.body.place - tau * before.body.velocity
+    u = 0.5 * (u - 0.5 * tau**2 * before.body.acceleration)
+    v = 0.5 * (moment.body.velocity - before.body.velocity - tau * before.body.acceleration)
+    found = step_error(advance, taken, 0.0 * u)
+    assert found.energy == pytest.approx(math.sqrt(u @ K @ u + v @ M @ v), rel=1e-9)
+    whole = moment.body.place @ K @ moment.body.place + moment.body.velocity @ M @ moment.body.velocity
+    assert found.size == pytest.approx(math.sqrt(whole), rel=1e-9)
+
+
+def test_the_acceleration_at_the_start_balances_the_forces() -> None:
+    """``M w = f - K u - C v - B'W lam``: also of a body that is deformed, moves, and is pulled by glue at once."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(1.0, 1.5, density=2.0, viscosity=(0.1, 0.2)),
+        supports={"top": hv.Clamped()},
+        body_force=(0.3, -0.7),
+        contact={"bottom": hv.Contact(hv.Compliance(5.0), gap=-0.1)},
+    )
+    evolution = Evolution(
+        problem, inertia=True, displacement=lambda x: 0.1 * (1.0 - x[:, 1:]) * [1.0, 0.5],
+        velocity=lambda x: (1.0 - x[:, 1:]) * [0.2, -1.0],
+    )  # fmt: skip
+    discrete = discretize_evolution(evolution)
+    moment = initial_moment(Advance(discrete, hv.Newmark(), None, Controls()))
+    assert discrete.mass is not None
+    assert discrete.viscosity is not None
+    inertial = discrete.mass.times(moment.body.acceleration)
+    lam = moment.multiplier
+    assert lam[:, 0] == pytest.approx(5.0 * 0.05, rel=1e-9)
+    pressed = discrete.problem.contact_force(lam)
+    inner = discrete.stiffness.times(moment.body.place) + discrete.viscosity.times(moment.body.velocity)
+    n = discrete.unknowns
+    np.testing.assert_allclose((inertial + inner)[:n] + pressed, discrete.acting(0.0).load[:n], atol=1e-10)
+    trace = np.asarray(discrete.problem.contact.trace @ moment.body.acceleration[:n]).reshape(lam.shape)
+    np.testing.assert_allclose(moment.local.acceleration, trace, atol=1e-12)
+    assert moment.local.velocity[:, 0] == pytest.approx(1.0)
+    assert moment.local.place[:, 0] == pytest.approx(0.05)
+    ledger = moment.ledger
+    assert ledger.kinetic == pytest.approx(discrete.mass.energy(moment.body.velocity))
+    assert ledger.contact == pytest.approx(2.5 * 0.05**2)
+    assert ledger.start == pytest.approx(ledger.elastic + ledger.kinetic + ledger.contact)
