@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import residual
+from hemivar.errors import ProblemError
 from hemivar.solvers import Controls, Solution, Solver, Status, solve
 from hemivar.systems.workspace import Workspace
 
@@ -28,7 +30,18 @@ TIGHT = 1e-3
 
 
 def resistance_against(excess: float) -> float:
-    """The resistance, in units of the stiffness, against which a problem has one solution; ``excess`` is c - 1."""
+    """The resistance, in units of the stiffness, against which a problem has one solution; ``excess`` is c - 1.
+
+    Raises
+    ------
+    ProblemError
+        There is none, for a law falls at once.
+    """
+    if not math.isfinite(excess):
+        raise ProblemError(
+            "a contact law falls at once (its alpha is infinite), so that a step may have several solutions however "
+            "stiff, viscous or heavy the body is; give its fall a slope, as Softening and Adhesive(softening=...) do"
+        )
     return 1.1 * excess + _LEAST
 
 

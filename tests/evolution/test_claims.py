@@ -1,0 +1,155 @@
+"""Where a bound of the error in time is claimed, and where not, in words; which step has one solution."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.evolution import Evolution, Midpoint, march
+from hemivar.evolution.advance import Advance
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.margin import Margins
+from hemivar.laws import FunctionLaw
+from hemivar.mechanics.thermal import Heat
+from hemivar.solvers import Controls
+
+KAPPA, VISCOUS = 3.0, 0.6
+
+
+def block(contact: hv.Contact, viscous: float | None = VISCOUS, **more: Any) -> Evolution:
+    """A unit square between rollers, modulus 3, viscosity 0.6, held at its top."""
+    stated = {name: more.pop(name) for name in ("inertia", "heat") if name in more}
+    options = {name: more.pop(name) for name in ("density", "branches") if name in more}
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(
+            0.0, 0.5 * KAPPA, viscosity=None if viscous is None else (0.0, 0.5 * viscous), **options
+        ),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        tractions={"bottom": (0.0, -0.1)},
+        contact={"bottom": contact},
+        **more,
+    )
+    return Evolution(problem, **stated)
+
+
+def falling(r: np.ndarray) -> np.ndarray:
+    return np.asarray(np.where(r > 0.0, np.exp(-r), 1.0))
+
+
+SAMPLED = FunctionLaw(derivative=falling)
+DASHPOT = hv.PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0])
+FALLING = hv.PiecewiseQuadratic([0.0, 1.0], [1.0, -0.5, 0.0], [0.0, 0.0])
+
+CASES: dict[str, tuple[hv.Contact, dict[str, Any], str, str]] = {
+    "displacement": (hv.Contact(hv.Compliance(2.0)), {}, "viscosity", "gradient flow"),
+    "softer than the body": (hv.Contact(hv.Softening(2.0, 0.1, 2.9)), {}, "viscosity", "gradient flow"),
+    "steeper than the body": (hv.Contact(hv.Softening(2.0, 0.1, 3.1)), {}, "", "not convex"),
+    "of samples": (hv.Contact(SAMPLED), {}, "", "samples only"),
+    "damping": (hv.Contact(hv.NoContact(), damping=DASHPOT), {}, "stiffness", "law of the rate"),
+    "damping that falls": (hv.Contact(hv.NoContact(), damping=FALLING), {}, "", "not monotone"),
+    "damping beside springs": (hv.Contact(hv.Compliance(2.0), damping=DASHPOT), {}, "", "beside a law of the rate"),
+    "friction": (hv.Contact(hv.Bilateral(), hv.Tresca(0.1)), {}, "stiffness", "c = 0"),
+    "friction beside springs": (hv.Contact(hv.Compliance(2.0), hv.Tresca(0.1)), {}, "", "beside a law of the rate"),
+    "friction of the pressure": (
+        hv.Contact(hv.Compliance(2.0), hv.Tresca(hv.CoulombBound(0.3))), {}, "", "depends on the solution",
+    ),
+    "memory": (hv.Contact(hv.Compliance(2.0), memory=(hv.ViscousFoundation(1.0),)), {}, "", "remember"),
+    "branches": (
+        hv.Contact(hv.Compliance(2.0)), {"branches": [hv.Branch(lame=(0.0, 1.0), time=1.0)]}, "", "branches",
+    ),
+    "inertia": (hv.Contact(hv.Compliance(2.0)), {"density": 1.0, "inertia": True}, "", "inertia"),
+    "no viscosity": (hv.Contact(hv.Compliance(2.0)), {"viscous": None}, "", "without viscosity"),
+    "heat": (hv.Contact(hv.Compliance(2.0)), {"heat": Heat(1.0, 1.0)}, "", "heat"),
+    "a law that changes": (
+        hv.Contact(hv.Compliance(lambda x, t: 1.0 + t + 0.0 * x[:, 0])), {}, "", "change with time",
+    ),
+    "a gap that changes": (
+        hv.Contact(hv.Compliance(2.0), gap=lambda x, t: t + 0.0 * x[:, 0]), {}, "", "change with time",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_where_a_bound_is_claimed(name: str) -> None:
+    contact, more, norm, words = CASES[name]
+    history = march(block(contact, **more), 0.1, step=0.1)
+    error = history.time_error
+    assert error.norm == norm, error.why
+    assert words in error.why
+    assert math.isfinite(error.bound) == bool(norm)
+    assert math.isfinite(history["time_error"][-1]) == bool(norm)
+
+
+def test_no_bound_of_other_schemes() -> None:
+    error = march(block(hv.Contact(hv.Compliance(2.0))), 0.1, step=0.1, scheme=Midpoint()).time_error
+    assert (error.norm, math.isnan(error.bound)) == ("", True)
+    assert "not for midpoint" in error.why
+
+
+@pytest.mark.parametrize(("weakening", "norm"), [(0.55, "stiffness"), (0.65, "")])
+def test_friction_that_weakens_must_be_slower_than_the_body_is_viscous(weakening: float, norm: str) -> None:
+    """One degree of freedom in shear, viscosity 0.6: alpha of the law against it."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 3.0, viscosity=(0.0, VISCOUS)),
+        supports={"left": hv.Fixed(y=0.0), "right": hv.Fixed(y=0.0), "top": hv.Fixed(x=0.0, y=0.0)},
+        tractions={"bottom": (1.0, 0.0)},
+        contact={"bottom": hv.Contact(hv.Bilateral(), hv.SlipWeakening(1.0, 1.0, 0.5, 2.0 * weakening))},
+    )
+    error = march(Evolution(problem), 0.1, step=0.1).time_error
+    assert error.norm == norm, error.why
+    if norm:
+        assert f"c = {weakening / VISCOUS:.3g}" in error.why
+    else:
+        assert "softens faster than the body is viscous" in error.why
+
+
+@pytest.mark.parametrize("alpha", [3.5, 5.0, 20.0])
+def test_the_largest_step_with_one_solution(alpha: float) -> None:
+    """``alpha < kappa + c/tau``: tau below ``c/(alpha - kappa)``, found to a percent and not above; margins alike."""
+    discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, alpha))))
+    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    margins, first = Margins(advance), initial_moment(advance)
+    exact = VISCOUS / (alpha - KAPPA)
+    for tau in (0.01, 0.3 * exact):
+        taken = advance.take(first, tau)
+        assert 0.985 * exact <= margins.largest_step(taken) <= exact * (1.0 + 1e-9)
+        assert margins.margin(taken) == pytest.approx(1.0 - alpha / (KAPPA + VISCOUS / tau), rel=1e-6)
+
+
+def test_steps_of_any_length_or_none() -> None:
+    """Where the body alone is stiff enough there is no largest step; without viscosity there is none at all."""
+    for contact, viscous, largest in (
+        (hv.Contact(hv.Softening(2.0, 0.1, 2.5)), VISCOUS, math.inf),
+        (hv.Contact(hv.Compliance(5.0)), VISCOUS, math.inf),
+        (hv.Contact(hv.Softening(2.0, 0.1, 2.5)), None, math.inf),
+        (hv.Contact(hv.Softening(2.0, 0.1, 3.5)), None, 0.0),
+    ):
+        discrete = discretize_evolution(block(contact, viscous))
+        advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+        taken = advance.take(initial_moment(advance), 0.01)
+        assert Margins(advance).largest_step(taken) == largest
+
+
+def test_the_largest_step_of_a_mass() -> None:
+    """``alpha < kappa + m/tau^2`` of each mode: the largest step of a body that softens goes with the square root."""
+    law, found = hv.Contact(hv.Softening(10.0, 0.1, 50.0)), []
+    for density in (1.0, 4.0):
+        discrete = discretize_evolution(block(law, None, density=density, inertia=True))
+        advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+        found.append(Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-3)))
+    assert found[1] / found[0] == pytest.approx(2.0, rel=0.03)
+    assert 0.0 < found[0] < math.sqrt(1.0 / (50.0 - KAPPA))
+
+
+def test_a_law_that_falls_at_once_is_refused_in_words() -> None:
+    """No viscosity, however large, leaves a step one solution."""
+    for viscous in (VISCOUS, None):
+        with pytest.raises(hv.ProblemError, match="falls at once"):
+            march(block(hv.Contact(hv.Capped(2.0, 0.1)), viscous), 0.1, step=0.1)
