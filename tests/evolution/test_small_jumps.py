@@ -16,7 +16,7 @@ LAW = hv.PiecewiseQuadratic([0.0, DELTA, DELTA * (1 + STIFF / FALL)], [0.0, STIF
 STRENGTH = 0.5 * STIFF * DELTA**2 + 0.5 * (STIFF * DELTA) ** 2 / FALL
 
 
-def cycle(jump: str, step: float, solver: Solver | None = None) -> tuple[History, Array]:
+def cycle(jump: str, step: float, solver: Solver | None = None, until: float = 0.8) -> tuple[History, Array]:
     """The top of a block pushed down by r0 = t up to 0.4 and back; r0 at every row."""
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 1),
@@ -28,7 +28,7 @@ def cycle(jump: str, step: float, solver: Solver | None = None) -> tuple[History
         },
         contact={"bottom": hv.Contact(LAW)},
     )
-    history = march(Evolution(problem), 0.8, step=step, stops=(0.4,), jump=jump, solver=solver)
+    history = march(Evolution(problem), until, step=step, stops=(0.4,), jump=jump, solver=solver)
     return history, np.minimum(history.times, 0.8 - history.times)
 
 
@@ -114,3 +114,19 @@ def test_where_nothing_jumps_nothing_is_booked() -> None:
         assert history.ledger["jumps"] == 0.0
         assert not history["jumped"].any()
         assert history["margin"][1:] == pytest.approx(0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("beyond", [1e-6, 1e-3])
+def test_a_jump_at_the_very_end_of_a_step_is_taken_in_it(beyond: float) -> None:
+    """The path ends at 0.3, a millionth before the step does: the load need not wait for the next one."""
+    end = 0.3 * (1.0 + beyond)
+    history, _ = cycle("arc-length", 0.5 * end, until=end)
+    assert history.finished
+    assert history["normal_force"][-1] == pytest.approx(0.0, abs=1e-9)
+    lost = 0.5 * KAPPA * STIFF / (KAPPA + STIFF) * 0.3**2 - STRENGTH
+    assert history.ledger["jumps"] == pytest.approx(lost, rel=1e-2)
+    assert history["jumped"].tolist() == [0.0, 0.0, 1.0]
+    assert abs(history.ledger["gap"]) < 1e-12
+    stays, _ = cycle("arc-length", 0.2, until=0.2999)
+    assert not stays["jumped"].any()
+    assert stays["normal_force"][-1] == pytest.approx(pressure(0.2999, False), rel=1e-9)

@@ -191,3 +191,21 @@ def test_two_makers_of_the_friction_law_are_refused() -> None:
             Chain(parts)
     with pytest.raises(ProblemError, match=r"such as Secant\(\)"):
         Chain((NoContact(),))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_friction_of_the_slip_sum_sees_no_rate_in_a_chain(order: int) -> None:
+    """Whatever stands beside it, its law is that of the slip; a law of the rate is one of increments."""
+    friction = SlipWeakening(2.0, 1.0, 0.4, 3.0)
+    law, step = ContactLaw(Compliance(20.0), friction), LocalStep(0.1, 10.0, np.zeros((1, 2)))
+    parts = (SlipSum(), PenetrationMemory(5.0, 0.4))
+    chain = Chain(parts if order else parts[::-1])
+    assert chain.of_slip
+    state = chain.start(law, np.zeros((1, 2)))
+    d = np.array([0.05])
+    slope = law_of_step(law, chain, state, step).tangential.derivative(d)[0]
+    assert slope == pytest.approx(2.0 * (0.4 + 0.6 * np.exp(-3.0 * 0.05)), rel=1e-12)
+    alone = Chain((PenetrationMemory(5.0, 0.4),))
+    assert not alone.of_slip
+    slope = law_of_step(law, alone, alone.start(law, np.zeros((1, 2))), step).tangential.derivative(d)[0]
+    assert slope == pytest.approx(2.0 * (0.4 + 0.6 * np.exp(-3.0 * 0.5)), rel=1e-12)

@@ -242,3 +242,31 @@ def test_some_points_of_a_transformed_law(kind: str) -> None:
                 np.broadcast_to(made.weak_convexity, (3,))[index],
                 rtol=1e-12,
             )
+
+
+def test_every_knot_is_met_in_spite_of_rounding() -> None:
+    """At the place of a knot the law of an affine argument has its kink, the last one as the first one."""
+    law = PiecewiseQuadratic([0.0, 0.1, 0.3], [0.0, 1.0, 2.0, 0.0], [0.5, 0.25, 1.0])
+    many = PiecewiseQuadratic(np.array([[0.0, 0.1, 0.3], [0.1, 0.2, 0.7]]), [0.0, 1.0, 2.0, 0.0], [0.5, 0.25, 1.0])
+    random = np.random.default_rng(2)
+    for theta, c in random.uniform(0.1, 3.0, (40, 2)):
+        made = AffineLaw(law, np.array([theta]), np.array([c]))
+        for k in range(3):
+            at = made.knots[:, k]
+            assert made.at_kink(at).all()
+            interval = made.subdifferential(at)
+            assert interval.upper[0] - interval.lower[0] == pytest.approx([0.5, 0.25, 1.0][k], rel=1e-12)
+        rows = AffineLaw(many, np.array([theta]), np.array([c]))
+        assert all(rows.at_kink(rows.knots[:, k]).all() for k in range(3))
+
+
+def test_a_profile_that_ends_remembers_how_far_it_has_slipped() -> None:
+    """It is no multiple of the size of the slip: what is left of its way is what has not been slipped yet."""
+    ends = PiecewiseQuadratic([-0.5, 0.0, 0.5], np.zeros(4), [0.0, 2.0, 0.0], -1.0, lower=-0.5, upper=0.5)
+    assert ends.derivative(np.array([0.1]))[0] == 1.0
+    made = slipped(ends, 0.2)
+    assert made.domain.upper[0] == pytest.approx(0.3)
+    assert made.domain.lower[0] == pytest.approx(-0.3)
+    assert made.value(np.array([0.31]))[0] == np.inf
+    free = PiecewiseQuadratic([0.0], [0.0, 0.0], [2.0], -1.0)
+    assert slipped(free, 0.2) is free
