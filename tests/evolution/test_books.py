@@ -9,7 +9,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import SDIRK2, Evolution, History, ImplicitEuler, Midpoint, Newmark, Save, Scheme, march
 
-SPRING, DASHPOT, RUBBED, PERIOD = 20.0, 3.0, 0.02, 0.3
+SPRING, DASHPOT, RUBBED = 20.0, 3.0, 0.02
 
 
 def moved(x: Array, t: float) -> Array:
@@ -21,14 +21,14 @@ def pushed(x: Array, t: float) -> Array:
 
 
 def everything(inertia: bool) -> Evolution:
-    """A body with viscosity and a branch, held at a top that moves, on springs and dashpots, rubbed."""
+    """A body with viscosity and two branches, held at a top that moves, on springs and dashpots, rubbed."""
     dashpot = hv.PiecewiseQuadratic([0.0], [DASHPOT, DASHPOT], [0.0])
     springs = hv.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 2),
         material=hv.Material.lame(
             4.0, 4.0, density=1.0 if inertia else None, viscosity=(0.4, 0.4),
-            branches=[hv.Branch(lame=(2.0, 2.0), time=PERIOD)],
+            branches=[hv.Branch(lame=(2.0, 2.0), time=0.3), hv.Branch(lame=(0.5, 1.0), time=0.1)],
         ),
         supports={"top": hv.Prescribed(moved)},
         body_force=pushed,
@@ -45,31 +45,32 @@ def measured(history: History, at: float) -> dict[str, float]:
     discrete, frames = history.discrete, history.frames
     assert len(frames) == len(history.times)
     assert discrete.viscosity is not None
-    ((period, branch),) = discrete.branches
-    assert period == PERIOD
+    assert sorted(period for period, _ in discrete.branches) == [0.1, 0.3]
     weights = discrete.problem.contact.weights[:, None]
     places = [discrete.restrict(one.displacement, discrete.acting(one.time).prescribed) for one in frames]
-    h = np.zeros_like(places[0])
+    hidden = [np.zeros_like(places[0]) for _ in discrete.branches]
     found = dict.fromkeys(("viscous", "branch_loss", "damping", "friction", "work", "euler"), 0.0)
     for before, after, x, y in zip(frames, frames[1:], places, places[1:], strict=False):
         tau = after.time - before.time
         way, slid = y - x, after.local - before.local
-        keep, old = np.exp(-tau / PERIOD), h
-        h = keep * h + (1.0 - keep) * PERIOD / tau * way
-        # A middle of the step: Simpson's rule for what the branch loses.
-        half = np.exp(-0.5 * tau / PERIOD)
-        middle = half * old + (1.0 - half) * PERIOD / tau * way
-        energies = branch.energy(old) + 4.0 * branch.energy(middle) + branch.energy(h)
-        found["branch_loss"] += 2.0 * tau / PERIOD * energies / 6.0
+        for k, (period, branch) in enumerate(discrete.branches):
+            old, parts = hidden[k], []
+            for span in (0.5 * tau, tau):
+                keep = np.exp(-span / period)
+                parts.append(keep * old + (1.0 - keep) * period / tau * way)
+            middle, h = parts
+            hidden[k] = h
+            energies = branch.energy(old) + 4.0 * branch.energy(middle) + branch.energy(h)
+            loss = 2.0 * tau / period * energies / 6.0  # Simpson's rule
+            found["branch_loss"] += loss
+            found["euler"] += float(way @ branch.times(h)) - branch.energy(h) + branch.energy(old) - loss
         found["viscous"] += 2.0 * discrete.viscosity.energy(way) / tau
         found["damping"] += DASHPOT * float((weights * slid**2)[:, 0].sum()) / tau
         found["friction"] += float((weights * after.multiplier * slid)[:, 1:].sum())
         found["work"] += float(discrete.acting(before.time + at * tau).load @ way)
         faster = after.velocity - before.velocity
         faster = discrete.restrict(faster, faster.ravel()[discrete.moved])
-        loss = 2.0 * tau / PERIOD * energies / 6.0
         found["euler"] += discrete.stiffness.energy(way) + 0.5 * SPRING * float((weights * slid**2)[:, 0].sum())
-        found["euler"] += float(way @ branch.times(h)) - branch.energy(h) + branch.energy(old) - loss
         if discrete.mass is not None:
             found["euler"] += discrete.mass.energy(faster)
     last = frames[-1]
@@ -77,7 +78,7 @@ def measured(history: History, at: float) -> dict[str, float]:
     return found | {
         "elastic": discrete.stiffness.energy(places[-1]),
         "kinetic": 0.0 if discrete.mass is None else discrete.mass.energy(speed),
-        "branches": branch.energy(h),
+        "branches": sum(branch.energy(h) for h, (_, branch) in zip(hidden, discrete.branches, strict=True)),
         "contact": 0.5 * SPRING * float(weights[:, 0] @ last.local[:, 0] ** 2),
     }
 
@@ -102,11 +103,11 @@ def test_every_term_is_what_it_is_called(scheme: Scheme, inertia: bool, at: floa
     euler = found.pop("euler")
     for name, value in found.items():
         exact = name in ("elastic", "kinetic", "branches", "contact", "friction")
-        limit = 1e-10 if exact else 5e-6 if name == "branch_loss" else close
+        limit = 1e-10 if exact else 1e-4 if name == "branch_loss" else close
         assert ledger[name] == pytest.approx(value, rel=limit, abs=1e-14), name
         assert value > 1e-4 or (name == "kinetic" and not inertia), name
     if isinstance(scheme, ImplicitEuler):
-        assert ledger["numerical"] == pytest.approx(euler, rel=1e-4)
+        assert ledger["numerical"] == pytest.approx(euler, rel=1e-3)
     else:  # forces at one end of the step: with half of it a half; in its middle, or in stages: a quarter
         left = 0.35 if scheme.name in ("midpoint", "sdirk2") else 0.6
         finer = march(everything(inertia), 0.8, step=0.5 * step, scheme=scheme)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,13 +61,20 @@ def test_slip_starts_where_friction_is_overcome() -> None:
     assert 0.3 < history.moment.time < 0.3 + math.sqrt(2e-3) + 0.02
     assert np.abs(history.moment.local.velocity[:, 1]).max() == pytest.approx(1e-3, rel=1e-3)
     assert march(Evolution(problem, inertia=True), 0.28, step=0.04, events=[Slip(rate=1e-3)]).events == ()
+    # One point that slips is enough, in either direction; how fast it sinks does not count.
+    local = history.moment.local
+    for rates, above in (([0.0, -2.0, 0.5], 1.5), ([0.0, 0.1, 0.2], -0.3), ([0.0, 0.0, 0.0], -0.5)):
+        moved = replace(local, velocity=np.column_stack([np.full(3, 9.0), rates]))
+        moment = replace(history.moment, local=moved)
+        assert Slip(rate=0.5).level(history.discrete, moment, 1.0) == pytest.approx(above)
 
 
-def test_a_point_that_sticks_does_not_slip_by_rounding() -> None:
+def test_a_point_that_sticks_does_not_slip_by_rounding_or_by_sinking() -> None:
     history = march(
-        block(hv.Contact(hv.Bilateral(), hv.Tresca(1.0)), (0.0, -1.0)), 0.3, step=0.1, events=[Slip("stop")]
+        block(hv.Contact(hv.Compliance(2.0), hv.Tresca(1.0)), falling), 0.4, step=0.1, events=[Slip("stop")]
     )
     assert history.finished
+    assert np.abs(history.moment.local.velocity[:, 0]).min() > 0.1
 
 
 def test_a_bond_is_broken_where_it_falls_below() -> None:

@@ -270,3 +270,22 @@ def test_a_profile_that_ends_remembers_how_far_it_has_slipped() -> None:
     assert made.value(np.array([0.31]))[0] == np.inf
     free = PiecewiseQuadratic([0.0], [0.0, 0.0], [2.0], -1.0)
     assert slipped(free, 0.2) is free
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_kinks_of_an_envelope_become_springs(smooth: bool) -> None:
+    """``s = prox(r)`` of a law with upward jumps at several places: held at a knot on the way, beside it between."""
+    jumps = PiecewiseQuadratic([-0.2, 0.0, 0.1], [1.0, 2.0, 1.0, 3.0], [0.3, 0.4, 0.2], -0.7)
+    law = plus(jumps, FormulaLaw("log(1 + r)", even=True).scaled(0.1)) if smooth else jumps
+    c, made = 0.25, envelope(law, np.array([0.25, 0.5]))
+    s = np.unique(np.concatenate([np.linspace(-1.5, 1.5, 300001), law.knots[0][np.isfinite(law.knots[0])]]))
+    values = law.value(s)
+    r = np.array([-0.9, -0.4, -0.33, -0.25, -0.21, -0.1, -0.02, 0.03, 0.12, 0.2, 0.23, 0.3, 0.8])
+    one = made.take(np.array([0]))
+    lowest = np.array([np.min(values + (x - s) ** 2 / (2.0 * c)) for x in (0.0, *r)])
+    where = np.array([s[np.argmin(values + (x - s) ** 2 / (2.0 * c))] for x in r])
+    np.testing.assert_allclose(one.value(r), lowest[1:] - lowest[0], atol=1e-9)
+    np.testing.assert_allclose(one.derivative(r), (r - where) / c, atol=1e-4)
+    held = np.isin(where, law.knots[0])
+    assert held.sum() >= 3  # one at every knot
+    np.testing.assert_allclose(one.curvature(r)[held], 1.0 / c, rtol=1e-9)

@@ -1,0 +1,37 @@
+"""Impacts on a rigid obstacle: the law of Newton at every node that hits, and the energy that it leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.evolution import MoreauJean, Save, march
+from hemivar.gallery import moving_bar
+
+
+@pytest.mark.parametrize(("restitution", "theta"), [(0.0, 0.5), (0.6, 0.5), (0.6, 0.6), (1.0, 0.5)])
+def test_nodes_leave_with_a_part_of_their_velocity(restitution: float, theta: float) -> None:
+    step = 0.02
+    evolution = moving_bar(4, hv.Contact(hv.Signorini(), gap=0.01), modulus=4.0, velocity=1.0)
+    history = march(evolution, 0.8, step=step, scheme=MoreauJean(restitution, theta), save=Save(step))
+    hits = 0
+    for before, after in zip(history.frames, history.frames[1:], strict=False):
+        r, v = before.local[:, 0], before.rate[:, 0]
+        pressed = after.multiplier[:, 0]
+        closed = r + 0.5 * step * v >= 0.0
+        assert (pressed[~closed] == 0.0).all()
+        assert (pressed > -1e-9).all()
+        hit = pressed > 1e-6
+        np.testing.assert_allclose(after.rate[hit, 0], -restitution * v[hit], atol=1e-8)
+        assert (after.rate[closed & ~hit, 0] <= -restitution * v[closed & ~hit] + 1e-8).all()
+        mean = theta * after.rate[:, 0] + (1.0 - theta) * v
+        np.testing.assert_allclose(after.local[:, 0], r + step * mean, atol=1e-10)
+        hits += int(hit.sum())
+    assert hits >= 2
+    ledger = history.moment.ledger
+    assert abs(ledger.gap) < 1e-9 * ledger.start
+    if (restitution, theta) == (1.0, 0.5):
+        assert ledger.stored == pytest.approx(ledger.start, rel=1e-10)
+    else:
+        assert ledger.stored < ledger.start * (1.0 - 1e-4)
