@@ -222,3 +222,15 @@ def test_the_acceleration_at_the_start_balances_the_forces() -> None:
     assert ledger.kinetic == pytest.approx(discrete.mass.energy(moment.body.velocity))
     assert ledger.contact == pytest.approx(2.5 * 0.05**2)
     assert ledger.start == pytest.approx(ledger.elastic + ledger.kinetic + ledger.contact)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_forces_of_the_foundation_have_a_direction(sign: float) -> None:
+    """Sheared by 1 against friction of at most 0.2 on a length of 1: with the sign of the slip."""
+    evolution = block(
+        supports={"top": hv.Clamped()},
+        tractions={"bottom": (sign, -0.5)},
+        contact={"bottom": hv.Contact(hv.Compliance(1e9), hv.Tresca(0.2))},
+    )
+    history = march(evolution, 0.1, step=0.1)
+    assert history["friction_force"][-1] == pytest.approx(0.2 * sign, rel=1e-6)
