@@ -234,3 +234,24 @@ def test_forces_of_the_foundation_have_a_direction(sign: float) -> None:
     )
     history = march(evolution, 0.1, step=0.1)
     assert history["friction_force"][-1] == pytest.approx(0.2 * sign, rel=1e-6)
+
+
+def test_what_a_support_moves_is_the_component_that_it_holds() -> None:
+    """A top that is lifted, free to slide: the body is stretched by as much, its sides go in."""
+    lifted = hv.Fixed(y=lambda x, t: 0.1 * t + 0.0 * x[:, 0])
+    evolution = block(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(1.0, 1.0),
+        supports={"bottom": hv.Fixed(y=0.0), "left": hv.Fixed(x=0.0), "top": lifted},
+        tractions={},
+        contact={"right": hv.Contact(hv.NoContact())},
+    )
+    discrete = discretize_evolution(evolution)
+    mesh = discrete.field.mesh
+    top = np.flatnonzero(mesh.points[:, 1] == 1.0)
+    free = [node for node in top if mesh.points[node, 0] > 0.0]
+    assert set(discrete.moved.tolist()) >= {2 * node + 1 for node in top}
+    assert not set(discrete.moved.tolist()) & {2 * node for node in free}
+    history = march(evolution, 1.0, step=0.5, save=Save(probes={"p": (1.0, 0.5), "q": (0.5, 1.0)}))
+    assert history["q.u_y"] == pytest.approx(0.1 * history.times)
+    assert history["p.u_x"] == pytest.approx(-0.1 / 3.0 * history.times)  # lam/(lam + 2 mu)
