@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -165,3 +167,14 @@ def _from_below(corners: Array, matrix: Array) -> float:
 def test_what_has_no_bound_is_refused(problem: hv.ContactProblem, message: str) -> None:
     with pytest.raises(ProblemError, match=message):
         lower_bounds(problem)
+
+
+def test_a_part_that_supports_hold_has_no_constant() -> None:
+    """A foundation under a body whose supports hold the normal component there: v_nu = 0, Lambda_nu = inf."""
+    mesh = rectangle((1.0, 1.0), (4, 4))
+    free = lower_bounds(held(mesh), 400)
+    found = lower_bounds(held(mesh, supports={"left": hv.Clamped(), "bottom": hv.Fixed(y=0.0)}), 400)
+    assert found.normal.lower == math.inf
+    assert found.both.upper == pytest.approx(found.tangential.upper)  # v is its tangential part
+    for part in ("both", "tangential"):
+        assert getattr(free, part).lower <= getattr(found, part).lower <= getattr(found, part).upper
