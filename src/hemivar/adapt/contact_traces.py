@@ -40,7 +40,7 @@ class ContactTraces:
     barycentric : array, shape (k, q, d)
         Coordinates of the points on each facet.
     weights : array, shape (k, q)
-        They sum to the measures of the facets.
+        They sum to the measures of the facets, and are not negative; the corners of the facet are there with none.
     frames : array, shape (k, q, d, d)
         Normal and tangents at the points.
     local : array, shape (k, q, d)
@@ -132,7 +132,7 @@ class ContactTraces:
 
     def integral(self, values: Array) -> Array:
         """Integrals (k,) over the facets of values (k, q) at the points."""
-        return np.asarray(np.einsum("fq,fq->f", self.weights, values))
+        return np.asarray(np.einsum("fq,fq->f", self.weights, np.where(self.weights > 0.0, values, 0.0)))
 
 
 def radial_parts(slip: Array, force: Array) -> tuple[Array, Array]:
@@ -251,13 +251,17 @@ def _between_kinks(data: BodyData, name: str, facets: IntArray) -> tuple[Array, 
     length = np.diff(cut, axis=1)
     at = cut[:, :-1, None] + length[:, :, None] * point[:, 1]
     share = (length[:, :, None] * weight).reshape(len(facets), -1)
-    flat = at.reshape(len(facets), -1)
-    return np.stack([1.0 - flat, flat], axis=2), share
+    # the ends of the facet take no part in integrals, but constants must hold there too
+    flat = np.hstack([at.reshape(len(facets), -1), np.broadcast_to([0.0, 1.0], (len(facets), 2))])
+    return np.stack([1.0 - flat, flat], axis=2), np.hstack([share, np.zeros((len(facets), 2))])
 
 
 def _cut_triangle() -> tuple[Array, Array]:
-    """Barycentric coordinates (q, 3) and weights (q,) of a rule of degree 3 on the parts of a triangle."""
-    point, weight = quadrature_rule(2, 3)
+    """Barycentric coordinates (q, 3) and weights (q,) of a rule of degree 4 on the parts of a triangle.
+
+    That of degree 3 has negative weights, which may make squares with kinks too small.
+    """
+    point, weight = quadrature_rule(2, 4)
     points = []
     for i in range(_PARTS):
         for j in range(_PARTS - i):
@@ -265,8 +269,10 @@ def _cut_triangle() -> tuple[Array, Array]:
             points.append(point @ corner)
             if i + j < _PARTS - 1:
                 points.append(point @ np.array([[i + 1, j + 1], [i, j + 1], [i + 1, j]], dtype=float))
-    at = np.concatenate(points) / _PARTS
-    return np.column_stack([1.0 - at.sum(axis=1), at]), np.tile(weight, _PARTS**2) / _PARTS**2
+    # the corners take no part in integrals, but constants must hold there too
+    at = np.vstack([np.concatenate(points) / _PARTS, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
+    shares = np.append(np.tile(weight, _PARTS**2) / _PARTS**2, np.zeros(3))
+    return np.column_stack([1.0 - at.sum(axis=1), at]), shares
 
 
 def _snapped(law: ContactLaw, local: Array, size: float) -> tuple[Array, float]:

@@ -23,6 +23,7 @@ from hemivar.adapt.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.adapt.body_data import BodyData, body_data
 from hemivar.adapt.contact_traces import ContactTraces, contact_traces
 from hemivar.adapt.fenchel import FenchelGap, fenchel_gap
+from hemivar.adapt.hypotheses import unmet_hypotheses
 from hemivar.adapt.one_sided import one_sided_constants
 from hemivar.adapt.oscillation import Oscillation, oscillation
 from hemivar.adapt.patches import PatchKind
@@ -141,10 +142,11 @@ def exact_distance(
     ProblemError
         As :func:`hemivar.adapt.body_data.body_data` and :func:`hemivar.adapt.vertex_moments.equilibrated`.
     """
+    unmet = unmet_hypotheses(problem)
     data = body_data(problem, displacement)
     traces = contact_traces(data)
     stress = improved_stress(data, traces, constants, SWEEPS[problem.mesh.dim] if sweeps is None else sweeps)
-    return _bound(stress, traces, constants)
+    return _bound(stress, traces, constants, unmet)
 
 
 def improved_stress(
@@ -176,11 +178,13 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
     return ContactPrice(traces.moments(allowed), float(ratio / constants.both))
 
 
-def _bound(stress: AdmissibleStress, traces: ContactTraces | None, constants: TraceBounds) -> ExactDistance:
+def _bound(
+    stress: AdmissibleStress, traces: ContactTraces | None, constants: TraceBounds, unmet: list[str]
+) -> ExactDistance:
     data = stress.data
     table = data.table
     reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
-    reasons += _inexact(data)
+    reasons += unmet + _inexact(data)
     rest = oscillation(stress)
     if rest.present and not rest.guaranteed:
         reasons.append(
@@ -215,7 +219,8 @@ def _bound(stress: AdmissibleStress, traces: ContactTraces | None, constants: Tr
 
 def _inexact(data: BodyData) -> list[str]:
     """What of the statement the mesh and its rules of integration do not represent exactly."""
-    problem, found = data.problem, []
+    problem = data.problem
+    found: list[str] = []
     if data.varies:
         found.append("the material varies within cells, where it is seen by a rule of integration")
     held = [getattr(support, part, None) for support in problem.supports.values() for part in ("value", "x", "y", "z")]
@@ -291,6 +296,12 @@ def _contact(
         other = _with_gap(gap, normal, tangential, constants, base, c)
         if other.value < best.value:
             best = other
+    falls = int((np.isinf(near_normal) | np.isinf(near_tangential)).sum())
+    if falls and not best.value < np.inf:
+        reasons.append(
+            f"the displacement passes a downward jump of the law on {falls} contact facets, where no constant of the "
+            "law is finite"
+        )
     return best
 
 

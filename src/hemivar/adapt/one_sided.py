@@ -83,7 +83,39 @@ def one_sided_constants(traces: ContactTraces, zeta: Array) -> tuple[Array, Arra
     """
     shape = traces.weights.shape
     r, force = traces.local.reshape(-1, traces.local.shape[-1]), zeta.reshape(-1, zeta.shape[-1])
-    normal = one_sided(traces.law.normal, r[:, 0], force[:, 0])
+    normal = one_sided(traces.law.normal, r[:, 0], force[:, 0]).reshape(shape)
     size, along = radial_parts(r[:, 1:], force[:, 1:])
-    tangential = one_sided(traces.law.tangential, size, along)
-    return normal.reshape(shape), tangential.reshape(shape)
+    tangential = one_sided(traces.law.tangential, size, along).reshape(shape)
+    # knots that lie between points of the rule: the constant is largest beside them
+    low, high = traces.local[..., 0].min(axis=1), traces.local[..., 0].max(axis=1)
+    normal = np.maximum(normal, _beside_knots(traces.law.normal, low, high, shape))
+    middle = traces.local[..., 1:].mean(axis=1)
+    reach = np.linalg.norm(traces.local[..., 1:] - middle[:, None], axis=2).max(axis=1)
+    high = size.reshape(shape).max(axis=1)
+    low = np.linalg.norm(middle, axis=1) - reach * (1.0 + _ROUNDING)
+    low = np.where(reach > 0.0, low, high)
+    return normal, np.maximum(tangential, _beside_knots(traces.law.tangential, low, high, shape))
+
+
+def _beside_knots(law: Superpotential, low: Array, high: Array, shape: tuple[int, ...]) -> Array:
+    """The largest constants on both sides of knots between two displacements (k,) on each facet, shape (k, q).
+
+    On one side of a knot zeta is the limit of j' from there.
+    """
+    worst = np.zeros(shape)
+    if not np.broadcast_to(law.weak_convexity, (worst.size,)).any():
+        return worst
+    knots = np.broadcast_to(law.knots, (worst.size, law.knots.shape[-1]))
+    sides = [np.broadcast_to(side, knots.shape) for side in law.knot_slopes()]
+    below, above = np.repeat(low, shape[1]), np.repeat(high, shape[1])
+    for number in range(knots.shape[1]):
+        knot = knots[:, number]
+        inside = (below < knot) & (knot < above)
+        if not inside.any():
+            continue
+        for side in sides:
+            slope = side[:, number]
+            known = inside & np.isfinite(slope)
+            found = one_sided(law, np.where(known, knot, 0.0), np.where(known, slope, 0.0))
+            worst = np.maximum(worst, np.where(known, found, 0.0).reshape(shape))
+    return worst

@@ -1,0 +1,113 @@
+"""What of a statement the bound takes for granted and cannot see: laws that are the same along a boundary, straight
+boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+
+from hemivar.basics.types import IntArray
+from hemivar.errors import ProblemError
+from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.named import ParameterLaw
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["unmet_hypotheses"]
+
+#: Angle between neighbouring facets of one boundary up to which they are taken for those of a curve, in radians.
+_BEND = np.pi / 6.0
+#: Angle that is rounding.
+_STRAIGHT = 1e-6
+
+
+def unmet_hypotheses(problem: ContactProblem) -> list[str]:
+    """Why a bound for this statement is an estimate only, one sentence each.
+
+    Parameters of laws that are functions of the place are known at the points of a rule of integration only, and with
+    them constants that must hold everywhere.  A boundary whose facets have three directions or more and follow each
+    other at angles of less than 30 degrees is taken for a curve that the mesh replaces by its own.
+
+    Raises
+    ------
+    ProblemError
+        Parameters of a law are given contact point by contact point: the exact problem has them everywhere.
+    """
+    found = []
+    for name, contact in problem.contact.items():
+        values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
+        for what, value in values:
+            count = len(np.ravel(value)) if isinstance(value, np.ndarray | list | tuple) else 1
+            if count > 1:
+                raise ProblemError(
+                    f"the law of contact '{name}' has a parameter {what} given at {count} contact points; the exact "
+                    "solution needs it everywhere: give a number, or a function of x"
+                )
+        names = [what for what, value in values if callable(value)]
+        if names:
+            found.append(
+                f"the law of contact '{name}' varies along the boundary ({', '.join(names)}), where it is seen at the "
+                "points of a rule of integration only"
+            )
+    found += [
+        f"the boundary {words} looks curved: it turns by up to {angle:.3g} degrees from facet to facet; the bound is "
+        "one for the body with straight facets"
+        for words, angle in _curved(problem.mesh)
+    ]
+    return found
+
+
+def _parameters(law: object) -> Iterator[tuple[str, object]]:
+    """Names and values of all that may vary along the boundary."""
+    if not is_dataclass(law) or isinstance(law, PiecewiseQuadratic):
+        return
+    places = isinstance(law, ParameterLaw | CoulombBound)
+    for one in fields(law):
+        if not one.init or one.name.startswith("_"):
+            continue
+        value = getattr(law, one.name)
+        if isinstance(value, Superpotential | StateBound):
+            yield from _parameters(value)
+        elif value is not None and (places or (isinstance(law, Friction) and one.name == "bound")):
+            yield one.name, value
+
+
+def _curved(mesh: Mesh) -> Iterator[tuple[str, float]]:
+    """Boundaries that look curved, in words, with the largest angle from facet to facet in degrees."""
+    rest = mesh.boundary_facets
+    for name, facets in mesh.boundaries.items():
+        angle = _bend(mesh, facets)
+        if angle > 0.0:
+            yield f"'{name}'", angle
+    if mesh.boundaries:
+        size = mesh.number_of_nodes
+        named = np.sort(np.concatenate(list(mesh.boundaries.values())), axis=1)
+        weights = size ** np.arange(mesh.dim, dtype=float)
+        rest = rest[~np.isin(np.sort(rest, axis=1) @ weights, named @ weights)]
+    angle = _bend(mesh, rest)
+    if angle > 0.0:
+        yield "without a name", angle
+
+
+def _bend(mesh: Mesh, facets: IntArray) -> float:
+    """The largest angle in degrees by which facets of at least three directions follow each other; 0 if they do not."""
+    if len(facets) < 3:
+        return 0.0
+    normals, _ = mesh.facet_normals(facets)
+    dim = mesh.dim
+    owner = np.repeat(np.arange(len(facets)), dim)
+    sides = np.stack([np.delete(facets, i, axis=1) for i in range(dim)], axis=1).reshape(-1, dim - 1)
+    sides = np.sort(sides, axis=1)
+    order = np.lexsort(sides.T)
+    sides, owner = sides[order], owner[order]
+    same = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1))
+    one, two = normals[owner[same]], normals[owner[same + 1]]
+    angle = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(one - two, axis=1), 0.0, 1.0))
+    turning = (angle > _STRAIGHT) & (angle <= _BEND)
+    if not turning.any():
+        return 0.0
+    directions = np.unique(np.round(np.concatenate([one[turning], two[turning]]) / _STRAIGHT / 10.0), axis=0)
+    return float(np.degrees(angle[turning].max())) if len(directions) > 2 else 0.0
