@@ -216,7 +216,9 @@ def _normal(rng: np.random.Generator, p: float, L: float, soft: float) -> tuple[
     if kind == 7:
         return hv.Bilateral(), "bilateral"
     if kind == 8:
-        return hv.Capped(p / L * u(1.0, 8.0), 0.03 * L * u(0.3, 2.0), 0.02 * p * u(0.5, 1.0)), "capped (a downward jump)"
+        return hv.Capped(
+            p / L * u(1.0, 8.0), 0.03 * L * u(0.3, 2.0), 0.02 * p * u(0.5, 1.0)
+        ), "capped (a downward jump)"
     return _table(rng, p, L, soft), "table"
 
 
@@ -280,9 +282,9 @@ def random_statement(body: Body, seed: int, trace: float) -> tuple[hv.ContactPro
         friction, second = _friction(rng, body.modulus, body.length, trace)
         rigid = bool(np.isfinite([*np.ravel(normal.domain.lower), *np.ravel(normal.domain.upper)]).any())
         gap = float(rng.choice([0.0, 0.0, 0.01, -0.005])) * body.length
-        contact[name] = hv.Contact(normal, friction, gap=gap if not rigid or gap >= 0.0 else 0.0)
+        if rigid and (gap < 0.0 or isinstance(normal, hv.Bilateral)):
+            gap = 0.0  # supports would hold the body where the law forbids it
+        contact[name] = hv.Contact(normal, friction, gap=gap)
         said.append(f"{name}: {first}, {second}" + (f", gap {gap:g}" if gap else ""))
     loads, words = _loads(rng, body)
     return replace(body.problem, contact=contact, **loads), f"{'; '.join(said)}; loads {words}"
-
-
