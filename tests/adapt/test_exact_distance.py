@@ -188,7 +188,8 @@ def test_estimates_and_missing_bounds_say_so() -> None:
     assert any("there is no bound" in reason for reason in missing.reasons)
 
     soft = replace(problem, contact={"bottom": Contact(Softening(4.0, 0.05, 50.0))})
-    assert exact_distance(soft, u - 0.05, proved).distance == np.inf
+    pressed = u - 0.1 * problem.mesh.points[:, :1] * [0.0, 1.0]
+    assert exact_distance(soft, pressed, proved).distance == np.inf
     coulomb = replace(
         problem, contact={"bottom": Contact(SurveyLaw(0.3, 2.0), Friction(CoulombBound(0.3), ABSOLUTE_VALUE))}
     )

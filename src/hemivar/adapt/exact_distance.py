@@ -30,6 +30,7 @@ from hemivar.adapt.patches import PatchKind
 from hemivar.adapt.sweeps import ContactPrice, Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.adapt.vertex_moments import shared_forces
+from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
@@ -140,9 +141,13 @@ def exact_distance(
     Raises
     ------
     ProblemError
-        As :func:`hemivar.adapt.body_data.body_data` and :func:`hemivar.adapt.vertex_moments.equilibrated`.
+        As :func:`hemivar.adapt.body_data.body_data`, :func:`hemivar.adapt.vertex_moments.equilibrated` and
+        :func:`hemivar.adapt.hypotheses.unmet_hypotheses`.
     """
-    unmet = unmet_hypotheses(problem)
+    unmet = unmet_hypotheses(problem, displacement)
+    expect(constants, TraceBounds, "constants", "give those of guaranteed_trace_bounds(hemivar.discretize(problem))")
+    for kind in () if sweeps is None else expect(sweeps, tuple, "sweeps", "give a tuple such as (PatchKind.VERTEX,)"):
+        expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     data = body_data(problem, displacement)
     traces = contact_traces(data)
     stress = improved_stress(data, traces, constants, SWEEPS[problem.mesh.dim] if sweeps is None else sweeps)

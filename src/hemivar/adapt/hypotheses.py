@@ -1,5 +1,6 @@
-"""What of a statement the bound takes for granted and cannot see: laws that are the same along a boundary, straight
-boundaries."""
+"""What the bound takes for granted of a statement and a displacement: supports that are fulfilled, a problem at rest,
+laws that are the same along a boundary, straight boundaries.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +9,11 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from hemivar.basics.types import IntArray
+from hemivar.basics.arguments import expect
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
+from hemivar.fem.discretize import refuse_evolution
+from hemivar.fem.supports import stated_supports
 from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.named import ParameterLaw
@@ -20,22 +24,36 @@ __all__ = ["unmet_hypotheses"]
 
 #: Angle between neighbouring facets of one boundary up to which they are taken for those of a curve, in radians.
 _BEND = np.pi / 6.0
+#: Part of the largest displacement by which supports may be missed.
+_HELD = 1e-8
 #: Angle that is rounding.
 _STRAIGHT = 1e-6
 
 
-def unmet_hypotheses(problem: ContactProblem) -> list[str]:
+def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None) -> list[str]:
     """Why a bound for this statement is an estimate only, one sentence each.
 
     Parameters of laws that are functions of the place are known at the points of a rule of integration only, and with
     them constants that must hold everywhere.  A boundary whose facets have three directions or more and follow each
     other at angles of less than 30 degrees is taken for a curve that the mesh replaces by its own.
 
+    Parameters
+    ----------
+    problem : ContactProblem
+    displacement : array, shape (nodes, d), optional
+        That is to be judged.
+
     Raises
     ------
     ProblemError
-        Parameters of a law are given contact point by contact point: the exact problem has them everywhere.
+        The problem is of another kind, depends on time or evolves; parameters of a law are given contact point by
+        contact point, while the exact problem has them everywhere; the displacement misses what supports prescribe.
     """
+    remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
+    expect(problem, ContactProblem, "the problem of the bound", remedy)
+    refuse_evolution(problem)
+    if displacement is not None:
+        _check_supports(problem, displacement)
     found = []
     for name, contact in problem.contact.items():
         values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
@@ -58,6 +76,22 @@ def unmet_hypotheses(problem: ContactProblem) -> list[str]:
         for words, angle in _curved(problem.mesh)
     ]
     return found
+
+
+def _check_supports(problem: ContactProblem, displacement: Array) -> None:
+    """Refuse a displacement that is not among those that the supports allow: the theorems compare two of them."""
+    u = np.asarray(displacement)
+    supports = stated_supports(problem)
+    if u.shape != supports.nodes.shape or u.dtype.kind not in "fiu" or not np.isfinite(u).all():
+        return  # told in other words
+    off = np.abs(np.einsum("nqd,nd->nq", supports.directions, u - supports.value)).max(axis=1)
+    worst = int(np.argmax(off))
+    if off[worst] > _HELD * max(float(np.abs(u).max()), float(np.abs(supports.value).max())):
+        place = ", ".join(f"{x:g}" for x in supports.nodes[worst])
+        raise ProblemError(
+            f"the displacement misses what supports prescribe by {off[worst]:.3g} at node {worst}, x = ({place}); give "
+            "that of a solution of this problem, on this mesh"
+        )
 
 
 def _parameters(law: object) -> Iterator[tuple[str, object]]:

@@ -33,6 +33,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.adapt.body_data import BodyData, body_data
+from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
@@ -112,6 +113,9 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None) -> LowerBoun
         The problem has no contact boundary, supports do not hold the body without it, its material varies within
         cells, or its coarsest mesh has too many.
     """
+    expect(problem, ContactProblem, "the problem of a lower bound", "give the ContactProblem that states the body")
+    if cells is not None:
+        whole_number(cells, "cells", 1)
     if not problem.contact:
         raise ProblemError("the problem has no contact boundary, and so no trace constant; state Contact(...)")
     bare = _bare(problem, problem.mesh)

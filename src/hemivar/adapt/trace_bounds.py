@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.adapt.lower_bounds import lower_bounds
+from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem
@@ -64,7 +65,7 @@ class TraceBounds:
     def __post_init__(self) -> None:
         for name in ("both", "normal", "tangential", "body"):
             value = getattr(self, name)
-            if not value >= 0.0:
+            if not (isinstance(value, float | int | np.floating) and value >= 0.0):
                 raise ProblemError(f"the trace bound '{name}' is {value}; give a number that is not negative")
 
     def softening(self, facets: IntArray, normal: Array, tangential: Array) -> float:
@@ -188,6 +189,7 @@ def guaranteed_trace_bounds(problem: DiscreteProblem, workspace: Workspace | Non
     ProblemError
         The problem was made of arrays, has no contact, is not held without it, or its material varies within cells.
     """
+    expect(problem, DiscreteProblem, "the problem of the constants", "give hemivar.discretize(problem)")
     kept = Workspace.given(workspace)
     origin = problem.origin
     if not isinstance(origin, ContactProblem):
