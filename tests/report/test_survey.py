@@ -21,7 +21,8 @@ def test_everything_is_written(small):
     result, said = small
     names = {path.name for path in result.files}
     expected = {f"figure{k}{suffix}" for k in range(1, 6) for suffix in (".png", ".pdf")}
-    expected |= {"table1.csv", "table1.md", "errors.csv", "orders.csv", "runs.csv", "methods.csv", "report.html"}
+    expected |= {"table1.csv", "table1.md", "errors.csv", "orders.csv", "runs.csv", "methods.csv", "bounds.csv"}
+    expected |= {"report.html"}
     assert expected <= names
     begins = {".png": b"\x89PNG\r", ".pdf": b"%PDF-", ".html": b"<!DOCTYPE html>", ".md": b"**Table 1"}
     for path in result.files:
@@ -112,3 +113,30 @@ def test_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ProblemError, match="cannot be made"):
         run_survey(tmp_path / "file" / "folder")
+
+
+def test_bounds_are_above_all_nine_curves(small):
+    """Guaranteed, and no error is above; where a method converged they are near."""
+    result, _ = small
+    runs = result.runs
+    assert runs.not_guaranteed == ()
+    assert set(runs.bounds) == {"Direct", "AL", "PD"}
+    for (_, method), errors in runs.errors.items():
+        ratios = [bound / error for bound, error in zip(runs.bounds[method], errors, strict=True)]
+        assert min(ratios) > 1.0
+        assert method == "Direct" or max(ratios[:-1]) < 1.5  # the last error shares much with its reference
+    with (result.folder / "bounds.csv").open() as file:
+        header, *rows = csv.reader(file)
+    assert header == ["method", "", "h = 1/2", "h = 1/4", "h = 1/8"]
+    assert len(rows) == 12
+    assert [float(value) for value in rows[0][2:]] == pytest.approx(runs.bounds["Direct"])
+    page = (result.folder / "report.html").read_text()
+    assert "upper bounds of the distance to the exact solution" in page
+    assert "No bound but an estimate" not in page
+
+
+@pytest.mark.slow
+def test_a_survey_without_bounds(tmp_path):
+    result = run_survey(tmp_path, max_n=8, bounds=False)
+    assert result.runs.bounds == {}
+    assert not (tmp_path / "bounds.csv").exists()

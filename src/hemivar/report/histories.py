@@ -28,6 +28,7 @@ def plot_errors(
     ax: Axes | None = None,
     title: str | None = None,
     reference_size: float | None = None,
+    bounds: Mapping[str, Array] | None = None,
 ) -> Figure:
     """Errors against h on logarithmic scales, one curve for each pair of reference and method (survey, Figure 5).
 
@@ -45,6 +46,8 @@ def plot_errors(
     reference_size : float, optional
         h of the reference solutions. Errors at twice this size are too small, because the reference shares most of
         its error with them: they are shaded, and left out of the fitted orders.
+    bounds : mapping of method to array (k,), optional
+        Upper bounds of the distance to the exact solution, drawn above the errors of the method.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator
 
@@ -79,6 +82,13 @@ def plot_errors(
                     markerfacecolor=colour if r % 3 == 2 else "none", ms=8.0 - 2.2 * (r % 3), mew=0.9,
                     zorder=3 - 0.1 * r, label=label,
                 )  # fmt: skip
+        for method, values in ({} if bounds is None else bounds).items():
+            colour = SERIES[methods.index(method) % len(SERIES) if method in methods else -1]
+            order = observed_order(sizes, np.asarray(values, dtype=float))
+            ax.plot(
+                sizes, values, color=colour, lw=4.0, alpha=0.35, solid_capstyle="round", zorder=2,
+                label=f"{method}, guaranteed bound: {order:.2f}",
+            )  # fmt: skip
         ax.set_xscale("log", base=2)
         ax.set_yscale("log")
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -10,11 +10,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.adapt import exact_distance
+from hemivar.adapt.trace_bounds import TraceBounds, guaranteed_trace_bounds
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import survey as survey_problem
+from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, Controls, Solution, Status, solving, transfer_solution
 from hemivar.systems import Workspace
@@ -75,6 +78,8 @@ class SurveyOptions:
         The finest mesh of Table 1 and Figure 5 has h = 1/max_n; a power of two, at least 8.
     method_time_limit : float
         Limit in seconds for one solve.
+    bounds : bool
+        Bound the distance of every solution of Figure 5 to the exact one, too.
 
     Raises
     ------
@@ -84,6 +89,7 @@ class SurveyOptions:
 
     max_n: int = 128
     method_time_limit: float = 60.0
+    bounds: bool = True
 
     def __post_init__(self) -> None:
         if not 8 <= self.max_n <= MOST_CELLS or self.max_n & (self.max_n - 1):
@@ -124,6 +130,10 @@ class SurveyRuns:
         Those of Table 1, from coarse to fine, and last the one of the references.
     errors : mapping of (reference, method) to tuple of float
         V-norm errors on the meshes of Table 1; empty if the run was interrupted before.
+    bounds : mapping of method to tuple of float
+        Upper bounds of the distance in the V-norm to the exact solution of the continuous problem, on the same meshes.
+    not_guaranteed : tuple of str
+        Why bounds are estimates, one sentence each, if any of them is.
     interrupted : bool
         Whether the run was stopped before its end.
     """
@@ -133,6 +143,8 @@ class SurveyRuns:
     friction: Mapping[int, float] = field(default_factory=dict)
     meshes: tuple[MeshRuns, ...] = ()
     errors: Mapping[tuple[str, str], tuple[float, ...]] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    not_guaranteed: tuple[str, ...] = ()
     interrupted: bool = False
 
     @property
@@ -150,7 +162,7 @@ class SurveyRuns:
 
 @dataclass(frozen=True, eq=False)
 class Advanced(Notice):
-    """A part is done: "figure1" ... "figure4", "friction", "mesh" or "errors"; with all that was found so far."""
+    """A part is done: "figure1" ... "figure4", "friction", "mesh", "errors" or "bounds"; with all found so far."""
 
     part: str
     runs: SurveyRuns
@@ -161,8 +173,9 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
 
     Figures 1 to 4 at h = 1/32, with all methods; the largest friction of Figure 3 on finer meshes; Table 1, three
     methods and the default one on meshes that are halved; Figure 5, the errors in the V-norm against the three methods
-    at h = 1/(2 max_n). As in the survey, every method starts at h = 1/2 from zero and on every finer mesh from its own
-    coarser solution, on the problem condensed onto the contact boundary.
+    at h = 1/(2 max_n), and guaranteed bounds of the distance to the exact solution. As in the survey, every method
+    starts at h = 1/2 from zero and on every finer mesh from its own coarser solution, on the problem condensed onto the
+    contact boundary.
 
     Yields :class:`Stage`, the steps of all solves, and :class:`Advanced`. An interruption ends the work with what
     there is.
@@ -174,7 +187,7 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
     runs = SurveyRuns(SurveyOptions() if options is None else options)
     max_n = runs.options.max_n
     controls = Controls(max_time=runs.options.method_time_limit)
-    count, stage = len(CAPTIONS) + max_n.bit_length() + 1, 0
+    count, stage = len(CAPTIONS) + max_n.bit_length() + 1 + runs.options.bounds * (max_n.bit_length() - 1), 0
     try:
         for key, caption in CAPTIONS.items():
             text = f"Figure {key[-1]}: h = 1/{FIGURE_CELLS}, {caption} and all other methods"
@@ -197,6 +210,13 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
         yield Stage("Figure 5: errors", stage + 1, count)
         runs = replace(runs, errors=_errors(runs.meshes, finest), meshes=(*runs.meshes, finest))
         yield Advanced("errors", runs)
+        if runs.options.bounds:
+            constants = None
+            for number, level in enumerate(runs.meshes[:-1]):
+                yield Stage(f"Figure 5: distance to the exact solution, h = 1/{level.n}", stage + 2 + number, count)
+                constants = constants or guaranteed_trace_bounds(level.problem)
+                runs = _bounded(runs, level, constants)
+            yield Advanced("bounds", runs)
     except KeyboardInterrupt:
         return replace(runs, interrupted=True)
     return runs
@@ -270,6 +290,21 @@ def _level(n: int, names: tuple[str, ...], runs: SurveyRuns, controls: Controls)
     for name in names:
         solutions[name] = yield from _solved(problem, workspace, name, coarser.get(name), controls)
     return MeshRuns(n, problem, solutions)
+
+
+def _bounded(runs: SurveyRuns, level: MeshRuns, constants: TraceBounds) -> SurveyRuns:
+    """With the bounds of one more mesh, in the V-norm: ``2 mu |eps|^2 <= C eps : eps``."""
+    problem = level.problem.origin
+    assert isinstance(problem, ContactProblem)
+    stiffness = problem.material.stiffness_tensor(level.mesh.points[:1])
+    scale = np.array([1.0, 1.0, np.sqrt(2.0)])  # Voigt's shear is twice the strain
+    least = float(np.linalg.eigvalsh(stiffness * np.outer(scale, scale)).min())
+    bounds, reasons = dict(runs.bounds), list(runs.not_guaranteed)
+    for name, short in _SHORT.items():
+        found = exact_distance(problem, level.solutions[SURVEY_METHODS[name]].displacement, constants)
+        bounds[short] = (*bounds.get(short, ()), found.distance / math.sqrt(least))
+        reasons += [f"{short}, h = 1/{level.n}: {reason}" for reason in found.reasons]
+    return replace(runs, bounds=bounds, not_guaranteed=tuple(reasons))
 
 
 def _errors(levels: tuple[MeshRuns, ...], finest: MeshRuns) -> dict[tuple[str, str], tuple[float, ...]]:
