@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.arrays import norm, real_array, real_matrix
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -139,10 +139,24 @@ class Quadratic(Portable):
         """``K``, the same everywhere."""
         return self.stiffness
 
+    def moved(self, u: Array) -> float:
+        """Norm of the sizes of what is added up in ``K u - f``, entry by entry: rounding is a part of it."""
+        sizes = np.abs(u)
+        sizes *= self.row_sums
+        sizes += np.abs(self.load)
+        return norm(sizes)
+
     def under(self, load: Array, constant: float | None = None) -> Quadratic:
         """The same body under another load, shape (n,); the stiffness is shared, and what is known of it."""
         _ = self.diagonal, self.row_sums
         other = copy.copy(self)
+        if constant is None and isinstance(load, np.ndarray) and load.dtype == float and load.shape == self.load.shape:
+            work = float(load.dot(load / self.diagonal))
+            if _LEAST_WORK < work < 1.0 / _LEAST_WORK:  # every number is finite
+                own = load.copy()
+                own.flags.writeable = False
+                object.__setattr__(other, "load", own)
+                return other
         other._carry(load, self.constant if constant is None else constant, own=True)
         _check_size(other.diagonal, other.load)
         return other

@@ -131,6 +131,20 @@ class ContactPoints(Portable):
         """``B'``, whose arrays are those of the trace."""
         return self.trace.T
 
+    @cached_property
+    def seen(self) -> IntArray:
+        """The unknowns (k,) that contact points see."""
+        return np.unique(self.trace.indices[self.trace.data != 0.0]).astype(np.int64)
+
+    @cached_property
+    def _pressing(self) -> sp.csr_array:
+        """``B'`` at the unknowns that contact points see."""
+        return sp.csr_array(self.trace[:, self.seen].T)
+
+    def pressed(self, force: Array) -> Array:
+        """What forces (m, c) on the contact points are on the unknowns :attr:`seen`, (k,)."""
+        return np.asarray(self._pressing @ force.ravel())
+
     def force(self, lam: Array) -> Array:
         """Forces ``B'W lam`` on the unknowns, shape (n,), of a multiplier (m, c)."""
         return np.asarray(self._spread @ (self.weights[:, None] * lam).ravel())
@@ -146,7 +160,7 @@ class ContactPoints(Portable):
         given = real_array(offset, "offset", 2, own=True)
         if given.shape != self.offset.shape:
             raise ProblemError(f"offset has shape {given.shape}; it must be {self.offset.shape}")
-        _ = self._spread  # known to all that share the trace
+        _ = self._spread, self.seen, self._pressing  # known to all that share the trace
         other = copy.copy(self)
         object.__setattr__(other, "offset", given)
         return other

@@ -405,11 +405,12 @@ def _under(body: Elimination, problem: DiscreteProblem, began: float) -> Condens
     force = np.asarray(body.spread.T @ recovery.reduced.force)
     # From contact unknowns y = r + offset to r.
     offset = recovery.offset
-    constant += 0.5 * float(offset @ (body.matrix @ offset)) - float(force @ offset)
+    bent = body.matrix @ offset
+    constant += 0.5 * float(offset @ bent) - float(force @ offset)
     return CondensedProblem(
         problem,
         body.matrix,
-        force - body.matrix @ offset,
+        force - bent,
         body.active,
         np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape)),
         constant,

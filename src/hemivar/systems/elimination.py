@@ -136,6 +136,21 @@ class Elimination:
         d = self.active.shape[1]
         return np.asarray(self.diagonal[:, [0, min(1, d - 1)]] / self.weights[:, None])
 
+    @cached_property
+    def per_area(self) -> Array:
+        """:attr:`diagonal` per area, (m, d)."""
+        return np.asarray(self.diagonal / self.weights[:, None])
+
+    @cached_property
+    def resilience(self) -> Array:
+        """:attr:`compliance` of every component, (m, d)."""
+        return np.repeat(self.compliance, [1, self.active.shape[1] - 1], axis=1)
+
+    @cached_property
+    def everywhere(self) -> bool:
+        """Whether all components are free to move."""
+        return bool(self.active.all())
+
     def couple(self, step: Array) -> Array:
         """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
         return np.asarray(self.matrix @ step.ravel()).reshape(step.shape)
@@ -181,7 +196,9 @@ class Elimination:
         """
         reduced = self.factor.reduce(problem.linear.load)
         shift = np.zeros(self.kept.size) if self.drift is None else self.drift @ reduced.force
-        offset = np.where(self.active, problem.contact.offset.reshape(self.active.shape), 0.0).ravel()
+        offset = problem.contact.offset.ravel()
+        if not self.everywhere:
+            offset = np.where(self.active.ravel(), offset, 0.0)
         return Recovery(self, problem, offset, reduced, shift), 0.5 * reduced.work
 
 
