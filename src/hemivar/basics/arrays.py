@@ -129,7 +129,8 @@ def norm(vector: ArrayLike) -> float:
     It is ``s |x / s|`` with ``s`` the power of two next to the largest entry, so that nothing is rounded twice.
     """
     x = np.asarray(vector, dtype=float).ravel()
-    square = float(x.dot(x))
+    with np.errstate(over="ignore"):
+        square = float(x.dot(x))
     if _TINY < square < _HUGE:
         return math.sqrt(square)
     largest = float(np.abs(x).max(initial=0.0))

@@ -140,6 +140,7 @@ class Advance:
         self._law: tuple[ContactLaw, float, StepLaw] | None = None
         self._grounds: OrderedDict[float, tuple[Ground, ...]] = OrderedDict()
         self._loads: tuple[Array, float] = np.zeros(0), 0.0
+        self._asked: tuple[object, object, float] = None, None, 0.0
         self.products = Products(discrete)
         self.paths = JumpPaths(discrete, self.bodies, self.workspace)
 
@@ -206,8 +207,7 @@ class Advance:
 
     def excess(self, problem: DiscreteProblem) -> float:
         """``c - 1`` of a problem: how much stiffer the body must be to leave one solution; negative if it is."""
-        law = problem.law
-        if not problem.contact_points or law.state_dependent or not any(alpha.any() for alpha in law.weak_convexity):
+        if not problem.contact_points or problem.law.state_dependent:
             return -1.0
         return self.constant(problem) - 1.0
 
@@ -217,9 +217,19 @@ class Advance:
         Of a body that is condensed anyway it is the largest eigenvalue of a small matrix; else that of
         :meth:`smallness`.
         """
+        stiffness, law = problem.linear.stiffness, problem.law
+        if self._asked[0] is stiffness and self._asked[1] is law:
+            return self._asked[2]
+        found = self._constant(problem)
+        self._asked = stiffness, law, found
+        return found
+
+    def _constant(self, problem: DiscreteProblem) -> float:
+        alphas = problem.law.weak_convexity
+        if not any(alpha.any() for alpha in alphas):
+            return 0.0
         if not self._condenses(problem):
             return self.smallness(problem).constant
-        alphas = problem.law.weak_convexity
         key = (id(problem.linear.stiffness), *(np.asarray(alpha).tobytes() for alpha in alphas))
         known = self._constants.get(key)
         if known is None:
@@ -454,7 +464,7 @@ class Advance:
             if du.size > n:
                 moved += float((sum(acts.values()) - stage.load)[n:] @ du[n:])
             if lam.size and not stage.still:
-                shifted = np.asarray(discrete.problem.contact.trace @ du[:n]).reshape(dr.shape) - dr
+                shifted = discrete.problem.contact.traced(du[:n]) - dr
                 moved -= float((pressed * shifted).sum())
             normal += float(pressed[:, 0] @ dr[:, 0])
             friction += float((pressed * dr)[:, 1:].sum())

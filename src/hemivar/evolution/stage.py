@@ -212,7 +212,7 @@ def posed_stage(
     contact = ground.base.contact
     from_place = offset + origin
     if contact.count:
-        from_place -= np.asarray(contact.trace @ place[:n]).reshape(offset.shape)
+        from_place -= contact.traced(place[:n])
     problem = bodies.posed(ground.base, force[:n] if force.size > n else force, from_place, step_law.law)
     return Stage(
         problem, rule, ground.step, before, place, offset, origin, step_law, at.load, ground.decays, ground.gains,

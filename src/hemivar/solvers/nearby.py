@@ -41,6 +41,7 @@ class _Vectors:
     law: ContactLaw
     pair: Array  # stiffness that sorts, (m, 2)
     stiffness: Array  # the same, (m, d)
+    compliance: Array  # (m, 2)
 
     def onto(self, p: Array, r: Array) -> OnGraph:
         place = self.law.place_on_piece(self.pair, p, r)
@@ -48,6 +49,9 @@ class _Vectors:
         held = ~np.repeat(line.smooth, [1, r.shape[1] - 1], axis=1)
         lam = np.where(held, p - self.stiffness * place, line.gradient)
         return OnGraph(place, held, lam, line.hessian, moved=True)
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        return self.law.graph_distance(r, lam, self.compliance)[:, None]
 
 
 @dataclass(eq=False)
@@ -65,7 +69,7 @@ class Pieces:
         found, law, body = self._law, system.law, system.body
         if found is None or found.law is not law:
             made = SeparateLaw.of(law, body.pointwise, system.shape[1])
-            found = self._law = made if made is not None else _Vectors(law, body.pointwise, body.per_area)
+            found = self._law = made if made is not None else _Vectors(law, body.pointwise, body.per_area, body.compliance)
         return found
 
     def solve(self, system: CondensedProblem, index: IntArray, curvature: Array, right: Array) -> Array | None:
@@ -111,7 +115,7 @@ def nearby_solution(
     p = stiffness * r + lam
     if not math.isfinite(float(p.sum())):
         return None
-    on = graphs.onto(p, r)
+    on, load = graphs.onto(p, r), norm(system.problem.linear.load)
     for number in range(1, _ROUNDS + 1):
         r = on.place if whole else np.where(active, on.place, system.fixed)
         free = ~on.held if whole else active & ~on.held
@@ -138,11 +142,13 @@ def nearby_solution(
         missed = norm(weights * off)
         if not math.isfinite(missed):
             return None
-        scale = _load_scale(system, graphs)
-        if missed > _PART * (controls.atol + controls.rtol * scale.of(norm(weights * of_law))):
-            continue
+        if missed > _PART * (controls.atol + controls.rtol * load):
+            force = norm(weights * of_law)
+            scale = _load_scale(system, graphs, load, force).of(force)
+            if missed > _PART * (controls.atol + controls.rtol * scale):
+                continue
         iterated = time.perf_counter()
-        unknowns, residual = _recovered(system, r, of_law, graphs, scale)
+        unknowns, residual = _recovered(system, r, of_law, graphs, load)
         if residual.below(controls.atol, controls.rtol):
             return Solution(
                 problem=system.problem,
@@ -162,8 +168,15 @@ def nearby_solution(
     return None
 
 
-def _load_scale(system: CondensedProblem, graphs: SeparateLaw | _Vectors) -> LoadScale:
-    """What residuals are held against: :attr:`CondensedProblem.load_scale`, read from tables."""
+def _load_scale(
+    system: CondensedProblem, graphs: SeparateLaw | _Vectors, load: float, contact_force: float
+) -> LoadScale:
+    """What residuals are held against: :attr:`CondensedProblem.load_scale`, read from tables.
+
+    What the foundation does at rest is not looked for where the load is larger than the force that it exerts.
+    """
+    if contact_force <= load:
+        return LoadScale(load, math.inf)
     if not isinstance(graphs, SeparateLaw):
         return system.load_scale
     offset, ends, shape = system.problem.contact.offset, graphs.domain, system.shape
@@ -171,19 +184,19 @@ def _load_scale(system: CondensedProblem, graphs: SeparateLaw | _Vectors) -> Loa
     lam = graphs.least_multiplier(inside)
     lam[:, 0] -= (offset + inside)[:, 0] / system.body.compliance[:, 0]
     rest = norm(system.problem.contact.pressed(system.weights[:, None] * lam))
-    return LoadScale(norm(system.problem.linear.load), rest if math.isfinite(rest) else math.inf)
+    return LoadScale(load, rest if math.isfinite(rest) else math.inf)
 
 
 def _recovered(
-    system: CondensedProblem, r: Array, lam: Array, graphs: SeparateLaw | _Vectors, scale: LoadScale
+    system: CondensedProblem, r: Array, lam: Array, graphs: SeparateLaw | _Vectors, load: float
 ) -> tuple[Array, Residual]:
     """All unknowns with the residual of the full problem, as :meth:`CondensedProblem.recovered` finds them."""
-    if not isinstance(graphs, SeparateLaw):
-        return system.recovered(r, lam)
     problem, body, weights = system.problem, system.body, system.weights[:, None]
-    u = system.unknowns(r)
-    force = problem.contact.pressed(weights * lam)
+    contact, u = problem.contact, system.unknowns(r)
+    force = contact.pressed(weights * lam)
+    size = norm(force)
     balance = problem.linear.load - problem.linear.stiffness @ u
-    balance[problem.contact.seen] -= force
-    inclusion = weights * graphs.graph_distance(problem.contact.local(u), lam, body.resilience)
-    return u, Residual.of(norm(balance), norm(inclusion), scale, norm(force), problem.linear.moved(u))
+    balance[contact.seen] -= force
+    inclusion = system.weights[:, None] * graphs.graph_distance(contact.local(u), lam, body.resilience)
+    scale = _load_scale(system, graphs, load, size)
+    return u, Residual.of(norm(balance), norm(inclusion), scale, size, problem.linear.moved(u))

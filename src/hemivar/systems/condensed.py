@@ -402,7 +402,7 @@ def _under(body: Elimination, problem: DiscreteProblem, began: float) -> Condens
     """The condensation of a body under the load and the gap of a problem."""
     recovery, rest_energy = body.under(problem)
     constant = problem.linear.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)
-    force = np.asarray(body.spread.T @ recovery.reduced.force)
+    force = body.gathered(recovery.reduced.force)
     # From contact unknowns y = r + offset to r.
     offset = recovery.offset
     bent = body.matrix @ offset
@@ -412,7 +412,7 @@ def _under(body: Elimination, problem: DiscreteProblem, began: float) -> Condens
         body.matrix,
         force - bent,
         body.active,
-        np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape)),
+        body.nothing if body.everywhere else np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape)),
         constant,
         rest_energy,
         time.perf_counter() - began,

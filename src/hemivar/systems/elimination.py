@@ -147,9 +147,29 @@ class Elimination:
         return np.repeat(self.compliance, [1, self.active.shape[1] - 1], axis=1)
 
     @cached_property
+    def nothing(self) -> Array:
+        """Zeros (m, d)."""
+        return np.zeros(self.active.shape)
+
+    @cached_property
     def everywhere(self) -> bool:
         """Whether all components are free to move."""
         return bool(self.active.all())
+
+    @cached_property
+    def order(self) -> IntArray | None:
+        """Which local component each of the kept unknowns is, where each is one and all are free to move; else None."""
+        simple = self.drift is None and self.everywhere and sp.issparse(self.spread)
+        return self.spread.indices.astype(np.int64) if simple and self.spread.nnz == self.kept.size else None
+
+    @cached_property
+    def place(self) -> IntArray | None:
+        """Which of the kept unknowns each local component is, the inverse of :attr:`order`."""
+        return None if self.order is None else np.argsort(self.order)
+
+    def gathered(self, force: Array) -> Array:
+        """Forces (m d,) on the local components of forces (k,) on the kept unknowns."""
+        return np.asarray(self.spread.T @ force) if self.place is None else force.take(self.place)
 
     def couple(self, step: Array) -> Array:
         """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
@@ -225,8 +245,10 @@ class Recovery:
     shift: Array
 
     def __call__(self, r: Array) -> Array:
-        y = self.body.spread @ (r.ravel() + self.offset) + self.shift
-        return self.body.factor.extend(self.reduced, y)
+        body, y = self.body, r.ravel() + self.offset
+        order = body.order
+        y = body.spread @ y + self.shift if order is None else y.take(order)
+        return body.factor.extend(self.reduced, y)
 
     def linear(self, change: Array) -> Array:
         """The same for a change of the local displacements, without load and shift."""
