@@ -15,13 +15,15 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 
-__all__ = ["Bulk", "Quadratic"]
+__all__ = ["Bulk", "Quadratic", "without_zeros"]
 
 _SYMMETRY_TOLERANCE = 1e-10
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
 _LEAST_WORK = 1e-270
 #: Rows of a matrix looked at in one go.
 _PORTION = 1 << 16
+#: Part of the stored entries of a matrix that are none of them zeros, above which zeros are left where they are.
+_FEW_ZEROS = 0.95
 
 
 @runtime_checkable
@@ -127,13 +129,17 @@ class Quadratic(Portable):
             sums[start : start + len(bounds) - 1] = np.add.reduceat(part, bounds[:-1] - bounds[0])
         return sums
 
+    @cached_property
+    def _entries(self) -> sp.csr_array:
+        return without_zeros(self.stiffness)
+
     def value(self, u: Array) -> float:
         """``1/2 u'K u - f'u + constant``."""
         return 0.5 * float(u @ (self.stiffness @ u)) - float(self.load @ u) + self.constant
 
     def gradient(self, u: Array) -> Array:
         """``K u - f``, shape (n,)."""
-        return np.asarray(self.stiffness @ u - self.load)
+        return np.asarray(self._entries @ u - self.load)
 
     def hessian(self, u: Array | None = None) -> sp.csr_array:
         """``K``, the same everywhere."""
@@ -148,7 +154,7 @@ class Quadratic(Portable):
 
     def under(self, load: Array, constant: float | None = None) -> Quadratic:
         """The same body under another load, shape (n,); the stiffness is shared, and what is known of it."""
-        _ = self.diagonal, self.row_sums
+        _ = self.diagonal, self.row_sums, self._entries
         other = copy.copy(self)
         if constant is None and isinstance(load, np.ndarray) and load.dtype == float and load.shape == self.load.shape:
             work = float(load.dot(load / self.diagonal))
@@ -160,6 +166,15 @@ class Quadratic(Portable):
         other._carry(load, self.constant if constant is None else constant, own=True)
         _check_size(other.diagonal, other.load)
         return other
+
+
+def without_zeros(matrix: sp.csr_array) -> sp.csr_array:
+    """The matrix without stored zeros, for products; the matrix itself where they are few."""
+    if np.count_nonzero(matrix.data) > _FEW_ZEROS * matrix.nnz:
+        return matrix
+    found = matrix.copy()
+    found.eliminate_zeros()
+    return found
 
 
 def _check_diagonal(diagonal: Array) -> None:

@@ -33,7 +33,7 @@ from hemivar.evolution.stage import (
     posed_stage,
     reached_forces,
 )
-from hemivar.evolution.step_laws import StepLaw, stage_law
+from hemivar.evolution.step_laws import Foundations, StepLaw, stage_law
 from hemivar.laws import ContactLaw
 from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Solution, Solver, Status, solve
 from hemivar.solvers.choice import choose
@@ -141,6 +141,7 @@ class Advance:
         self._grounds: OrderedDict[float, tuple[Ground, ...]] = OrderedDict()
         self._loads: tuple[Array, float] = np.zeros(0), 0.0
         self._asked: tuple[object, object, float] = None, None, 0.0
+        self._foundations = Foundations(discrete)
         self.products = Products(discrete)
         self.paths = JumpPaths(discrete, self.bodies, self.workspace)
 
@@ -319,7 +320,7 @@ class Advance:
         known, rate = self._law, rule.rate.difference
         if known is not None and known[0] is at.law and known[1] == rate:
             return known[2]
-        law = stage_law(self.discrete, at.law, base, rule, step, guess, multiplier)
+        law = stage_law(self.discrete, at.law, base, rule, step, guess, multiplier, self._foundations)
         if not law.blocks and rule.restitution is None and not rule.conserving:
             self._law = at.law, rate, law
         return law

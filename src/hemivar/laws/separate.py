@@ -123,9 +123,9 @@ class SeparateLaw:
             ends = one.domain
             lower[:, c], upper[:, c] = ends.lower, ends.upper
             if not one.straight:
-                pieces = [one.piece_bounds(np.full(m, i)) for i in range(own + 1)]
-                low, high = (np.stack([np.broadcast_to(end[side], m) for end in pieces]) for side in (0, 1))
-                curved.append(_Curved(one, c, low, high))
+                places = np.clip(knots[:own, :, c], ends.lower, ends.upper)
+                first, last = (np.broadcast_to(end, (1, m)) for end in (ends.lower, ends.upper))
+                curved.append(_Curved(one, c, np.concatenate([first, places]), np.concatenate([places, last])))
                 continue
             finite = np.isfinite(knots[:own, :, c])
             at = np.where(finite, knots[:own, :, c], 0.0)

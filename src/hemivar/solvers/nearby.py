@@ -195,7 +195,7 @@ def _recovered(
     contact, u = problem.contact, system.unknowns(r)
     force = contact.pressed(weights * lam)
     size = norm(force)
-    balance = problem.linear.load - problem.linear.stiffness @ u
+    balance = -problem.linear.gradient(u)
     balance[contact.seen] -= force
     inclusion = system.weights[:, None] * graphs.graph_distance(contact.local(u), lam, body.resilience)
     scale = _load_scale(system, graphs, load, size)
