@@ -107,6 +107,8 @@ class Foundations:
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self._discrete = discrete
         self._known: dict[str, _Foundation] = {}
+        self._made: dict[str, tuple[_Foundation, float, Mapping[str, Array], ContactLaw]] = {}
+        self._joined: tuple[list[tuple[ContactLaw, int]], ContactLaw] | None = None
 
     def of(self, name: str, index: IntArray, stated: ContactLaw, rate: float) -> _Foundation:
         """Those of a boundary under a law that acts and a factor of the displacement in the rate."""
@@ -117,6 +119,22 @@ class Foundations:
             given = base if memory.of_slip else in_increments(base, rate)
             found = self._known[name] = _Foundation(stated, rate, memory, damping, base, given)
         return found
+
+    def law(self, name: str, found: _Foundation, state: Mapping[str, Array], local: LocalStep) -> ContactLaw:
+        """The law of a boundary in a step, without damping; that of the step before where it cannot be another one."""
+        known = self._made.get(name)
+        if known is not None and found.memory.of_state and known[0] is found and known[1] == local.tau:
+            if all(np.array_equal(values, known[2][key]) for key, values in state.items()):
+                return known[3]
+        made = law_of_step(found.base, found.memory, state, local)
+        self._made[name] = found, local.tau, state, made
+        return made
+
+    def joined(self, laws: list[tuple[ContactLaw, int]]) -> ContactLaw:
+        """One law from those of all boundaries; the one of the step before where they are the same."""
+        if self._joined is None or [law for law, _ in self._joined[0]] != [law for law, _ in laws]:
+            self._joined = laws, ContactLaw.concatenate(laws)
+        return self._joined[1]
 
 
 def stage_law(
@@ -157,20 +175,21 @@ def stage_law(
         law = ContactLaw(normal, friction_in_increments(stated.friction, rate))
         return StepLaw(law, storing=stated if rule.conserving else None)
     blocks = []
+    foundations = Foundations(discrete) if known is None else known
     for name, index in discrete.blocks:
         if not index.size:
             continue
-        found = (Foundations(discrete) if known is None else known).of(name, index, stated, rate)
+        found = foundations.of(name, index, stated, rate)
         memory, damping, base, given, motion = found.memory, found.damping, found.base, found.given, before.local
         drift = rule.rate.velocity * motion.velocity[index] + rule.rate.acceleration * motion.acceleration[index]
         local = LocalStep(rule.at * step, rate, motion.place[index], guess[index], guess_multiplier[index], drift)
         state = before.memory.get(name, {})
-        undamped = law_of_step(base, memory, state, local)
+        undamped = foundations.law(name, found, state, local)
         law = undamped if damping is None else law_of_step(base, memory, state, local, damping)
         blocks.append(BlockLaw(name, index, base, memory, given, damping, local, law, undamped))
     if not blocks:  # no contact points of this process
         return StepLaw(stated)
-    return StepLaw(ContactLaw.concatenate([(block.law, block.index.size) for block in blocks]), tuple(blocks))
+    return StepLaw(foundations.joined([(block.law, block.index.size) for block in blocks]), tuple(blocks))
 
 
 def refuse_compliant(discrete: DiscreteEvolution, scheme: Scheme) -> None:

@@ -102,6 +102,9 @@ class Memory(Portable, ABC):
     #: Whether the law of the step depends on the solution of the step, so that it is made anew until it stands.
     iterates: bool = False
 
+    #: Whether the law of the step depends on the law it is given, the state and the length of the step, and on no more.
+    of_state: bool = False
+
     #: Whether the friction law that it is given is the one stated, of the slip, and not one of the slip rate.
     of_slip: bool = False
 
