@@ -16,7 +16,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["OnGraph", "SeparateLaw"]
+__all__ = ["OnGraph", "RadialLaw", "SeparateLaw"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,8 @@ class OnGraph:
     multiplier : array
         The derivative at ``place``; at a kink what is left of p there.
     curvature : array
-        The second derivative at ``place``; zero at kinks.
+        The second derivative at ``place``, zero at kinks; a matrix (m, c, c) for each point where components belong
+        together.
     moved : bool
         Whether a place is neither a kink nor the displacement that was given.
     """
@@ -238,3 +239,99 @@ class SeparateLaw:
             if here.any():
                 found = np.where(here, np.minimum(np.maximum(low, 0.0), high), found)
         return found.reshape(self.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class RadialLaw:
+    """The same for points of three components: the normal one, and the length of the tangential ones.
+
+    Attributes
+    ----------
+    law : ContactLaw
+    lengths : SeparateLaw
+        Of the normal component and the length of the slip.
+    stiffness : array (m, 3)
+    """
+
+    law: ContactLaw
+    lengths: SeparateLaw
+    stiffness: Array
+
+    @classmethod
+    def of(cls, law: ContactLaw, stiffness: Array) -> Self | None:
+        """The tables of a law, see :meth:`SeparateLaw.of`."""
+        lengths = SeparateLaw.of(law, stiffness, 2)
+        return None if lengths is None else cls(law, lengths, np.repeat(stiffness, [1, 2], axis=1))
+
+    @property
+    def domain(self) -> tuple[Array, Array]:
+        """Ends of the domains (3 m,) of all components; slips have none that are looked at."""
+        m = len(self.stiffness)
+        first, last = np.full((m, 3), -np.inf), np.full((m, 3), np.inf)
+        for ends, own in ((first, self.lengths.domain[0]), (last, self.lengths.domain[1])):
+            ends[:, 0] = own[::2]
+        return first.ravel(), last.ravel()
+
+    def onto(self, p: Array, r: Array) -> OnGraph:
+        """As :meth:`SeparateLaw.onto`."""
+        pull, size = _lengths(p), _lengths(r)
+        on = self.lengths.onto(pull, size)
+        still, length, moved = on.held[:, 1], on.place[:, 1], on.moved
+        begins = ~still & (length == 0.0)
+        if begins.any():  # it slips from now on, as far as the law is as straight as it begins
+            force = pull[:, 1] - on.multiplier[:, 1]
+            stiffness = self.lengths.stiffness[1::2] + on.curvature[:, 1]
+            length, moved = np.where(begins, np.maximum(force, 0.0) / stiffness, length), True
+        own, towards = _directions(r, size[:, 1]), _directions(p, pull[:, 1])
+        heading = np.where(((length == size[:, 1]) & ~still & (length > 0.0))[:, None], own, towards)
+        place, held = np.empty(r.shape), np.empty(r.shape, dtype=bool)
+        place[:, 0], place[:, 1:] = on.place[:, 0], length[:, None] * heading
+        held[:, 0], held[:, 1:] = on.held[:, 0], still[:, None]
+        slope, bend = np.where(still, 0.0, on.multiplier[:, 1]), on.curvature[:, 1]
+        lam = np.where(held, p - self.stiffness * place, 0.0)
+        lam[:, 0] = on.multiplier[:, 0]
+        lam[:, 1:] += slope[:, None] * heading
+        across = np.where(length > 0.0, slope / np.where(length > 0.0, length, 1.0), bend)
+        across = np.where(still, 0.0, across)
+        curvature = np.zeros((*r.shape, 3))
+        curvature[:, 0, 0] = on.curvature[:, 0]
+        block = ((bend - across)[:, None] * heading)[:, :, None] * heading[:, None, :]
+        block[:, [0, 1], [0, 1]] += across[:, None]
+        curvature[:, 1:, 1:] = block
+        return OnGraph(place, held, lam, curvature, moved)
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        """Distance (m, 1) of each pair to the graph, as :meth:`hemivar.laws.ContactLaw.graph_distance`."""
+        size = _lengths(r)
+        direction = _directions(r, size[:, 1])
+        force = lam.copy()[:, :2]
+        force[:, 1] = np.einsum("mi,mi->m", direction, lam[:, 1:])
+        found = self.lengths.graph_distance(size, force, tau[:, :2])
+        across = np.hypot(*(lam[:, 1:] - force[:, 1:] * direction).T)
+        moving = np.where(size[:, 1] > 0.0, np.hypot(found[:, 1], across), np.inf)
+        pull = np.hypot(lam[:, 1], lam[:, 2])
+        resting = np.hypot(size[:, 1] / tau[:, 1], self.law.tangential.distance(np.zeros_like(pull), pull))
+        return np.hypot(found[:, 0], np.minimum(moving, resting))[:, None]
+
+    def least_multiplier(self, r: Array) -> Array:
+        """As :meth:`SeparateLaw.least_multiplier`."""
+        size = _lengths(r)
+        least = self.lengths.least_multiplier(size)
+        found = _directions(r, size[:, 1]) * least[:, 1:]
+        return np.concatenate([least[:, :1], np.where(size[:, 1:] > 0.0, found, 0.0)], axis=1)
+
+
+def _lengths(x: Array) -> Array:
+    """The normal component and the length of the others, (m, 2)."""
+    found = np.empty((len(x), 2))
+    found[:, 0] = x[:, 0]
+    np.hypot(x[:, 1], x[:, 2], out=found[:, 1])
+    return found
+
+
+def _directions(x: Array, size: Array) -> Array:
+    """Direction (m, 2) of the tangential components, the first axis where they are zero."""
+    found = x[:, 1:] / np.where(size > 0.0, size, 1.0)[:, None]
+    if not size.all():
+        found[size == 0.0] = (1.0, 0.0)
+    return found

@@ -19,9 +19,9 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import ContactLaw
-from hemivar.laws.separate import OnGraph, SeparateLaw
+from hemivar.laws.separate import OnGraph, RadialLaw, SeparateLaw
 from hemivar.solvers.controls import Controls
-from hemivar.solvers.newton import NonsmoothNewton, newton_matrix
+from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
@@ -36,7 +36,7 @@ _PART = 0.5
 
 @dataclass(frozen=True, eq=False)
 class _Vectors:
-    """What :class:`SeparateLaw` answers, of a law whose components belong together or that has many knots."""
+    """What :class:`SeparateLaw` answers, of a law that has many knots."""
 
     law: ContactLaw
     pair: Array  # stiffness that sorts, (m, 2)
@@ -54,6 +54,10 @@ class _Vectors:
         return self.law.graph_distance(r, lam, self.compliance)[:, None]
 
 
+#: A law as Newton's equations ask for it.
+_Graphs = SeparateLaw | RadialLaw | _Vectors
+
+
 @dataclass(eq=False)
 class Pieces:
     """What is kept of Newton's equations: the tables of the law, and the factor of the equation that was solved last.
@@ -61,15 +65,16 @@ class Pieces:
     The factor serves as long as the contact points keep their pieces.  Nothing in it changes an answer.
     """
 
-    _law: SeparateLaw | _Vectors | None = field(default=None, repr=False)
+    _law: _Graphs | None = field(default=None, repr=False)
     _known: tuple[bytes, Array | None] = field(default=(b"", None), repr=False)
 
-    def graphs(self, system: CondensedProblem) -> SeparateLaw | _Vectors:
+    def graphs(self, system: CondensedProblem) -> _Graphs:
         """The graphs of the law."""
         found, law, body = self._law, system.law, system.body
         if found is None or found.law is not law:
-            made = SeparateLaw.of(law, body.pointwise, system.shape[1])
-            found = self._law = made if made is not None else _Vectors(law, body.pointwise, body.per_area, body.compliance)
+            d, pair = system.shape[1], body.pointwise
+            made = RadialLaw.of(law, pair) if d == 3 else SeparateLaw.of(law, pair, d)
+            found = self._law = _Vectors(law, pair, body.per_area, body.compliance) if made is None else made
         return found
 
     def solve(self, system: CondensedProblem, index: IntArray, curvature: Array, right: Array) -> Array | None:
@@ -81,7 +86,10 @@ class Pieces:
         known, factor = self._known
         if known != key:
             if curvature.ndim == 3:
-                H = newton_matrix(system, index, curvature)
+                m, d = system.shape
+                whole, point = system.matrix.copy(), np.arange(m)
+                whole.reshape(m, d, m, d)[point, :, point, :] += system.weights[:, None, None] * curvature
+                H = whole.take(index, axis=0).take(index, axis=1)
             else:
                 H = system.matrix.take(index, axis=0).take(index, axis=1)
                 H.ravel()[:: index.size + 1] += (system.weights[:, None] * curvature).ravel()[index]
@@ -144,6 +152,8 @@ def nearby_solution(
             return None
         if missed > _PART * (controls.atol + controls.rtol * load):
             force = norm(weights * of_law)
+            if missed > _PART * (controls.atol + controls.rtol * max(load, force)):
+                continue
             scale = _load_scale(system, graphs, load, force).of(force)
             if missed > _PART * (controls.atol + controls.rtol * scale):
                 continue
@@ -169,7 +179,7 @@ def nearby_solution(
 
 
 def _load_scale(
-    system: CondensedProblem, graphs: SeparateLaw | _Vectors, load: float, contact_force: float
+    system: CondensedProblem, graphs: _Graphs, load: float, contact_force: float
 ) -> LoadScale:
     """What residuals are held against: :attr:`CondensedProblem.load_scale`, read from tables.
 
@@ -177,7 +187,7 @@ def _load_scale(
     """
     if contact_force <= load:
         return LoadScale(load, math.inf)
-    if not isinstance(graphs, SeparateLaw):
+    if isinstance(graphs, _Vectors):
         return system.load_scale
     offset, ends, shape = system.problem.contact.offset, graphs.domain, system.shape
     inside = np.clip(-offset, ends[0].reshape(shape), ends[1].reshape(shape))
@@ -188,7 +198,7 @@ def _load_scale(
 
 
 def _recovered(
-    system: CondensedProblem, r: Array, lam: Array, graphs: SeparateLaw | _Vectors, load: float
+    system: CondensedProblem, r: Array, lam: Array, graphs: _Graphs, load: float
 ) -> tuple[Array, Residual]:
     """All unknowns with the residual of the full problem, as :meth:`CondensedProblem.recovered` finds them."""
     problem, body, weights = system.problem, system.body, system.weights[:, None]
