@@ -97,7 +97,7 @@ def test_a_step_calls_few_functions() -> None:
     run = marching(body("survey"), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
     for _ in range(10):
         next(run)
-    with at_most_calls(20 * 1500):
+    with at_most_calls(20 * 600):
         for _ in range(20):
             next(run)
 

@@ -139,7 +139,7 @@ class ContactPoints(Portable):
 
     @cached_property
     def _single(self) -> tuple[IntArray, Array | None] | None:
-        """The one unknown that each row of the trace sees and its factor, None if all are 1; None where rows see others."""
+        """The one unknown that each row of the trace sees and its factor, None for 1; None where rows see others."""
         trace = self.trace
         if not (np.diff(trace.indptr) == 1).all():
             return None

@@ -20,8 +20,8 @@ from hemivar.evolution.jumps import Jump, Leap
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.operators import Operator
-from hemivar.evolution.schemes import Rule, Scheme
 from hemivar.evolution.products import Products
+from hemivar.evolution.schemes import Rule, Scheme
 from hemivar.evolution.stage import (
     Ground,
     Stage,
@@ -278,9 +278,7 @@ class Advance:
             found.append((body_factors(self.discrete, rule, step), law.law))
         return found
 
-    def _stage(
-        self, base: Moment, ground: Ground, at: Acting, end: Acting, start: Acting, jump: Jump
-    ) -> _Solved:
+    def _stage(self, base: Moment, ground: Ground, at: Acting, end: Acting, start: Acting, jump: Jump) -> _Solved:
         guess, multiplier = np.zeros(base.local.place.shape), base.multiplier
         guess[:, 0] = base.local.place[:, 0]
         initial: Solution | None = None

@@ -253,9 +253,7 @@ def forces(
     return found
 
 
-def reached_forces(
-    discrete: DiscreteEvolution, stage: Stage, reached: Motion, products: Products
-) -> dict[str, Array]:
+def reached_forces(discrete: DiscreteEvolution, stage: Stage, reached: Motion, products: Products) -> dict[str, Array]:
     """:func:`forces` of the displacement x* (n + k,) that was reached, with its velocity and acceleration."""
     before, rule = stage.before.body, stage.rule
     found = {"internal": products.stiffness(reached.place)}

@@ -123,9 +123,9 @@ class Foundations:
     def law(self, name: str, found: _Foundation, state: Mapping[str, Array], local: LocalStep) -> ContactLaw:
         """The law of a boundary in a step, without damping; that of the step before where it cannot be another one."""
         known = self._made.get(name)
-        if known is not None and found.memory.of_state and known[0] is found and known[1] == local.tau:
-            if all(np.array_equal(values, known[2][key]) for key, values in state.items()):
-                return known[3]
+        same = known is not None and found.memory.of_state and known[0] is found and known[1] == local.tau
+        if same and known is not None and all(np.array_equal(known[2][key], state[key]) for key in state):
+            return known[3]
         made = law_of_step(found.base, found.memory, state, local)
         self._made[name] = found, local.tau, state, made
         return made

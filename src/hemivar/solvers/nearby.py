@@ -178,9 +178,7 @@ def nearby_solution(
     return None
 
 
-def _load_scale(
-    system: CondensedProblem, graphs: _Graphs, load: float, contact_force: float
-) -> LoadScale:
+def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_force: float) -> LoadScale:
     """What residuals are held against: :attr:`CondensedProblem.load_scale`, read from tables.
 
     What the foundation does at rest is not looked for where the load is larger than the force that it exerts.
@@ -197,9 +195,7 @@ def _load_scale(
     return LoadScale(load, rest if math.isfinite(rest) else math.inf)
 
 
-def _recovered(
-    system: CondensedProblem, r: Array, lam: Array, graphs: _Graphs, load: float
-) -> tuple[Array, Residual]:
+def _recovered(system: CondensedProblem, r: Array, lam: Array, graphs: _Graphs, load: float) -> tuple[Array, Residual]:
     """All unknowns with the residual of the full problem, as :meth:`CondensedProblem.recovered` finds them."""
     problem, body, weights = system.problem, system.body, system.weights[:, None]
     contact, u = problem.contact, system.unknowns(r)

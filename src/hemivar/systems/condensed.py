@@ -405,14 +405,16 @@ def _under(body: Elimination, problem: DiscreteProblem, began: float) -> Condens
     force = body.gathered(recovery.reduced.force)
     # From contact unknowns y = r + offset to r.
     offset = recovery.offset
-    bent = body.matrix @ offset
+    bent, fixed = body.matrix @ offset, body.nothing
+    if not body.everywhere:
+        fixed = np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape))
     constant += 0.5 * float(offset @ bent) - float(force @ offset)
     return CondensedProblem(
         problem,
         body.matrix,
         force - bent,
         body.active,
-        body.nothing if body.everywhere else np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape)),
+        fixed,
         constant,
         rest_energy,
         time.perf_counter() - began,

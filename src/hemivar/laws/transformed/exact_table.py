@@ -140,7 +140,7 @@ def pick(columns: NDArray[Entry], index: IntArray) -> NDArray[Entry]:
     if index.ndim == 1 and columns.shape[0] == 1:
         return cast("NDArray[Entry]", columns[0].take(index))
     if index.ndim == 1 and columns.shape[0] == index.size:
-        return cast("NDArray[Entry]", columns[np.arange(index.size), index])
+        return columns[np.arange(index.size), index]
     wide = index if index.ndim == 2 else index[:, None]
     rows = np.broadcast_shapes(columns.shape[:1], wide.shape[:1])
     columns = np.broadcast_to(columns, (*rows, columns.shape[-1]))
