@@ -30,6 +30,8 @@ __all__ = ["Pieces", "nearby_solution"]
 
 #: Newton's equations that are solved before a search is thought better.
 _ROUNDS = 6
+#: Components up to which memory for matrices is kept.
+_SMALL = 600
 #: Part of the tolerance by which the multiplier may miss the law before the other unknowns are looked for.
 _PART = 0.5
 
@@ -67,6 +69,7 @@ class Pieces:
 
     _law: _Graphs | None = field(default=None, repr=False)
     _known: tuple[bytes, Array | None] = field(default=(b"", None), repr=False)
+    _room: Array | None = field(default=None, repr=False)
 
     def graphs(self, system: CondensedProblem) -> _Graphs:
         """The graphs of the law."""
@@ -85,19 +88,41 @@ class Pieces:
         key = index.tobytes() + curvature.tobytes()
         known, factor = self._known
         if known != key:
+            self._known = b"", None  # its memory is used again
+            H = self._part(system.matrix, index)
             if curvature.ndim == 3:
-                m, d = system.shape
-                whole, point = system.matrix.copy(), np.arange(m)
-                whole.reshape(m, d, m, d)[point, :, point, :] += system.weights[:, None, None] * curvature
-                H = whole.take(index, axis=0).take(index, axis=1)
+                self._add(H, system, index, curvature)
             else:
-                H = system.matrix.take(index, axis=0).take(index, axis=1)
                 H.ravel()[:: index.size + 1] += (system.weights[:, None] * curvature).ravel()[index]
             factor, failed = lapack.dpotrf(H.T, lower=1, clean=0, overwrite_a=1)  # H is symmetric: no copy is made
             if failed:
                 return None
             self._known = key, factor
         return np.asarray(lapack.dpotrs(factor, right, lower=1)[0])
+
+
+    def _part(self, matrix: Array, index: IntArray) -> Array:
+        """Rows and columns of a matrix, in memory that is used again: new memory costs more than the numbers."""
+        k, n = index.size, len(matrix)
+        if n > _SMALL:
+            return matrix.take(index, axis=0).take(index, axis=1)
+        if self._room is None or self._room.shape != (2, n * n):
+            self._room = np.empty((2, n * n))
+        rows, part = self._room[0, : k * n].reshape(k, n), self._room[1, : k * k].reshape(k, k)
+        matrix.take(index, axis=0, out=rows, mode="clip")
+        return rows.take(index, axis=1, out=part, mode="clip")
+
+    @staticmethod
+    def _add(H: Array, system: CondensedProblem, index: IntArray, curvature: Array) -> None:
+        """Add second derivatives (m, d, d) of the laws, those of the components ``index``."""
+        m, d = system.shape
+        point, component = np.divmod(index, d)
+        position = np.full((m, d), -1)
+        position[point, component] = np.arange(index.size)
+        partner = position[point]  # (k, d)
+        row, column = np.nonzero(partner >= 0)
+        here = point[row]
+        H[row, partner[row, column]] += system.weights[here] * curvature[here, component[row], column]
 
 
 def nearby_solution(
