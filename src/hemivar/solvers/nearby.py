@@ -100,7 +100,6 @@ class Pieces:
             self._known = key, factor
         return np.asarray(lapack.dpotrs(factor, right, lower=1)[0])
 
-
     def _part(self, matrix: Array, index: IntArray) -> Array:
         """Rows and columns of a matrix, in memory that is used again: new memory costs more than the numbers."""
         k, n = index.size, len(matrix)
