@@ -378,7 +378,7 @@ class Advance:
         last = solved[-1]
         rule, base = last.stage.rule, last.stage.before
         n = self.discrete.unknowns
-        if rule.ends and base is before and last.rate.place.size == n:  # the stage is the end
+        if rule.ends and base is before and last.stage.held:  # the stage is the end
             body, point = last.rate, last.local
             difference = body.place - before.body.place if before.branches else body.place
         else:

@@ -49,6 +49,8 @@ class Stage:
         What each branch takes up of the difference ``u* - u_n``.
     still : bool
         Whether gaps do not change in the step.
+    held : bool
+        Whether no support moves, on any process.
     """
 
     problem: DiscreteProblem
@@ -63,6 +65,7 @@ class Stage:
     decays: tuple[float, ...]
     gains: tuple[float, ...]
     still: bool = False
+    held: bool = False
 
     def displacement(self, solution: Solution) -> Array:
         """``x*`` (n + k,)."""
@@ -216,7 +219,7 @@ def posed_stage(
     problem = bodies.posed(ground.base, force[:n] if force.size > n else force, from_place, step_law.law)
     return Stage(
         problem, rule, ground.step, before, place, offset, origin, step_law, at.load, ground.decays, ground.gains,
-        still=end.offset is start.offset,
+        still=end.offset is start.offset, held=held,
     )  # fmt: skip
 
 
