@@ -129,17 +129,13 @@ class Quadratic(Portable):
             sums[start : start + len(bounds) - 1] = np.add.reduceat(part, bounds[:-1] - bounds[0])
         return sums
 
-    @cached_property
-    def _entries(self) -> sp.csr_array:
-        return without_zeros(self.stiffness)
-
     def value(self, u: Array) -> float:
         """``1/2 u'K u - f'u + constant``."""
         return 0.5 * float(u @ (self.stiffness @ u)) - float(self.load @ u) + self.constant
 
     def gradient(self, u: Array) -> Array:
         """``K u - f``, shape (n,)."""
-        return np.asarray(self._entries @ u - self.load)
+        return np.asarray(self.stiffness @ u - self.load)
 
     def hessian(self, u: Array | None = None) -> sp.csr_array:
         """``K``, the same everywhere."""
@@ -154,7 +150,7 @@ class Quadratic(Portable):
 
     def under(self, load: Array, constant: float | None = None) -> Quadratic:
         """The same body under another load, shape (n,); the stiffness is shared, and what is known of it."""
-        _ = self.diagonal, self.row_sums, self._entries
+        _ = self.diagonal, self.row_sums
         other = copy.copy(self)
         if constant is None and isinstance(load, np.ndarray) and load.dtype == float and load.shape == self.load.shape:
             work = float(load.dot(load / self.diagonal))

@@ -225,7 +225,7 @@ def _recovered(system: CondensedProblem, r: Array, lam: Array, graphs: _Graphs, 
     contact, u = problem.contact, system.unknowns(r)
     force = contact.pressed(weights * lam)
     size = norm(force)
-    balance = -problem.linear.gradient(u)
+    balance = problem.linear.load - body.entries @ u
     balance[contact.seen] -= force
     inclusion = system.weights[:, None] * graphs.graph_distance(contact.local(u), lam, body.resilience)
     scale = _load_scale(system, graphs, load, size)

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.bulk import without_zeros
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
@@ -52,6 +53,8 @@ class Elimination:
         Displacement of what no contact point sees, for a force on the kept unknowns.
     free_unknowns : array (n, a) or None
         Of the motions without deformation; None where K is not that of a mesh.
+    stiffness : sparse array (n, n)
+        K.
     """
 
     factor: Factorisation
@@ -63,6 +66,7 @@ class Elimination:
     spread: Any
     drift: Array | None
     free_unknowns: Array | None
+    stiffness: Any
 
     vectors: Vectors = field(default=WHOLE, init=False)
 
@@ -108,7 +112,7 @@ class Elimination:
             block = local.T @ S @ local
             matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
         compliance, weights = contact_compliance(problem), problem.contact.weights
-        return Elimination(factor, kept, matrix, active, compliance, weights, spread, drift, known)
+        return Elimination(factor, kept, matrix, active, compliance, weights, spread, drift, known, K)
 
     @cached_property
     def sizes(self) -> Array:
@@ -145,6 +149,11 @@ class Elimination:
     def resilience(self) -> Array:
         """:attr:`compliance` of every component, (m, d)."""
         return np.repeat(self.compliance, [1, self.active.shape[1] - 1], axis=1)
+
+    @cached_property
+    def entries(self) -> sp.csr_array:
+        """The stiffness without stored zeros, for products."""
+        return without_zeros(self.stiffness)
 
     @cached_property
     def nothing(self) -> Array:
