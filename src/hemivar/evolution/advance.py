@@ -141,6 +141,7 @@ class Advance:
         self._grounds: OrderedDict[float, tuple[Ground, ...]] = OrderedDict()
         self._loads: tuple[Array, float] = np.zeros(0), 0.0
         self._asked: tuple[object, object, float] = None, None, 0.0
+        self._pieces: OrderedDict[int, tuple[object, Pieces]] = OrderedDict()
         self._foundations = Foundations(discrete)
         self.products = Products(discrete)
         self.paths = JumpPaths(discrete, self.bodies, self.workspace)
@@ -357,8 +358,17 @@ class Advance:
             r, lam = base.local.place + span * base.local.velocity - stage.origin, base.multiplier
         else:
             r, lam = initial.local, initial.multiplier
-        pieces = self.workspace.once("pieces", problem, Pieces)
-        return nearby_solution(system, r, lam, controls, pieces)
+        return nearby_solution(system, r, lam, controls, self._pieces_of(problem))
+
+    def _pieces_of(self, problem: DiscreteProblem) -> Pieces:
+        """What is kept of Newton's equations of a body."""
+        stiffness = problem.linear.stiffness
+        found = self._pieces.get(id(stiffness))
+        if found is None:
+            found = self._pieces[id(stiffness)] = stiffness, Pieces()
+            while len(self._pieces) > _BODIES:
+                self._pieces.popitem(last=False)
+        return found[1]
 
     def _controls(self, stage: Stage) -> Controls:
         """Tolerances: a load that is left where all balances already is no measure."""

@@ -64,7 +64,8 @@ _Graphs = SeparateLaw | RadialLaw | _Vectors
 class Pieces:
     """What is kept of Newton's equations: the tables of the law, and the factor of the equation that was solved last.
 
-    The factor serves as long as the contact points keep their pieces.  Nothing in it changes an answer.
+    The factor serves as long as the contact points keep their pieces.  Nothing in it changes an answer.  It belongs to
+    one march: its memory is used again.
     """
 
     _law: _Graphs | None = field(default=None, repr=False)
