@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from numbers import Complex, Real
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     import scipy.sparse as sp
 
 __all__ = ["norm", "real_array", "real_matrix"]
+
+#: Squares of norms between which no square of an entry that counts over- or underflows.
+_TINY, _HUGE = 1e-240, 1e240
 
 
 def real_array(
@@ -125,6 +129,10 @@ def norm(vector: ArrayLike) -> float:
     It is ``s |x / s|`` with ``s`` the power of two next to the largest entry, so that nothing is rounded twice.
     """
     x = np.asarray(vector, dtype=float).ravel()
+    with np.errstate(over="ignore"):
+        square = float(x.dot(x))
+    if _TINY < square < _HUGE:
+        return math.sqrt(square)
     largest = float(np.abs(x).max(initial=0.0))
     if largest == 0.0 or not np.isfinite(largest):
         return largest

@@ -10,18 +10,20 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.arrays import norm, real_array, real_matrix
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 
-__all__ = ["Bulk", "Quadratic"]
+__all__ = ["Bulk", "Quadratic", "without_zeros"]
 
 _SYMMETRY_TOLERANCE = 1e-10
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
 _LEAST_WORK = 1e-270
 #: Rows of a matrix looked at in one go.
 _PORTION = 1 << 16
+#: Part of the stored entries of a matrix that are none of them zeros, above which zeros are left where they are.
+_FEW_ZEROS = 0.95
 
 
 @runtime_checkable
@@ -139,13 +141,36 @@ class Quadratic(Portable):
         """``K``, the same everywhere."""
         return self.stiffness
 
+    def moved(self, u: Array) -> float:
+        """Norm of the sizes of what is added up in ``K u - f``, entry by entry: rounding is a part of it."""
+        sizes = np.abs(u)
+        sizes *= self.row_sums
+        sizes += np.abs(self.load)
+        return norm(sizes)
+
     def under(self, load: Array, constant: float | None = None) -> Quadratic:
         """The same body under another load, shape (n,); the stiffness is shared, and what is known of it."""
         _ = self.diagonal, self.row_sums
         other = copy.copy(self)
+        if constant is None and isinstance(load, np.ndarray) and load.dtype == float and load.shape == self.load.shape:
+            work = float(load.dot(load / self.diagonal))
+            if _LEAST_WORK < work < 1.0 / _LEAST_WORK:  # every number is finite
+                own = load.copy()
+                own.flags.writeable = False
+                object.__setattr__(other, "load", own)
+                return other
         other._carry(load, self.constant if constant is None else constant, own=True)
         _check_size(other.diagonal, other.load)
         return other
+
+
+def without_zeros(matrix: sp.csr_array) -> sp.csr_array:
+    """The matrix without stored zeros, for products; the matrix itself where they are few."""
+    if np.count_nonzero(matrix.data) > _FEW_ZEROS * matrix.nnz:
+        return matrix
+    found = matrix.copy()
+    found.eliminate_zeros()
+    return found
 
 
 def _check_diagonal(diagonal: Array) -> None:

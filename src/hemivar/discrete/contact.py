@@ -124,12 +124,54 @@ class ContactPoints(Portable):
 
     def local(self, u: Array) -> Array:
         """Penetration and slip ``r = B u - offset`` of unknowns (n,), shape (m, c)."""
-        return np.asarray(self.trace @ u).reshape(self.offset.shape) - self.offset
+        return self.traced(u) - self.offset
+
+    def traced(self, u: Array) -> Array:
+        """``B u`` of unknowns (n,), shape (m, c)."""
+        single = self._single
+        if single is None:
+            return np.asarray(self.trace @ u).reshape(self.offset.shape)
+        rows, factor = single
+        found = u.take(rows)
+        if factor is not None:
+            found *= factor
+        return found.reshape(self.offset.shape)
+
+    @cached_property
+    def _single(self) -> tuple[IntArray, Array | None] | None:
+        """The one unknown that each row of the trace sees and its factor, None for 1; None where rows see others."""
+        trace = self.trace
+        if not (np.diff(trace.indptr) == 1).all():
+            return None
+        return trace.indices.astype(np.int64), None if (trace.data == 1.0).all() else trace.data
 
     @cached_property
     def _spread(self) -> sp.csc_array:
         """``B'``, whose arrays are those of the trace."""
         return self.trace.T
+
+    @cached_property
+    def seen(self) -> IntArray:
+        """The unknowns (k,) that contact points see."""
+        return np.unique(self.trace.indices[self.trace.data != 0.0]).astype(np.int64)
+
+    @cached_property
+    def _pressing(self) -> sp.csr_array:
+        """``B'`` at the unknowns that contact points see."""
+        return sp.csr_array(self.trace[:, self.seen].T)
+
+    def pressed(self, force: Array) -> Array:
+        """What forces (m, c) on the contact points are on the unknowns :attr:`seen`, (k,)."""
+        single = self._single
+        if single is None or single[0].size != self.seen.size:
+            return np.asarray(self._pressing @ force.ravel())
+        found = force.ravel() if single[1] is None else force.ravel() * single[1]
+        return found.take(self._order)
+
+    @cached_property
+    def _order(self) -> IntArray:
+        """Which row of the trace sees each of the unknowns that are seen, where each is seen by one."""
+        return np.argsort(self.trace.indices)
 
     def force(self, lam: Array) -> Array:
         """Forces ``B'W lam`` on the unknowns, shape (n,), of a multiplier (m, c)."""
@@ -146,7 +188,7 @@ class ContactPoints(Portable):
         given = real_array(offset, "offset", 2, own=True)
         if given.shape != self.offset.shape:
             raise ProblemError(f"offset has shape {given.shape}; it must be {self.offset.shape}")
-        _ = self._spread  # known to all that share the trace
+        _ = self._spread, self.seen, self._pressing, self._single, self._order  # known to all that share the trace
         other = copy.copy(self)
         object.__setattr__(other, "offset", given)
         return other

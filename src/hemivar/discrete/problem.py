@@ -195,6 +195,18 @@ class DiscreteProblem(Portable, Displayed):
         where = f"{contact.count} contact points of {contact.components} components" + (f" on {names}" if names else "")
         return f"DiscreteProblem({self.unknowns} unknowns, {where}, law {self.law.normal.name})"
 
+    def going_on(self, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
+        """:meth:`with_` for a law that follows another one of the same points, which is not tried out again.
+
+        Raises
+        ------
+        ProblemError
+            A number of the load or the offset is not finite.
+        """
+        changed = self.with_(load=load, offset=offset)
+        object.__setattr__(changed, "law", law)
+        return changed
+
     @property
     def linear(self) -> Quadratic:
         """The bulk of a linear body: its stiffness, load and constant.

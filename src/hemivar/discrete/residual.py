@@ -188,7 +188,7 @@ def residuals(
     ``compliance (m, 2)`` and ``scale`` are :func:`contact_compliance` and :func:`load_scale` of the problem.
     """
     r, balance = problem.contact.local(u), -problem.bulk.gradient(u)
-    moved = norm(_moved(problem.bulk, u) + np.abs(_load(problem)))
+    moved = _moved(problem.bulk, u)
     found = []
     for lam in multipliers:
         force, inclusion = problem.contact_force(lam), np.zeros(0)
@@ -204,7 +204,9 @@ def _load(problem: DiscreteProblem) -> Array:
     return bulk.load if isinstance(bulk, Quadratic) else -bulk.gradient(np.zeros(bulk.unknowns))
 
 
-def _moved(bulk: Bulk, u: Array) -> Array:
-    """Sizes of what is added up in the forces of the body, (n,)."""
-    sums = bulk.row_sums if isinstance(bulk, Quadratic) else abs(bulk.hessian(u)).sum(axis=1)
-    return np.asarray(sums * np.abs(u))
+def _moved(bulk: Bulk, u: Array) -> float:
+    """Norm of the sizes of what is added up in the forces of the body."""
+    if isinstance(bulk, Quadratic):
+        return bulk.moved(u)
+    sums = np.asarray(abs(bulk.hessian(u)).sum(axis=1))
+    return norm(sums * np.abs(u) + np.abs(bulk.gradient(np.zeros(bulk.unknowns))))

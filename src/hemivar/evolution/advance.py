@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches import find_solutions
 from hemivar.certify.smallness import Smallness, smallness
@@ -19,9 +20,20 @@ from hemivar.evolution.jumps import Jump, Leap
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.operators import Operator
+from hemivar.evolution.products import Products
 from hemivar.evolution.schemes import Rule, Scheme
-from hemivar.evolution.stage import Stage, apply, body_factors, decay, forces, gain, posed_stage
-from hemivar.evolution.step_laws import StepLaw, stage_law
+from hemivar.evolution.stage import (
+    Ground,
+    Stage,
+    apply,
+    body_factors,
+    decay,
+    gain,
+    ground_of,
+    posed_stage,
+    reached_forces,
+)
+from hemivar.evolution.step_laws import Foundations, StepLaw, stage_law
 from hemivar.laws import ContactLaw
 from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Solution, Solver, Status, solve
 from hemivar.solvers.choice import choose
@@ -85,10 +97,8 @@ class Taken:
 class _Solved:
     stage: Stage
     solution: Solution
-    place: Array  # x*
-    local: Array  # r*, the slip whole
-    velocity: Array  # v*
-    local_velocity: Array
+    rate: Motion  # x*, v*, w*
+    local: Motion  # r*, the slip whole
     resistance: float  # in units of the stiffness
     leaps: tuple[Leap, ...] = ()
 
@@ -128,6 +138,12 @@ class Advance:
         self._acting: OrderedDict[float, Acting] = OrderedDict()
         self._steady = not discrete.evolution.problem.time_dependent
         self._law: tuple[ContactLaw, float, StepLaw] | None = None
+        self._grounds: OrderedDict[float, tuple[Ground, ...]] = OrderedDict()
+        self._loads: tuple[Array, float] = np.zeros(0), 0.0
+        self._asked: tuple[object, object, float] = None, None, 0.0
+        self._pieces: OrderedDict[int, tuple[object, Pieces]] = OrderedDict()
+        self._foundations = Foundations(discrete)
+        self.products = Products(discrete)
         self.paths = JumpPaths(discrete, self.bodies, self.workspace)
 
     def acting(self, time: float) -> Acting:
@@ -156,19 +172,32 @@ class Advance:
         start, end = self.acting(before.time), self.acting(reached)
         solved: list[_Solved] = []
         base = before
-        for rule in self.scheme.rules(step):
-            at = end if rule.at == 1.0 else self.acting(before.time + rule.at * step)
-            solved.append(self._stage(base, rule, step, at, end, start, jump))
+        grounds = self._grounds_of(step)
+        for ground in grounds:
+            at = end if ground.rule.at == 1.0 else self.acting(before.time + ground.rule.at * step)
+            solved.append(self._stage(base, ground, at, end, start, jump))
             if solved[-1].solution.status is not Status.CONVERGED:
                 break
-            base = replace(
-                before,
-                body=replace(before.body, velocity=solved[-1].velocity),
-                local=replace(before.local, velocity=solved[-1].local_velocity),
-            )
+            if len(grounds) > 1:
+                base = replace(
+                    before,
+                    body=replace(before.body, velocity=solved[-1].rate.velocity),
+                    local=replace(before.local, velocity=solved[-1].local.velocity),
+                )
         moment = self._end(before, solved, step, reached, start, end)
         leaps = tuple(leap for s in solved for leap in s.leaps)
         return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
+
+    def _grounds_of(self, step: float) -> tuple[Ground, ...]:
+        """What the stages of a step of this length share, whatever the moment."""
+        found = self._grounds.get(step)
+        if found is None:
+            rules = self.scheme.rules(step)
+            found = self._grounds[step] = tuple(ground_of(self.discrete, self.bodies, rule, step) for rule in rules)
+            while len(self._grounds) > _BODIES:
+                self._grounds.popitem(last=False)
+        self._grounds.move_to_end(step)
+        return found
 
     def started(self, moment: Moment) -> Moment:
         """The moment at the beginning with all else that it holds beside the motion."""
@@ -180,8 +209,7 @@ class Advance:
 
     def excess(self, problem: DiscreteProblem) -> float:
         """``c - 1`` of a problem: how much stiffer the body must be to leave one solution; negative if it is."""
-        law = problem.law
-        if not problem.contact_points or law.state_dependent or not any(alpha.any() for alpha in law.weak_convexity):
+        if not problem.contact_points or problem.law.state_dependent:
             return -1.0
         return self.constant(problem) - 1.0
 
@@ -191,9 +219,19 @@ class Advance:
         Of a body that is condensed anyway it is the largest eigenvalue of a small matrix; else that of
         :meth:`smallness`.
         """
+        stiffness, law = problem.linear.stiffness, problem.law
+        if self._asked[0] is stiffness and self._asked[1] is law:
+            return self._asked[2]
+        found = self._constant(problem)
+        self._asked = stiffness, law, found
+        return found
+
+    def _constant(self, problem: DiscreteProblem) -> float:
+        alphas = problem.law.weak_convexity
+        if not any(alpha.any() for alpha in alphas):
+            return 0.0
         if not self._condenses(problem):
             return self.smallness(problem).constant
-        alphas = problem.law.weak_convexity
         key = (id(problem.linear.stiffness), *(np.asarray(alpha).tobytes() for alpha in alphas))
         known = self._constants.get(key)
         if known is None:
@@ -241,15 +279,14 @@ class Advance:
             found.append((body_factors(self.discrete, rule, step), law.law))
         return found
 
-    def _stage(
-        self, base: Moment, rule: Rule, step: float, at: Acting, end: Acting, start: Acting, jump: Jump
-    ) -> _Solved:
+    def _stage(self, base: Moment, ground: Ground, at: Acting, end: Acting, start: Acting, jump: Jump) -> _Solved:
         guess, multiplier = np.zeros(base.local.place.shape), base.multiplier
         guess[:, 0] = base.local.place[:, 0]
         initial: Solution | None = None
+        vectors = self.discrete.vectors
         for _ in range(_ROUNDS):
-            law = self._stage_law(at, base, rule, step, guess, multiplier)
-            stage = posed_stage(self.discrete, self.bodies, base, rule, step, at, end, start, law)
+            law = self._stage_law(at, base, ground.rule, ground.step, guess, multiplier)
+            stage = posed_stage(self.discrete, self.bodies, base, ground, at, end, start, law, self.products)
             leaps: tuple[Leap, ...] = ()
             if jump.follows and not self.resists and (excess := self.excess(stage.problem)) >= 0.0:
                 followed = self.paths.follow(stage, excess, jump, self.solver, self._controls(stage))
@@ -258,11 +295,11 @@ class Advance:
                 solution, resistance = self._solution(stage, initial, jump)
             local = stage.local(solution)
             again = law.iterates and solution.status is Status.CONVERGED
-            if not self.discrete.vectors.largest(float(again))[0]:
+            if not (again if vectors.alone else vectors.largest(float(again))[0]):
                 break
             found = local.copy()
             found[:, 1:] -= base.local.place[:, 1:]
-            change, size, pressed, level = self.discrete.vectors.largest(
+            change, size, pressed, level = vectors.largest(
                 float(np.abs(found - guess).max(initial=0.0)),
                 float(np.abs(local).max(initial=0.0)),
                 float(np.abs(solution.multiplier - multiplier).max(initial=0.0)),
@@ -274,23 +311,15 @@ class Advance:
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
         place = stage.displacement(solution)
-        return _Solved(
-            stage,
-            solution,
-            place,
-            local,
-            stage.rate(place - base.body.place, base.body),
-            stage.rate(local - base.local.place, base.local),
-            resistance,
-            leaps,
-        )
+        body, point = (stage.motion(*pair) for pair in ((place, base.body), (local, base.local)))
+        return _Solved(stage, solution, body, point, resistance, leaps)
 
     def _stage_law(self, at: Acting, base: Moment, rule: Rule, step: float, guess: Array, multiplier: Array) -> StepLaw:
         """The law of a stage; where points remember nothing it is that of the stage before while the step stays."""
         known, rate = self._law, rule.rate.difference
         if known is not None and known[0] is at.law and known[1] == rate:
             return known[2]
-        law = stage_law(self.discrete, at.law, base, rule, step, guess, multiplier)
+        law = stage_law(self.discrete, at.law, base, rule, step, guess, multiplier, self._foundations)
         if not law.blocks and rule.restitution is None and not rule.conserving:
             self._law = at.law, rate, law
         return law
@@ -329,14 +358,27 @@ class Advance:
             r, lam = base.local.place + span * base.local.velocity - stage.origin, base.multiplier
         else:
             r, lam = initial.local, initial.multiplier
-        pieces = self.workspace.once("pieces", problem, Pieces)
-        return nearby_solution(system, r, lam, controls, pieces)
+        return nearby_solution(system, r, lam, controls, self._pieces_of(problem))
+
+    def _pieces_of(self, problem: DiscreteProblem) -> Pieces:
+        """What is kept of Newton's equations of a body."""
+        stiffness = problem.linear.stiffness
+        found = self._pieces.get(id(stiffness))
+        if found is None:
+            found = self._pieces[id(stiffness)] = stiffness, Pieces()
+            while len(self._pieces) > _BODIES:
+                self._pieces.popitem(last=False)
+        return found[1]
 
     def _controls(self, stage: Stage) -> Controls:
         """Tolerances: a load that is left where all balances already is no measure."""
-        n = stage.problem.unknowns
-        pressed = self.discrete.problem.contact_force(stage.before.multiplier)
-        scale = float(self.discrete.vectors.norms(stage.load[:n], pressed).sum())
+        contact, n, lam = self.discrete.problem.contact, stage.problem.unknowns, stage.before.multiplier
+        if self.discrete.vectors.alone:
+            if self._loads[0] is not stage.load:
+                self._loads = stage.load, norm(stage.load[:n])
+            scale = self._loads[1] + norm(contact.pressed(contact.weights[:, None] * lam))
+        else:
+            scale = float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
         return replace(self.controls, atol=max(self.controls.atol, self.controls.rtol * scale))
 
     def _end(
@@ -345,18 +387,20 @@ class Advance:
         """The moment at the end of a step, with the ledger."""
         last = solved[-1]
         rule, base = last.stage.rule, last.stage.before
-        difference = rule.reach * (last.place - before.body.place)
-        place = last.place.copy() if rule.reach == 1.0 else before.body.place + difference
         n = self.discrete.unknowns
-        place[n:] = end.prescribed
-        slid = rule.reach * (last.local - before.local.place)
-        local = before.local.place + slid
-        body = Motion(
-            place, apply(rule.new_velocity, difference, base.body), apply(rule.new_acceleration, difference, base.body)
-        )
-        point = Motion(
-            local, apply(rule.new_velocity, slid, base.local), apply(rule.new_acceleration, slid, base.local)
-        )
+        if rule.ends and base is before and last.stage.held:  # the stage is the end
+            body, point = last.rate, last.local
+            difference = body.place - before.body.place if before.branches else body.place
+        else:
+            difference = rule.reach * (last.rate.place - before.body.place)
+            place = last.rate.place.copy() if rule.reach == 1.0 else before.body.place + difference
+            place[n:] = end.prescribed
+            slid = rule.reach * (last.local.place - before.local.place)
+            local = before.local.place + slid
+            body, point = (
+                Motion(place, apply(rule.new_velocity, way, motion), apply(rule.new_acceleration, way, motion))
+                for place, way, motion in ((place, difference, base.body), (local, slid, base.local))
+            )
         branches = tuple(
             decay(period, step) * h + gain(period, step, 1.0 / step) * difference
             for h, (period, _) in zip(before.branches, self.discrete.branches, strict=True)
@@ -374,12 +418,13 @@ class Advance:
         moment = Moment(
             time, before.index + 1, body, point, last.solution.multiplier, branches, memory, before.ledger, before.heat
         )
-        return replace(moment, ledger=self._booked(before, moment, solved, step))
+        ledger = self._booked(before, moment, solved, step)
+        return Moment(time, moment.index, body, point, moment.multiplier, branches, memory, ledger, before.heat)
 
     # ---- the ledger ------------------------------------------------------------------------------------------
 
-    def energies(self, moment: Moment, law: StepLaw, pulled: Array | None = None) -> dict[str, float]:
-        """Energies of a moment by name; ``pulled (n + k,)`` are its elastic forces where they are known."""
+    def energies(self, moment: Moment, law: StepLaw) -> dict[str, float]:
+        """Energies of a moment by name."""
         discrete, x, v = self.discrete, moment.body.place, moment.body.velocity
         weights = discrete.problem.contact.weights
         contact = 0.0
@@ -396,8 +441,8 @@ class Advance:
                 inside = np.clip(normal, stored.domain.lower, stored.domain.upper)
                 contact = float(weights @ np.broadcast_to(stored.value(inside), weights.shape))
         own = {
-            "elastic": 0.5 * float(x @ (discrete.stiffness.times(x) if pulled is None else pulled)),
-            "kinetic": 0.0 if discrete.mass is None else discrete.mass.energy(v),
+            "elastic": 0.5 * float(x @ self.products.stiffness(x)),
+            "kinetic": 0.0 if discrete.mass is None else 0.5 * float(v @ self.products.mass(v)),
             "branches": sum(part.energy(h) for h, (_, part) in zip(moment.branches, discrete.branches, strict=True)),
             "contact": contact,
         }
@@ -412,29 +457,29 @@ class Advance:
         internal = inertial = relaxing = normal = 0.0
         for part in solved:
             stage = part.stage
-            du = whole if single else stage.rule.share * step * part.velocity
-            dr = slid if single else stage.rule.share * step * part.local_velocity
-            acts = forces(discrete, stage.rule, stage.before, part.place, stage.decays, stage.gains)
+            du = whole if single else stage.rule.share * step * part.rate.velocity
+            dr = slid if single else stage.rule.share * step * part.local.velocity
+            acts = reached_forces(discrete, stage, part.rate, self.products)
             done = {name: float(force @ du) for name, force in acts.items()}
             internal += done["internal"]
             viscous += done.get("viscous", 0.0)
             inertial += done.get("inertial", 0.0)
             relaxing += done.get("relaxing", 0.0)
-            force = sum(acts.values())
             if part.resistance:
                 jumps += part.resistance * float(du[:n] @ (discrete.stiffness.inner @ du[:n]))
             work += float(stage.load @ du)
             lam = part.solution.multiplier
-            shifted = -dr
-            if lam.size:
-                shifted = np.asarray(discrete.problem.contact.trace @ du[:n]).reshape(dr.shape) - dr
-            moved += float((force - stage.load)[n:] @ du[n:]) - float((weights * lam * shifted).sum())
-            normal += float(weights[:, 0] @ (lam[:, 0] * dr[:, 0]))
-            friction += float((weights * lam * dr)[:, 1:].sum())
+            pressed = weights * lam
+            if du.size > n:
+                moved += float((sum(acts.values()) - stage.load)[n:] @ du[n:])
+            if lam.size and not stage.still:
+                shifted = discrete.problem.contact.traced(du[:n]) - dr
+                moved -= float((pressed * shifted).sum())
+            normal += float(pressed[:, 0] @ dr[:, 0])
+            friction += float((pressed * dr)[:, 1:].sum())
             damping += _damped(stage, part, dr, weights[:, 0])
         law = solved[-1].stage.law
-        there = stage.rule.reach == 1.0 and not discrete.vectors.largest(float(du.size - n))[0]
-        now = self.energies(moment, law, acts["internal"] if there else None)
+        now = self.energies(moment, law)
         lost = sum(
             _branch_loss(branch, h, whole / step, period, step)
             for h, (period, branch) in zip(before.branches, discrete.branches, strict=True)
@@ -492,7 +537,7 @@ def _as_accurate(solver: Solver, controls: Controls) -> Solver:
 
 def _since(part: _Solved, before: Moment, index: IntArray) -> Array:
     """Penetration at a stage, and slip since the beginning of the step, of some contact points."""
-    here = part.local[index].copy()
+    here = part.local.place[index].copy()
     here[:, 1:] -= before.local.place[index, 1:]
     return here
 
@@ -503,9 +548,9 @@ def _damped(stage: Stage, part: _Solved, dr: Array, weights: Array) -> float:
     for block in stage.law.blocks:
         if block.damping is None:
             continue
-        rate = part.local_velocity[block.index, 0]
+        rate = part.local.velocity[block.index, 0]
         lam = part.solution.multiplier[block.index, 0]
-        stored = block.undamped.normal.subdifferential(part.local[block.index, 0])
+        stored = block.undamped.normal.subdifferential(part.local.place[block.index, 0])
         felt = block.damping.subdifferential(rate)
         # Of the splits of the pressure between both laws the one nearest to the slope of the law of the rate.
         share = np.clip(

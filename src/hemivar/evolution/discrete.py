@@ -262,10 +262,10 @@ class Bodies:
     def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
         """One of the bodies under a load (n,), with other offsets (m, c) and another law."""
         known, same = self._posed
-        if known is not base or same.law is not law:  # a law is checked once
+        if known is not base:  # the first law is tried out; others of the same points follow it
             same = base.with_(offset=offset, law=law)
             self._posed = base, same
-        return same.with_(load=load, offset=offset)
+        return same.going_on(load, offset, law)
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete

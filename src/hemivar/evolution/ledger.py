@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 __all__ = ["Entry", "Ledger"]
 
@@ -71,15 +71,13 @@ class Ledger:
 
     def closed(self) -> Ledger:
         """The ledger with its gap computed from all else."""
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        values = dict(vars(self))
         values["gap"] = self.work + self.moved + self.thermal - (self.stored - self.start) - self.lost
         return Ledger(**values)
 
     def record(self) -> dict[str, float]:
         """Numbers by name."""
-        return {
-            entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name not in ("start", "thermal")
-        }
+        return {name: value for name, value in vars(self).items() if name not in ("start", "thermal")}
 
 
 @dataclass(frozen=True)

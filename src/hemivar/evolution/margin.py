@@ -10,6 +10,7 @@ import scipy.linalg as la
 
 from hemivar.basics.types import Array
 from hemivar.certify.smallness import smallness
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.moment import Moment
@@ -36,6 +37,7 @@ class Margins:
     def __init__(self, advance: Advance) -> None:
         self.advance = advance
         self._largest: tuple[bytes, float] = b"", math.nan
+        self._last: tuple[object, float, float] = None, math.nan, math.nan
         self._matrices: OrderedDict[tuple[float, ...], Array | None] = OrderedDict()
 
     def margin(self, taken: Taken) -> float:
@@ -56,13 +58,19 @@ class Margins:
                 trace_constant=False,
                 workspace=self.advance.workspace,
             ).margin
-        if not any(alpha.any() for alpha in problem.law.weak_convexity):
-            return 1.0
         return 1.0 - self.advance.constant(problem)
 
     def largest_step(self, taken: Taken) -> float:
         """Largest step with a positive margin, to a percent; inf if any, nan where it is not looked for."""
         problem = taken.stages[0].problem
+        if problem.law is self._last[0] and taken.step == self._last[1]:
+            return self._last[2]
+        found = self._largest_of(taken, problem)
+        if not problem.law.state_dependent:
+            self._last = problem.law, taken.step, found
+        return found
+
+    def _largest_of(self, taken: Taken, problem: DiscreteProblem) -> float:
         alphas = [np.asarray(alpha) for alpha in problem.law.frozen_at(-problem.contact.offset).weak_convexity]
         if all(not alpha.any() for alpha in alphas):
             return math.inf

@@ -18,22 +18,23 @@ def contact_forces(discrete: DiscreteEvolution, moment: Moment) -> dict[str, flo
     weights, lam = discrete.problem.contact.weights, moment.multiplier
     found: dict[str, float] = {}
     boundaries: Mapping[str, IntArray] = dict(discrete.blocks) if len(discrete.blocks) > 1 else {}
-    parts = (("", np.arange(weights.size)), *((f"{name}.", index) for name, index in boundaries.items()))
+    parts: list[tuple[str, IntArray | slice]] = [("", slice(None))]
+    parts += [(f"{name}.", index) for name, index in boundaries.items()]
     own, deep = [], []
     force = weights[:, None] * lam
     rubbed = force[:, 1:]
     if rubbed.shape[1] > 1:  # the tangents of different points point in different directions
         rubbed = discrete.problem.contact.global_vectors(force * (np.arange(lam.shape[1]) > 0))
+    shut, depth = np.where(lam[:, 0] > 0.0, weights, 0.0), moment.local.place[:, 0]
     for _, index in parts:
-        pressed, rub = force[index, 0].sum(), rubbed[index].sum(axis=0)
-        own += [pressed, *rub, weights[index][lam[index, 0] > 0.0].sum()]
-        deep.append(float(moment.local.place[index, 0].max(initial=-np.inf)))
+        own += [force[index, 0].sum(), *rubbed[index].sum(axis=0), shut[index].sum()]
+        deep.append(float(depth[index].max(initial=-np.inf)))
     sums = discrete.vectors.total(*own).reshape(len(parts), -1)
     deepest = discrete.vectors.largest(*deep)
-    for (name, _), total, depth in zip(parts, sums, deepest, strict=True):
+    for (name, _), total, deepest_here in zip(parts, sums, deepest, strict=True):
         slid = total[1:-1]
         found[f"{name}normal_force"] = float(total[0])
         found[f"{name}friction_force"] = float(slid[0]) if slid.size == 1 else float(np.linalg.norm(slid))
         found[f"{name}contact_measure"] = float(total[-1])
-        found[f"{name}penetration"] = float(depth)
+        found[f"{name}penetration"] = float(deepest_here)
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +12,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
+from hemivar.discrete.bulk import without_zeros
 
 __all__ = ["Operator", "combined"]
 
@@ -35,13 +37,18 @@ class Operator(Portable):
         """Number of unknowns n."""
         return int(self.inner.shape[0])
 
+    @cached_property
+    def _entries(self) -> sp.csr_array:
+        """``inner`` without the zeros at places where others, with which it is added up, have entries."""
+        return without_zeros(self.inner)
+
     def times(self, x: Array) -> Array:
         """The product with ``x`` (n + k,)."""
         if not self.held.shape[0]:
-            return np.asarray(self.inner @ x)
+            return np.asarray(self._entries @ x)
         n = self.unknowns
         u, z = x[:n], x[n:]
-        return np.concatenate([self.inner @ u + self.coupling @ z, self.coupling.T @ u + self.held @ z])
+        return np.concatenate([self._entries @ u + self.coupling @ z, self.coupling.T @ u + self.held @ z])
 
     def energy(self, x: Array) -> float:
         """``x'Ax / 2``, the part of this process."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from hemivar.basics.arguments import expect, number
@@ -78,6 +79,12 @@ class Rule:
     share: float = 1.0
     restitution: float | None = None
     conserving: bool = False
+
+    @cached_property
+    def ends(self) -> bool:
+        """Whether the end of the step is the stage, with its velocity and acceleration."""
+        same = self.new_velocity == self.rate and self.new_acceleration == self.acceleration
+        return self.reach == 1.0 and same
 
 
 class Scheme(ABC):

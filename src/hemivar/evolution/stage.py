@@ -10,11 +10,15 @@ from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
 from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.products import Products
 from hemivar.evolution.schemes import Linear, Rule
 from hemivar.evolution.step_laws import StepLaw
 from hemivar.solvers import Solution
 
-__all__ = ["Stage", "allowed", "apply", "decay", "gain", "posed_stage"]
+__all__ = ["Ground", "Stage", "allowed", "apply", "decay", "gain", "ground_of", "posed_stage", "reached_forces"]
+
+#: Rounding of factors of a scheme.
+_ROUNDED = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +47,10 @@ class Stage:
         What is left at the stage of what each branch remembered.
     gains : tuple of float
         What each branch takes up of the difference ``u* - u_n``.
+    still : bool
+        Whether gaps do not change in the step.
+    held : bool
+        Whether no support moves, on any process.
     """
 
     problem: DiscreteProblem
@@ -56,20 +64,27 @@ class Stage:
     load: Array
     decays: tuple[float, ...]
     gains: tuple[float, ...]
+    still: bool = False
+    held: bool = False
 
     def displacement(self, solution: Solution) -> Array:
         """``x*`` (n + k,)."""
+        found = solution.unknowns
+        if found.size == self.place.size:
+            return self.place + found
         place = self.place.copy()
-        place[: solution.unknowns.size] += solution.unknowns
+        place[: found.size] += found
         return place
 
     def local(self, solution: Solution) -> Array:
         """Penetration and slip relative to the foundation (m, c); the slip is the whole one."""
-        return self.problem.contact.local(solution.unknowns) + self.origin
+        return solution.local + self.origin
 
-    def rate(self, difference: Array, motion: Motion) -> Array:
-        """v* of a difference ``x* - x_n``."""
-        return apply(self.rule.rate, difference, motion)
+    def motion(self, place: Array, motion: Motion) -> Motion:
+        """Place, velocity and acceleration at the stage of something that was in ``motion`` before."""
+        difference = place - motion.place
+        velocity = apply(self.rule.rate, difference, motion)
+        return Motion(place, velocity, apply(self.rule.acceleration, difference, motion))
 
 
 def apply(rule: Linear, difference: Array, motion: Motion) -> Array:
@@ -98,16 +113,59 @@ def body_factors(discrete: DiscreteEvolution, rule: Rule, step: float) -> tuple[
     return rule.rate.difference, rule.acceleration.difference, *gains
 
 
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What a stage takes from the rule and the length of its step alone, whatever the moment.
+
+    Attributes
+    ----------
+    rule : Rule
+    step : float
+    base : DiscreteProblem
+        The body, without load.
+    inertia : float
+        What the mass is multiplied with in its stiffness.
+    decays, gains : tuple of float
+        As in :class:`Stage`.
+    coast : Linear
+        Where the body would be without acceleration, from where it is; the velocity there is ``speed``.
+    speed : Linear
+    """
+
+    rule: Rule
+    step: float
+    base: DiscreteProblem
+    inertia: float
+    decays: tuple[float, ...]
+    gains: tuple[float, ...]
+    coast: Linear
+    speed: Linear
+
+
+def ground_of(discrete: DiscreteEvolution, bodies: Bodies, rule: Rule, step: float) -> Ground:
+    """What the stages of all steps of one length share."""
+    factors = body_factors(discrete, rule, step)
+    _, inert, *gains = factors
+    decays = tuple(decay(time, rule.at * step) for time, _ in discrete.branches)
+    coast, a = Linear(0.0), rule.rate
+    if discrete.mass is not None:
+        coast = Linear(0.0, -rule.acceleration.velocity / inert, -rule.acceleration.acceleration / inert)
+    velocity = a.difference * coast.velocity + a.velocity
+    kept = 1.0 if abs(velocity - 1.0) <= _ROUNDED else velocity
+    speed = Linear(0.0, kept, a.difference * coast.acceleration + a.acceleration)
+    return Ground(rule, step, bodies.body(*factors), inert, decays, tuple(gains), coast, speed)
+
+
 def posed_stage(
     discrete: DiscreteEvolution,
     bodies: Bodies,
     before: Moment,
-    rule: Rule,
-    step: float,
+    ground: Ground,
     at: Acting,
     end: Acting,
     start: Acting,
     step_law: StepLaw,
+    products: Products,
 ) -> Stage:
     """The static problem of a stage.
 
@@ -116,42 +174,53 @@ def posed_stage(
     discrete : DiscreteEvolution
     bodies : Bodies
     before : Moment
-    rule : Rule
-    step : float
+    ground : Ground
+        Of its rule and the length of its step.
     at, end, start : Acting
         What acts at the time of the stage, at the end of the step and at its beginning.
     step_law : StepLaw
         The law of the step.
+    products : Products
     """
-    n, body = discrete.unknowns, before.body
-    span = rule.at * step
-    decays = tuple(decay(time, span) for time, _ in discrete.branches)
-    factors = body_factors(discrete, rule, step)
-    _, inert, *gains = factors
-    base = bodies.body(*factors)
-    place = body.place.copy()
-    if discrete.mass is not None:  # where the body would be without acceleration
-        coast = apply(replace(rule.acceleration, difference=0.0), np.zeros_like(place), body)
-        place -= coast / inert
+    n, body, rule = discrete.unknowns, before.body, ground.rule
+    place = body.place
+    if ground.coast.velocity or ground.coast.acceleration:
+        place = place + _combined(ground.coast, body)
+    elif place.size > n:
+        place = place.copy()
     # Prescribed displacements and offsets go straight from where they are to where they will be.
-    moved = before.body.place[n:]
-    place[n:] = moved + (end.prescribed - moved) / rule.reach
-    offset = start.offset + (end.offset - start.offset) / rule.reach
+    offset = start.offset
+    if place.size > n:
+        moved = before.body.place[n:]
+        place[n:] = moved + (end.prescribed - moved) / rule.reach
+    if end.offset is not offset:
+        offset = offset + (end.offset - offset) / rule.reach
     held = not discrete.vectors.largest(float(place.size - n))[0]  # what supports move may be pushed
-    coasting = discrete.mass is not None and held
-    force = at.load - sum(forces(discrete, rule, before, place, decays, tuple(gains), coasting).values())
-    a = rule.rate.difference
-    drift = apply(replace(rule.rate, difference=0.0), np.zeros_like(before.local.place), before.local)
-    origin = before.local.place - drift / a
+    if held:
+        force, speed = at.load - products.stiffness(place), ground.speed
+        if discrete.viscosity is not None and (speed.velocity or speed.acceleration):
+            goes_on = speed.velocity == 1.0 and not speed.acceleration
+            force -= products.viscosity(body.velocity if goes_on else _combined(speed, body))
+        if discrete.branches:
+            force -= _relaxing(discrete, before, place - body.place, ground.decays, ground.gains)
+    else:
+        force = at.load - sum(forces(discrete, rule, before, place, ground.decays, ground.gains).values())
+    a = rule.rate
+    origin = before.local.place.copy()
+    if a.velocity or a.acceleration:
+        origin -= apply(replace(a, difference=0.0), np.zeros_like(origin), before.local) / a.difference
     origin[:, 0] = 0.0
     if rule.restitution is not None:
-        origin[:, 0] = allowed(before.local, rule, step)
-    contact = base.contact
+        origin[:, 0] = allowed(before.local, rule, ground.step)
+    contact = ground.base.contact
     from_place = offset + origin
     if contact.count:
-        from_place -= np.asarray(contact.trace @ place[:n]).reshape(offset.shape)
-    problem = bodies.posed(base, force[:n], from_place, step_law.law)
-    return Stage(problem, rule, step, before, place, offset, origin, step_law, at.load, decays, tuple(gains))
+        from_place -= contact.traced(place[:n])
+    problem = bodies.posed(ground.base, force[:n] if force.size > n else force, from_place, step_law.law)
+    return Stage(
+        problem, rule, ground.step, before, place, offset, origin, step_law, at.load, ground.decays, ground.gains,
+        still=end.offset is start.offset, held=held,
+    )  # fmt: skip
 
 
 def allowed(local: Motion, rule: Rule, step: float) -> Array:
@@ -182,7 +251,42 @@ def forces(
         found["viscous"] = discrete.viscosity.times(apply(rule.rate, difference, before.body))
     if discrete.mass is not None and not coasting:
         found["inertial"] = discrete.mass.times(apply(rule.acceleration, difference, before.body))
-    for e, g, h, (_, branch) in zip(decays, gains, before.branches, discrete.branches, strict=True):
-        pull = branch.times(e * h + g * difference)
-        found["relaxing"] = found["relaxing"] + pull if "relaxing" in found else pull
+    if discrete.branches:
+        found["relaxing"] = _relaxing(discrete, before, difference, decays, gains)
     return found
+
+
+def reached_forces(discrete: DiscreteEvolution, stage: Stage, reached: Motion, products: Products) -> dict[str, Array]:
+    """:func:`forces` of the displacement x* (n + k,) that was reached, with its velocity and acceleration."""
+    before, rule = stage.before.body, stage.rule
+    found = {"internal": products.stiffness(reached.place)}
+    if discrete.viscosity is not None:
+        found["viscous"] = products.viscosity(reached.velocity)
+    if discrete.mass is not None:
+        ratio = rule.acceleration.difference / rule.rate.difference
+        a, b = rule.rate, rule.acceleration
+        if not (a.velocity or a.acceleration or b.acceleration) and abs(b.velocity + ratio) <= _ROUNDED * ratio:
+            # w* = ratio (v* - v): products that the kinetic energy needs as well
+            known = products.mass(before.velocity)
+            found["inertial"] = ratio * (products.mass(reached.velocity) - known)
+        else:
+            found["inertial"] = products.mass(reached.acceleration)
+    if discrete.branches:
+        found["relaxing"] = _relaxing(discrete, stage.before, reached.place - before.place, stage.decays, stage.gains)
+    return found
+
+
+def _relaxing(
+    discrete: DiscreteEvolution, before: Moment, difference: Array, decays: tuple[float, ...], gains: tuple[float, ...]
+) -> Array:
+    """Force of the branches (n + k,) at a stage."""
+    parts = zip(decays, gains, before.branches, discrete.branches, strict=True)
+    return np.asarray(sum(branch.times(e * h + g * difference) for e, g, h, (_, branch) in parts))
+
+
+def _combined(rule: Linear, motion: Motion) -> Array:
+    """A multiple of the velocity and one of the acceleration."""
+    out = rule.velocity * motion.velocity
+    if rule.acceleration:
+        out += rule.acceleration * motion.acceleration
+    return out

@@ -17,7 +17,7 @@ from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
 
-__all__ = ["BlockLaw", "StepLaw", "stage_law"]
+__all__ = ["BlockLaw", "Foundations", "StepLaw", "stage_law"]
 
 States = Mapping[str, Mapping[str, Array]]
 
@@ -84,6 +84,59 @@ class StepLaw:
         return any(block.memory.iterates for block in self.blocks)
 
 
+@dataclass(frozen=True, eq=False)
+class _Foundation:
+    """What a boundary is given at its contact points, whatever they remember; see :class:`BlockLaw`."""
+
+    stated: ContactLaw
+    rate: float
+    memory: Memory
+    damping: Superpotential | None
+    base: ContactLaw
+    given: ContactLaw
+
+
+class Foundations:
+    """Laws, memories and dampings at the contact points of each boundary; the last ones are known again.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    """
+
+    def __init__(self, discrete: DiscreteEvolution) -> None:
+        self._discrete = discrete
+        self._known: dict[str, _Foundation] = {}
+        self._made: dict[str, tuple[_Foundation, float, Mapping[str, Array], ContactLaw]] = {}
+        self._joined: tuple[list[tuple[ContactLaw, int]], ContactLaw] | None = None
+
+    def of(self, name: str, index: IntArray, stated: ContactLaw, rate: float) -> _Foundation:
+        """Those of a boundary under a law that acts and a factor of the displacement in the rate."""
+        found = self._known.get(name)
+        if found is None or found.stated is not stated or found.rate != rate:
+            memory, damping = _foundation(self._discrete, name, index)
+            base = stated.take(index)
+            given = base if memory.of_slip else in_increments(base, rate)
+            found = self._known[name] = _Foundation(stated, rate, memory, damping, base, given)
+        return found
+
+    def law(self, name: str, found: _Foundation, state: Mapping[str, Array], local: LocalStep) -> ContactLaw:
+        """The law of a boundary in a step, without damping; that of the step before where it cannot be another one."""
+        known = self._made.get(name)
+        same = known is not None and found.memory.of_state and known[0] is found and known[1] == local.tau
+        if same and known is not None and all(np.array_equal(known[2][key], state[key]) for key in state):
+            return known[3]
+        made = law_of_step(found.base, found.memory, state, local)
+        self._made[name] = found, local.tau, state, made
+        return made
+
+    def joined(self, laws: list[tuple[ContactLaw, int]]) -> ContactLaw:
+        """One law from those of all boundaries; the one of the step before where they are the same."""
+        if self._joined is None or [law for law, _ in self._joined[0]] != [law for law, _ in laws]:
+            self._joined = laws, ContactLaw.concatenate(laws)
+        return self._joined[1]
+
+
 def stage_law(
     discrete: DiscreteEvolution,
     stated: ContactLaw,
@@ -92,6 +145,7 @@ def stage_law(
     step: float,
     guess: Array,
     guess_multiplier: Array,
+    known: Foundations | None = None,
 ) -> StepLaw:
     """The law of a stage.
 
@@ -105,6 +159,8 @@ def stage_law(
     step : float
     guess, guess_multiplier : arrays (m, c)
         Of the stage: penetration, and slip since ``before``.
+    known : Foundations, optional
+        Of the evolution, where many stages follow.
     """
     rate = rule.rate.difference
     contact = discrete.contacts
@@ -119,21 +175,21 @@ def stage_law(
         law = ContactLaw(normal, friction_in_increments(stated.friction, rate))
         return StepLaw(law, storing=stated if rule.conserving else None)
     blocks = []
+    foundations = Foundations(discrete) if known is None else known
     for name, index in discrete.blocks:
         if not index.size:
             continue
-        memory, damping = _foundation(discrete, name, index)
-        base, motion = stated.take(index), before.local
+        found = foundations.of(name, index, stated, rate)
+        memory, damping, base, given, motion = found.memory, found.damping, found.base, found.given, before.local
         drift = rule.rate.velocity * motion.velocity[index] + rule.rate.acceleration * motion.acceleration[index]
         local = LocalStep(rule.at * step, rate, motion.place[index], guess[index], guess_multiplier[index], drift)
-        given = base if memory.of_slip else in_increments(base, rate)
         state = before.memory.get(name, {})
-        undamped = law_of_step(base, memory, state, local)
+        undamped = foundations.law(name, found, state, local)
         law = undamped if damping is None else law_of_step(base, memory, state, local, damping)
         blocks.append(BlockLaw(name, index, base, memory, given, damping, local, law, undamped))
     if not blocks:  # no contact points of this process
         return StepLaw(stated)
-    return StepLaw(ContactLaw.concatenate([(block.law, block.index.size) for block in blocks]), tuple(blocks))
+    return StepLaw(foundations.joined([(block.law, block.index.size) for block in blocks]), tuple(blocks))
 
 
 def refuse_compliant(discrete: DiscreteEvolution, scheme: Scheme) -> None:

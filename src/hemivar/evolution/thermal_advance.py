@@ -193,7 +193,7 @@ class ThermalAdvance(Advance):
         given = float(rubbed.sum() + deformed.sum())
         solution = flowed.solutions[0]
         place = stage.displacement(solution)
-        rate = stage.rate(place - flowed.before.body.place, flowed.before.body)
+        rate = stage.motion(place, flowed.before.body).velocity
         force = conduction.viscosity.times(rate) + conduction.stiffness.times(place) - stage.load
         contact = conduction.problem.contact
         out = float((contact.weights[:, None] * solution.multiplier).sum()) if contact.count else 0.0

@@ -109,6 +109,10 @@ class NamedLaw(ParameterLaw):
     def kinks(self) -> BoolArray:
         return self.table.kinks()
 
+    @property
+    def straight(self) -> bool:
+        return True
+
     def recession(self, sign: Array) -> Array:
         return self.table.recession(sign)
 

@@ -55,8 +55,14 @@ class ScaledLaw(Superpotential):
 
     def _times(self, values: Array) -> Array:
         """Values times the factor, where 0 times infinity is 0."""
+        if self._positive:
+            return np.asarray(self.factor * values)
         with np.errstate(invalid="ignore"):
             return np.where(self.factor > 0.0, self.factor * values, 0.0)
+
+    @cached_property
+    def _positive(self) -> bool:
+        return bool((self.factor > 0.0).all())
 
     @property
     def _rows(self) -> int:

@@ -91,6 +91,10 @@ class StackedLaw(Superpotential):
         raise ProblemError(f"law '{self.name}' has {self._count} contact points; there is none with number {point}")
 
     @property
+    def straight(self) -> bool:
+        return all(law.straight for law in self.parts)
+
+    @property
     def constants_sampled(self) -> bool:  # type: ignore[override]
         """Whether the constants of any part come from sampling."""
         return any(law.constants_sampled for law in self.parts)

@@ -8,52 +8,121 @@ proves it.  Where there is one solution it is the one that any other method find
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import scipy.linalg as la
+from scipy.linalg import lapack
 
+from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.residual import LoadScale, Residual
+from hemivar.laws import ContactLaw
+from hemivar.laws.separate import OnGraph, RadialLaw, SeparateLaw
 from hemivar.solvers.controls import Controls
-from hemivar.solvers.newton import NonsmoothNewton, newton_matrix
+from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
-from hemivar.systems.contact_moves import smooth_components
 
 __all__ = ["Pieces", "nearby_solution"]
 
 #: Newton's equations that are solved before a search is thought better.
 _ROUNDS = 6
+#: Components up to which memory for matrices is kept.
+_SMALL = 600
 #: Part of the tolerance by which the multiplier may miss the law before the other unknowns are looked for.
 _PART = 0.5
 
 
+@dataclass(frozen=True, eq=False)
+class _Vectors:
+    """What :class:`SeparateLaw` answers, of a law that has many knots."""
+
+    law: ContactLaw
+    pair: Array  # stiffness that sorts, (m, 2)
+    stiffness: Array  # the same, (m, d)
+    compliance: Array  # (m, 2)
+
+    def onto(self, p: Array, r: Array) -> OnGraph:
+        place = self.law.place_on_piece(self.pair, p, r)
+        line = self.law.linearise(place)
+        held = ~np.repeat(line.smooth, [1, r.shape[1] - 1], axis=1)
+        lam = np.where(held, p - self.stiffness * place, line.gradient)
+        return OnGraph(place, held, lam, line.hessian, moved=True)
+
+    def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
+        return self.law.graph_distance(r, lam, self.compliance)[:, None]
+
+
+#: A law as Newton's equations ask for it.
+_Graphs = SeparateLaw | RadialLaw | _Vectors
+
+
 @dataclass(eq=False)
 class Pieces:
-    """The factor of Newton's equation that was solved last; it serves as long as the contact points keep their pieces.
+    """What is kept of Newton's equations: the tables of the law, and the factor of the equation that was solved last.
 
-    Nothing in it changes an answer.
+    The factor serves as long as the contact points keep their pieces.  Nothing in it changes an answer.  It belongs to
+    one march: its memory is used again.
     """
 
-    _known: tuple[bytes, Any] = field(default=(b"", None), repr=False)
+    _law: _Graphs | None = field(default=None, repr=False)
+    _known: tuple[bytes, Array | None] = field(default=(b"", None), repr=False)
+    _room: Array | None = field(default=None, repr=False)
 
-    def solve(self, system: CondensedProblem, index: IntArray, hessian: Array, right: Array) -> Array | None:
-        """``H^-1 right`` (k,) on the components ``index``, with second derivatives ``hessian (m, d, d)`` of the laws.
+    def graphs(self, system: CondensedProblem) -> _Graphs:
+        """The graphs of the law."""
+        found, law, body = self._law, system.law, system.body
+        if found is None or found.law is not law:
+            d, pair = system.shape[1], body.pointwise
+            made = RadialLaw.of(law, pair) if d == 3 else SeparateLaw.of(law, pair, d)
+            found = self._law = _Vectors(law, pair, body.per_area, body.compliance) if made is None else made
+        return found
+
+    def solve(self, system: CondensedProblem, index: IntArray, curvature: Array, right: Array) -> Array | None:
+        """``H^-1 right`` (k,) on the components ``index``, with second derivatives of the laws (m, d) or (m, d, d).
 
         None where H is not positive definite.
         """
-        key = index.tobytes() + hessian.tobytes()
+        key = index.tobytes() + curvature.tobytes()
         known, factor = self._known
         if known != key:
-            try:
-                factor = la.cho_factor(newton_matrix(system, index, hessian), check_finite=False)
-            except la.LinAlgError:
+            self._known = b"", None  # its memory is used again
+            H = self._part(system.matrix, index)
+            if curvature.ndim == 3:
+                self._add(H, system, index, curvature)
+            else:
+                H.ravel()[:: index.size + 1] += (system.weights[:, None] * curvature).ravel()[index]
+            factor, failed = lapack.dpotrf(H.T, lower=1, clean=0, overwrite_a=1)  # H is symmetric: no copy is made
+            if failed:
                 return None
             self._known = key, factor
-        return np.asarray(la.cho_solve(factor, right, check_finite=False))
+        return np.asarray(lapack.dpotrs(factor, right, lower=1)[0])
+
+    def _part(self, matrix: Array, index: IntArray) -> Array:
+        """Rows and columns of a matrix, in memory that is used again: new memory costs more than the numbers."""
+        k, n = index.size, len(matrix)
+        if n > _SMALL:
+            return matrix.take(index, axis=0).take(index, axis=1)
+        if self._room is None or self._room.shape != (2, n * n):
+            self._room = np.empty((2, n * n))
+        rows, part = self._room[0, : k * n].reshape(k, n), self._room[1, : k * k].reshape(k, k)
+        matrix.take(index, axis=0, out=rows, mode="clip")
+        return rows.take(index, axis=1, out=part, mode="clip")
+
+    @staticmethod
+    def _add(H: Array, system: CondensedProblem, index: IntArray, curvature: Array) -> None:
+        """Add second derivatives (m, d, d) of the laws, those of the components ``index``."""
+        m, d = system.shape
+        point, component = np.divmod(index, d)
+        position = np.full((m, d), -1)
+        position[point, component] = np.arange(index.size)
+        partner = position[point]  # (k, d)
+        row, column = np.nonzero(partner >= 0)
+        here = point[row]
+        H[row, partner[row, column]] += system.weights[here] * curvature[here, component[row], column]
 
 
 def nearby_solution(
@@ -72,32 +141,49 @@ def nearby_solution(
         Of the same body.
     """
     began = time.perf_counter()
-    law, active, weights = system.law, system.active, system.weights[:, None]
-    stiff, pair = system.body.diagonal, system.body.pointwise
-    r = np.where(active, r, system.fixed)
+    body, active, weights = system.body, system.active, system.weights[:, None]
+    graphs, stiffness, whole = pieces.graphs(system), body.per_area, body.everywhere
+    if not whole:
+        r = np.where(active, r, system.fixed)
+    p = stiffness * r + lam
+    if not math.isfinite(float(p.sum())):
+        return None
+    on, load = graphs.onto(p, r), norm(system.problem.linear.load)
     for number in range(1, _ROUNDS + 1):
-        at = np.where(active, law.place_on_piece(pair, stiff * r / weights + lam, r), system.fixed)
-        if not np.isfinite(at).all():
-            return None
-        line = law.linearise(at)
-        moving = smooth_components(line, active)
-        index = np.flatnonzero(moving.ravel())
-        r = at
+        r = on.place if whole else np.where(active, on.place, system.fixed)
+        free = ~on.held if whole else active & ~on.held
+        index = np.flatnonzero(free)
+        balance = system.out_of_balance(r)
         if index.size:
-            right = (system.out_of_balance(at) - weights * line.gradient).ravel()[index]
-            step = pieces.solve(system, index, line.hessian, right)
+            right = (balance - weights * on.multiplier).ravel()[index]
+            step = pieces.solve(system, index, on.curvature, right)
             if step is None:
                 return None
-            r = at.copy()
-            r.ravel()[index] += step
-        lam = system.multiplier(r)
-        of_law = np.where(active, law.nearest_multiplier(r, lam), lam)
-        missed = float(np.linalg.norm(weights * (of_law - lam)))
-        scale = system.load_scale.of(float(np.linalg.norm(weights * of_law)))
-        if missed > _PART * (controls.atol + controls.rtol * scale):
-            continue
+            change = np.zeros(r.shape)
+            change.ravel()[index] = step
+            r = r + change
+            balance = balance - system.couple(change)
+        lam = balance / weights
+        if not whole:
+            reaction = system.law.nearest_multiplier(r, np.zeros(r.shape))
+            lam = np.where(active, lam, reaction)
+        on = graphs.onto(stiffness * r + lam, r)
+        of_law = on.multiplier if whole else np.where(active, on.multiplier, lam)
+        off = of_law - lam
+        if on.moved:
+            off = np.abs(off) + stiffness * np.abs((on.place if whole else np.where(active, on.place, r)) - r)
+        missed = norm(weights * off)
+        if not math.isfinite(missed):
+            return None
+        if missed > _PART * (controls.atol + controls.rtol * load):
+            force = norm(weights * of_law)
+            if missed > _PART * (controls.atol + controls.rtol * max(load, force)):
+                continue
+            scale = _load_scale(system, graphs, load, force).of(force)
+            if missed > _PART * (controls.atol + controls.rtol * scale):
+                continue
         iterated = time.perf_counter()
-        unknowns, residual = system.recovered(r, of_law)
+        unknowns, residual = _recovered(system, r, of_law, graphs, load)
         if residual.below(controls.atol, controls.rtol):
             return Solution(
                 problem=system.problem,
@@ -115,3 +201,33 @@ def nearby_solution(
                 },
             )
     return None
+
+
+def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_force: float) -> LoadScale:
+    """What residuals are held against: :attr:`CondensedProblem.load_scale`, read from tables.
+
+    What the foundation does at rest is not looked for where the load is larger than the force that it exerts.
+    """
+    if contact_force <= load:
+        return LoadScale(load, math.inf)
+    if isinstance(graphs, _Vectors):
+        return system.load_scale
+    offset, ends, shape = system.problem.contact.offset, graphs.domain, system.shape
+    inside = np.clip(-offset, ends[0].reshape(shape), ends[1].reshape(shape))
+    lam = graphs.least_multiplier(inside)
+    lam[:, 0] -= (offset + inside)[:, 0] / system.body.compliance[:, 0]
+    rest = norm(system.problem.contact.pressed(system.weights[:, None] * lam))
+    return LoadScale(load, rest if math.isfinite(rest) else math.inf)
+
+
+def _recovered(system: CondensedProblem, r: Array, lam: Array, graphs: _Graphs, load: float) -> tuple[Array, Residual]:
+    """All unknowns with the residual of the full problem, as :meth:`CondensedProblem.recovered` finds them."""
+    problem, body, weights = system.problem, system.body, system.weights[:, None]
+    contact, u = problem.contact, system.unknowns(r)
+    force = contact.pressed(weights * lam)
+    size = norm(force)
+    balance = problem.linear.load - body.entries @ u
+    balance[contact.seen] -= force
+    inclusion = system.weights[:, None] * graphs.graph_distance(contact.local(u), lam, body.resilience)
+    scale = _load_scale(system, graphs, load, size)
+    return u, Residual.of(norm(balance), norm(inclusion), scale, size, problem.linear.moved(u))

@@ -402,16 +402,19 @@ def _under(body: Elimination, problem: DiscreteProblem, began: float) -> Condens
     """The condensation of a body under the load and the gap of a problem."""
     recovery, rest_energy = body.under(problem)
     constant = problem.linear.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)
-    force = np.asarray(body.spread.T @ recovery.reduced.force)
+    force = body.gathered(recovery.reduced.force)
     # From contact unknowns y = r + offset to r.
     offset = recovery.offset
-    constant += 0.5 * float(offset @ (body.matrix @ offset)) - float(force @ offset)
+    bent, fixed = body.matrix @ offset, body.nothing
+    if not body.everywhere:
+        fixed = np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape))
+    constant += 0.5 * float(offset @ bent) - float(force @ offset)
     return CondensedProblem(
         problem,
         body.matrix,
-        force - body.matrix @ offset,
+        force - bent,
         body.active,
-        np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape)),
+        fixed,
         constant,
         rest_energy,
         time.perf_counter() - began,

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.bulk import without_zeros
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
@@ -52,6 +53,8 @@ class Elimination:
         Displacement of what no contact point sees, for a force on the kept unknowns.
     free_unknowns : array (n, a) or None
         Of the motions without deformation; None where K is not that of a mesh.
+    stiffness : sparse array (n, n)
+        K.
     """
 
     factor: Factorisation
@@ -63,6 +66,7 @@ class Elimination:
     spread: Any
     drift: Array | None
     free_unknowns: Array | None
+    stiffness: Any
 
     vectors: Vectors = field(default=WHOLE, init=False)
 
@@ -108,7 +112,7 @@ class Elimination:
             block = local.T @ S @ local
             matrix[np.ix_(rows, rows)] = 0.5 * (block + block.T)
         compliance, weights = contact_compliance(problem), problem.contact.weights
-        return Elimination(factor, kept, matrix, active, compliance, weights, spread, drift, known)
+        return Elimination(factor, kept, matrix, active, compliance, weights, spread, drift, known, K)
 
     @cached_property
     def sizes(self) -> Array:
@@ -135,6 +139,46 @@ class Elimination:
         """The same per area, of the normal and of the tangential part, (m, 2)."""
         d = self.active.shape[1]
         return np.asarray(self.diagonal[:, [0, min(1, d - 1)]] / self.weights[:, None])
+
+    @cached_property
+    def per_area(self) -> Array:
+        """:attr:`diagonal` per area, (m, d)."""
+        return np.asarray(self.diagonal / self.weights[:, None])
+
+    @cached_property
+    def resilience(self) -> Array:
+        """:attr:`compliance` of every component, (m, d)."""
+        return np.repeat(self.compliance, [1, self.active.shape[1] - 1], axis=1)
+
+    @cached_property
+    def entries(self) -> sp.csr_array:
+        """The stiffness without stored zeros, for products."""
+        return without_zeros(self.stiffness)
+
+    @cached_property
+    def nothing(self) -> Array:
+        """Zeros (m, d)."""
+        return np.zeros(self.active.shape)
+
+    @cached_property
+    def everywhere(self) -> bool:
+        """Whether all components are free to move."""
+        return bool(self.active.all())
+
+    @cached_property
+    def order(self) -> IntArray | None:
+        """Which local component each of the kept unknowns is, where each is one and all are free to move; else None."""
+        simple = self.drift is None and self.everywhere and sp.issparse(self.spread)
+        return self.spread.indices.astype(np.int64) if simple and self.spread.nnz == self.kept.size else None
+
+    @cached_property
+    def place(self) -> IntArray | None:
+        """Which of the kept unknowns each local component is, the inverse of :attr:`order`."""
+        return None if self.order is None else np.argsort(self.order)
+
+    def gathered(self, force: Array) -> Array:
+        """Forces (m d,) on the local components of forces (k,) on the kept unknowns."""
+        return np.asarray(self.spread.T @ force) if self.place is None else force.take(self.place)
 
     def couple(self, step: Array) -> Array:
         """Elastic force (m, d) that a step (m, d) of the local displacements takes away."""
@@ -181,7 +225,9 @@ class Elimination:
         """
         reduced = self.factor.reduce(problem.linear.load)
         shift = np.zeros(self.kept.size) if self.drift is None else self.drift @ reduced.force
-        offset = np.where(self.active, problem.contact.offset.reshape(self.active.shape), 0.0).ravel()
+        offset = problem.contact.offset.ravel()
+        if not self.everywhere:
+            offset = np.where(self.active.ravel(), offset, 0.0)
         return Recovery(self, problem, offset, reduced, shift), 0.5 * reduced.work
 
 
@@ -208,8 +254,10 @@ class Recovery:
     shift: Array
 
     def __call__(self, r: Array) -> Array:
-        y = self.body.spread @ (r.ravel() + self.offset) + self.shift
-        return self.body.factor.extend(self.reduced, y)
+        body, y = self.body, r.ravel() + self.offset
+        order = body.order
+        y = body.spread @ y + self.shift if order is None else y.take(order)
+        return body.factor.extend(self.reduced, y)
 
     def linear(self, change: Array) -> Array:
         """The same for a change of the local displacements, without load and shift."""

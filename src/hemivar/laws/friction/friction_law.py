@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 from weakref import WeakSet
 
@@ -113,7 +114,7 @@ class Friction(Portable):
             )
         return evaluate(self.bound, None, f"bound of friction law '{self.name}'", 0.0)
 
-    @property
+    @cached_property
     def radial(self) -> Superpotential:
         """The even scalar law h_tau j_tau, for resolved parameters."""
         return self.profile.scaled(self.bounds)

@@ -38,6 +38,7 @@ class Bonding(Memory):
     energy: Parameter
     viscosity: Parameter
     name: ClassVar[str] = "bonding"
+    of_state = True
     minimum: ClassVar[dict[str, float]] = {"stiffness": 0.0, "energy": 0.0}
     positive: ClassVar[tuple[str, ...]] = ("viscosity",)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import ClassVar, Self
 
@@ -101,11 +102,21 @@ class Memory(Portable, ABC):
     #: Whether the law of the step depends on the solution of the step, so that it is made anew until it stands.
     iterates: bool = False
 
+    #: Whether the law of the step depends on the law it is given, the state and the length of the step, and on no more.
+    of_state: bool = False
+
     #: Whether the friction law that it is given is the one stated, of the slip, and not one of the slip rate.
     of_slip: bool = False
 
     def values(self, points: Array | None = None) -> dict[str, Array]:
         """The parameters at the contact points, checked, each of shape (1,) or (m,)."""
+        return self._resolved if points is None else self._evaluated(points)
+
+    @cached_property
+    def _resolved(self) -> dict[str, Array]:
+        return self._evaluated(None)
+
+    def _evaluated(self, points: Array | None) -> dict[str, Array]:
         found: dict[str, Array] = {}
         for f in fields(self):  # type: ignore[arg-type]
             what = f"{f.name} of memory '{self.name}'"

@@ -67,6 +67,11 @@ class Chain(Memory):
         return any(part.iterates for part in self.parts)
 
     @property
+    def of_state(self) -> bool:  # type: ignore[override]
+        """Whether the laws of the step of all parts depend on their states and the length of the step alone."""
+        return all(part.of_state for part in self.parts)
+
+    @property
     def of_slip(self) -> bool:  # type: ignore[override]
         """Whether a part is given the friction law as stated, and not as one of the slip rate."""
         return any(part.of_slip for part in self.parts)
@@ -96,14 +101,17 @@ class Chain(Memory):
         return steps
 
     def _given(self, law: ContactLaw, state: MemoryState, steps: list[LocalStep]) -> list[ContactLaw]:
-        """The law that each part is given, and last the law of the step."""
+        """The law that each part is given."""
         laws = [law]
-        for i, part in enumerate(self.parts):
+        for i, part in enumerate(self.parts[:-1]):
             laws.append(part.law(laws[-1], self._own(state, i), steps[i]))
         return laws
 
     def law(self, law: ContactLaw, state: MemoryState, step: LocalStep) -> ContactLaw:
-        return self._given(law, state, self._steps(state, step))[-1]
+        if not self.parts:
+            return law
+        steps, last = self._steps(state, step), len(self.parts) - 1
+        return self.parts[-1].law(self._given(law, state, steps)[-1], self._own(state, last), steps[-1])
 
     def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         steps = self._steps(state, step)

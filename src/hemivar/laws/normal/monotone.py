@@ -119,6 +119,11 @@ class Compliance(ParameterLaw):
         c, p = self._resolved
         return np.where(piece > 0, c * p * np.maximum(r, 0.0) ** (p - 1.0), 0.0)
 
+    @cached_property
+    def straight(self) -> bool:  # type: ignore[override]
+        """Whether it is a spring."""
+        return bool((self._resolved[1] == 1.0).all())
+
     @property
     def weak_convexity(self) -> Array:
         return np.zeros(self._resolved[0].shape)

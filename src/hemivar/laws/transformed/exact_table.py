@@ -138,7 +138,9 @@ def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
 def pick(columns: NDArray[Entry], index: IntArray) -> NDArray[Entry]:
     """``columns (m or 1, K)`` at one index for each place (n,), or at several for each row (m, n)."""
     if index.ndim == 1 and columns.shape[0] == 1:
-        return cast(NDArray[Entry], columns[0].take(index))
+        return cast("NDArray[Entry]", columns[0].take(index))
+    if index.ndim == 1 and columns.shape[0] == index.size:
+        return columns[np.arange(index.size), index]
     wide = index if index.ndim == 2 else index[:, None]
     rows = np.broadcast_shapes(columns.shape[:1], wide.shape[:1])
     columns = np.broadcast_to(columns, (*rows, columns.shape[-1]))

@@ -154,6 +154,10 @@ class SummedLaw(TransformedLaw):
 
     @property
     def domain(self) -> Interval:
+        return self._domain
+
+    @cached_property
+    def _domain(self) -> Interval:
         return Interval(*_ends(self.terms))
 
     @cached_property
@@ -223,10 +227,10 @@ class SummedLaw(TransformedLaw):
         bound = self.domain
         inner = (knots > bound.lower[..., None]) & (knots < bound.upper[..., None])
         down = np.any(inner & (right < left), axis=-1)
-        worst = np.zeros(knots.shape[0])
+        worst, far = np.zeros(knots.shape[0]), np.full((1, knots.shape[0]), np.inf)
+        ends = np.clip(np.concatenate([-far, knots.T, far]), bound.lower, bound.upper)
         for i in range(knots.shape[-1] + 1):
-            low, high = self.piece_bounds(np.full(knots.shape[0], i, dtype=np.int64))
-            low, high = np.broadcast_to(low, worst.shape), np.broadcast_to(high, worst.shape)
+            low, high = ends[i], ends[i + 1]
             worst = np.maximum(worst, steepest_fall(self.terms, [own[:, i] for own in maps], low, high))
         return np.where(down, np.inf, worst)
 

@@ -106,6 +106,8 @@ def falls_between(law: Superpotential, piece: IntArray, low: Array, high: Array)
     At an infinite end towards which j'' falls, the weak convexity of the law bounds it.
     """
     near = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
+    if law.straight:
+        return np.where(low < high, -law.piece_curvature(piece, near), -np.inf)
     other = np.where(np.isfinite(low) & np.isfinite(high), high, near)
     with np.errstate(all="ignore"):
         ends = [-law.piece_curvature(piece, np.broadcast_to(end, piece.shape)) for end in (near, other)]

@@ -127,6 +127,8 @@ def _extremum(
 def steepest_fall(terms: Sequence[Superpotential], pieces: Sequence[IntArray], low: Array, high: Array) -> Array:
     """A bound of -j'' of the sum on one part of a piece for each point, never too small; -inf where it is empty."""
     bound = _bounded(terms, pieces, low, high)
+    if sum(not term.straight for term in terms) < 2:
+        return bound
     mixed = np.flatnonzero(_opposed(terms, pieces, low, high) & (bound > 0.0))
     if mixed.size:
         some = [term.take(mixed) if term.knots.shape[0] > 1 else term for term in terms]
