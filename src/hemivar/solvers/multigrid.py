@@ -27,7 +27,11 @@ __all__ = ["Memory", "NonsmoothMultigrid"]
 #: Relative residual up to which coarser meshes are solved, and the most steps there.
 _NESTED, _NESTED_STEPS = 1e-3, 15
 #: Part of the distance to the contact conditions that is left when conjugate gradients end early.
-_PATIENCE = 0.5
+_PATIENCE = 1.0
+#: Iterations of conjugate gradients after each of which these are looked at; later after every second one.
+_WATCHED = 4
+#: Part of what the first diagonal minimisation gained that another one must gain for a third.
+_SETTLED = 1e-2
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
 #: What rounding makes of the energy, relative to its parts, along a line and over a step; and what a move of one point
@@ -122,14 +126,15 @@ class NonsmoothMultigrid(Solver):
         return set_up(problem, workspace)
 
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
-        if system.below is None or not self.nested:
+        below = system.coarser() if self.nested else None
+        if below is None:
             return system.start(), None
         rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2))
-        x, stopped = rough.first_guess(system.below, budget)
+        x, stopped = rough.first_guess(below, budget)
         if stopped is None:
             controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
-            start = State(x, system.below.multiplier(x))
-            found, status, _ = iterate(rough, system.below, start, controls, budget)
+            start = State(x, below.multiplier(x))
+            found, status, _ = iterate(rough, below, start, controls, budget)
             self.release(found)
             x, stopped = found.r, status if status in STOPPED else None
         return system.start(system.from_below(x)), stopped
@@ -145,7 +150,7 @@ class NonsmoothMultigrid(Solver):
         memory: Memory = state.memory
         energy, factor, force = float(state.energy or 0.0), memory.factor, memory.force
         r = origin = system.local(state.r)
-        pull = system.spread(force[system.unknown])
+        pull, first = system.spread(force[system.unknown]), 0.0
         for _ in range(self.sweeps):
             move = diagonal_step(system, r, pull - system.couple(r - origin), factor)
             factor = move.factor
@@ -153,6 +158,9 @@ class NonsmoothMultigrid(Solver):
                 return replace(state, ended=Status.UNBOUNDED)
             if move.gain < 0.0 or not np.isfinite(energy):
                 r, energy = move.r, energy + move.gain
+            if move.gain >= _SETTLED * first and np.isfinite(energy):
+                break
+            first = min(first, move.gain)
         x = system.moved(state.r, r)
         if not np.isfinite(energy):
             energy = system.energy(x)
@@ -420,8 +428,9 @@ class _Enough:
     def __call__(self, iteration: int, step: Array) -> Array:
         at, late = self.equation, bool(self.budget.due())
         system, law, weights = at.system, at.system.law, at.system.weights[:, None]
-        pulled = system.pull(step) if iteration > 1 else np.zeros(0)  # by all processes, whether they are late or not
-        if late or iteration < 2:
+        watched = 1 < iteration <= _WATCHED or not iteration % 2
+        pulled = system.pull(step) if watched else np.zeros(0)  # by all processes, whether they are late or not
+        if late or not watched:
             return np.full(1, np.inf if late else 0.0)
         way = system.spread(step[system.unknown])
         aim = np.where(at.moving, law.clamp(at.r, at.r + way), at.r)
