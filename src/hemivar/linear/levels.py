@@ -128,9 +128,7 @@ class _Level:
         self.own = np.searchsorted(keys, np.arange(contact.size) * matrix.shape[0] + contact)
         self.coupling = _Coupling(coupling)
         #: Which of them are those of what is added between contact unknowns.
-        self.added = np.searchsorted(
-            keys, self.coupling.rows * matrix.shape[0] + contact[self.coupling.columns]
-        )
+        self.added = np.searchsorted(keys, self.coupling.rows * matrix.shape[0] + contact[self.coupling.columns])
         self.diagonal = np.abs(self.matrix.diagonal())
 
     def contact_rows(self, matrix: sp.csr_array) -> sp.csr_array:

@@ -30,8 +30,6 @@ _NESTED, _NESTED_STEPS = 1e-3, 15
 _PATIENCE = 1.0
 #: Iterations of conjugate gradients after each of which these are looked at; later after every second one.
 _WATCHED = 4
-#: Part of what the first diagonal minimisation gained that another one must gain for a third.
-_SETTLED = 1e-2
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
 #: What rounding makes of the energy, relative to its parts, along a line and over a step; and what a move of one point
@@ -126,7 +124,7 @@ class NonsmoothMultigrid(Solver):
         return set_up(problem, workspace)
 
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
-        below = system.coarser() if self.nested else None
+        below = system.posed_below() if self.nested else None
         if below is None:
             return system.start(), None
         rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2))
@@ -150,7 +148,7 @@ class NonsmoothMultigrid(Solver):
         memory: Memory = state.memory
         energy, factor, force = float(state.energy or 0.0), memory.factor, memory.force
         r = origin = system.local(state.r)
-        pull, first = system.spread(force[system.unknown]), 0.0
+        pull = system.spread(force[system.unknown])
         for _ in range(self.sweeps):
             move = diagonal_step(system, r, pull - system.couple(r - origin), factor)
             factor = move.factor
@@ -158,9 +156,6 @@ class NonsmoothMultigrid(Solver):
                 return replace(state, ended=Status.UNBOUNDED)
             if move.gain < 0.0 or not np.isfinite(energy):
                 r, energy = move.r, energy + move.gain
-            if move.gain >= _SETTLED * first and np.isfinite(energy):
-                break
-            first = min(first, move.gain)
         x = system.moved(state.r, r)
         if not np.isfinite(energy):
             energy = system.energy(x)

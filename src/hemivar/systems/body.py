@@ -130,7 +130,7 @@ class Body(ABC):
     def truncation(self) -> Truncation:
         """Newton's matrix, to be changed by one solve."""
 
-    def coarser(self) -> Self | None:
+    def posed_below(self) -> Self | None:
         """The same on the next coarser mesh, where a problem is posed there."""
         return self.below
 

@@ -107,7 +107,7 @@ class BodyProblem(Body):
     def truncation(self) -> Truncation:
         return _TruncatedBody(self)
 
-    def coarser(self) -> BodyProblem | None:
+    def posed_below(self) -> BodyProblem | None:
         if not self.meshes:
             return None
         step = self.hierarchy.steps[self.top - self.hierarchy.first - 1]
