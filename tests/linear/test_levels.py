@@ -117,6 +117,56 @@ def test_conjugate_gradients_with_the_cycle_solve_the_truncated_equation(
     np.testing.assert_allclose(found.solution, expected, atol=1e-8 * np.abs(expected).max())
 
 
+def test_where_the_held_unknowns_end_costs_conjugate_gradients_next_to_nothing() -> None:
+    """Coarse functions of all levels are kept there; without them it takes four iterations more than with none held."""
+    problem = square(64)
+    hierarchy = ElasticMultigrid.of(problem)
+    top = hierarchy.first + len(hierarchy.steps)
+    unknown = contact_unknowns(problem)[0]
+    right = np.random.default_rng(2).standard_normal(problem.unknowns)
+
+    def iterations(part: float, vanishing: bool = False) -> int:
+        held = problem.contact.points.repeat(2, axis=0)[:, 0] <= part
+        levels = Truncated(hierarchy.levels, top, vanishing)
+        levels.change(held, sp.csr_array((held.size, held.size)))
+        b = right.copy()
+        b[unknown[held]] = 0.0
+        found = conjugate_gradients(
+            levels.matrix(top),
+            levels.diagonal(top),
+            b,
+            lambda v: levels.cycle(top, v),
+            1e-9 * float(np.linalg.norm(b)),
+            60,
+        )
+        return found.iterations
+
+    free = iterations(-1.0)
+    ends = (0.3, 0.42, 0.5, 0.58, 0.7)
+    assert max(iterations(end) for end in ends) <= free + 1
+    assert max(iterations(end, vanishing=True) for end in ends) > free + 1
+
+
+@pytest.mark.parametrize("make", [square, cube])
+def test_what_is_added_acts_on_the_coarser_meshes_as_well(make: Make) -> None:
+    problem = make()
+    hierarchy = ElasticMultigrid.of(problem)
+    top = hierarchy.first + len(hierarchy.steps)
+    held, added = held_somewhere(problem)
+    held[:] = False
+    added = sp.csr_array(1e-3 * added)
+    unknown = contact_unknowns(problem)[0]
+    levels = Truncated(hierarchy.levels, top)
+    levels.change(held, added)
+    change = np.zeros((problem.unknowns,) * 2)
+    change[np.ix_(unknown, unknown)] = added.toarray()
+    for k in range(top - 1, hierarchy.first - 1, -1):
+        P = hierarchy.levels.transfers[k].prolongation.toarray()
+        change = P.T @ change @ P
+        found = (levels.matrix(k) - hierarchy.levels.matrix(k)).toarray()
+        np.testing.assert_allclose(found, change, atol=1e-12 * np.abs(levels.matrix(k)).max())
+
+
 def bits(matrix: sp.csr_array) -> bytes:
     return matrix.data.tobytes() + matrix.indices.tobytes() + matrix.indptr.tobytes()
 

@@ -12,6 +12,7 @@ import pytest
 import hemivar as hv
 from hemivar import gallery
 from hemivar.errors import MethodError
+from hemivar.fem.hierarchy import Coarser
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Status
 from hemivar.solvers.choice import choose
@@ -225,6 +226,34 @@ def test_starting_from_the_solution_takes_no_steps() -> None:
     again = hv.solve(problem, NonsmoothMultigrid(), hv.Controls(rtol=1e-9), initial=found)
     assert again.status is Status.CONVERGED
     assert again.steps == 0
+
+
+def test_coarser_problems_are_posed_only_for_a_start_that_nobody_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, workspace = hv.discretize(gallery.survey("5.1", 32)), hv.Workspace()
+    NonsmoothMultigrid().prepare(problem, workspace)
+    posed, pose = [], Coarser.posed
+
+    def counted(self: Coarser, finer: hv.DiscreteProblem) -> hv.DiscreteProblem:
+        posed.append(finer.unknowns)
+        return pose(self, finer)
+
+    monkeypatch.setattr(Coarser, "posed", counted)
+    found = hv.solve(problem, NonsmoothMultigrid(), TIGHT, initial=np.zeros(problem.unknowns), workspace=workspace)
+    assert found.status is Status.CONVERGED
+    assert not posed
+    nested = hv.solve(problem, NonsmoothMultigrid(), TIGHT, workspace=workspace)
+    assert posed
+    assert posed == sorted(posed, reverse=True)
+    assert distance(problem, nested, found) < 1e-8
+
+
+def test_a_start_at_rest_needs_no_product_with_the_whole_matrix() -> None:
+    problem = hv.discretize(gallery.survey_cube("5.1", 4))
+    body, K = NonsmoothMultigrid().prepare(problem, hv.Workspace()), problem.linear.stiffness
+    rng, x = np.random.default_rng(7), np.zeros(problem.unknowns)
+    for unknown in (body.unknown, np.arange(problem.unknowns)[::-7], body.unknown[:0]):
+        x[unknown] = rng.standard_normal(unknown.size)
+        np.testing.assert_allclose(body.multiply(x), K @ x, atol=1e-13 * np.abs(K).max() * np.abs(x).max())
 
 
 def test_midpoint_quadrature_is_refused_in_words() -> None:

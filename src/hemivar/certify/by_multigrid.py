@@ -291,7 +291,7 @@ class MultigridNorm:
             prolongation = levels.transfers[k - 1].prolongation
             rest.insert(0, np.unique(prolongation[rest[0]].indices))
             parts.insert(0, sp.csr_array(parts[0] @ prolongation))
-        truncated = Truncated(levels, self._top)
+        truncated = Truncated(levels, self._top, vanishing=True)
         truncated.change(held[active], sp.csr_array((unknown.size, unknown.size)))
         start = parts[0] @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal((levels.sizes[first], _BLOCK)))
         X, gap, added = np.zeros((levels.sizes[first], 0)), np.inf, 0.0

@@ -47,7 +47,7 @@ __all__ = ["Advance", "Taken"]
 _ROUNDS = 60
 _STANDS = 1e-10
 #: Part of the tolerance of a step that cycles of multigrid leave.
-_SHARE = 0.5
+_SHARE = 0.9
 #: Contact components up to which small matrices are dense ones.
 _DENSE = 4000
 #: Bodies and laws whose constants are kept.

@@ -1,11 +1,13 @@
 """Stiffness matrices from coarse to fine, and the multigrid cycle on them that leaves some contact unknowns alone.
 
-On a hierarchy of nested meshes a coarse unknown is left out of the cycle as soon as it reaches an unknown that is held
-at a kink.  What is left of each coarse space vanishes at every such unknown, so that the coarse matrices need no
-correction: they are the ones assembled on the coarse meshes, and holding a point costs nothing but a look at its row.
+On a hierarchy of nested meshes a coarse unknown is left out of the cycle where most of the contact unknowns that it
+reaches are held at a kink.  The coarse functions that are kept are cut off at the held ones: this changes few of them,
+and those little, so that the coarse matrices need no correction: they are the ones assembled on the coarse meshes, and
+holding a point costs nothing but a look at its row.  Where the held unknowns end a function on every level is kept
+that would be lost if it had to vanish at all of them, and each costs conjugate gradients about half an iteration.
 
-Algebraic coarse functions reach too far for that.  They are cut off at the held unknowns instead, and what this changes
-in the coarse matrices is added to them, which takes products with the rows of the contact unknowns only.
+Algebraic coarse functions reach too far for that.  They are cut off as well, and what this changes in the coarse
+matrices is added to them, which takes products with the rows of the contact unknowns only.
 """
 
 from __future__ import annotations
@@ -27,6 +29,9 @@ COARSEST = 400
 
 _PIVOT = 1e-10
 _STIFF = 2.0
+#: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
+#: of a node on a line, two on a plane.
+_MOSTLY = 0.3
 
 
 @lru_cache
@@ -56,6 +61,54 @@ class Transfer:
         return Transfer(_narrow(prolongation), _narrow(sp.csr_array(prolongation.T)))
 
 
+class _Coupling:
+    """The places of a symmetric matrix between contact unknowns, and what it is for the next coarser ones.
+
+    Attributes
+    ----------
+    keys : int array (p,)
+        ``row * k + column`` of each place, in order.
+    rows, columns : int arrays (p,)
+    diagonal : int array (k,)
+        Which of them are on the diagonal.
+    """
+
+    def __init__(self, pattern: sp.csr_array) -> None:
+        self.size = pattern.shape[0]
+        entries = pattern.tocoo()
+        self.keys = np.unique(entries.row.astype(np.int64) * self.size + entries.col)
+        self.rows, self.columns = np.divmod(self.keys, max(self.size, 1))
+        self.diagonal = np.searchsorted(self.keys, np.arange(self.size) * (self.size + 1))
+
+    def values(self, matrix: sp.csr_array, place: IntArray) -> Array:
+        """The entries (p,) of a matrix whose rows and columns are the contact unknowns ``place``."""
+        entries = matrix.tocoo()
+        found = np.zeros(self.keys.size)
+        keys = place[entries.row] * self.size + place[entries.col]
+        np.add.at(found, np.searchsorted(self.keys, keys), entries.data)
+        return found
+
+    def matrix(self, values: Array) -> sp.csr_array:
+        """The matrix (k, k) with these entries."""
+        there = values != 0.0
+        return sp.csr_array((values[there], (self.rows[there], self.columns[there])), shape=(self.size,) * 2)
+
+    def galerkin(self, between: sp.csr_array, coarse: _Coupling) -> sp.csr_array:
+        """The entries (q,) of ``between' A between`` by those (p,) of A, as a matrix (q, p)."""
+        between = sp.csr_array(between)
+        count = np.diff(between.indptr).astype(np.int64)
+        first, second = count[self.rows], count[self.columns]
+        entry = np.repeat(np.arange(self.keys.size), first * second)
+        start = np.cumsum(first * second) - first * second
+        left, right = np.divmod(np.arange(entry.size) - start[entry], second[entry])
+        left += between.indptr[self.rows[entry]]
+        right += between.indptr[self.columns[entry]]
+        keys = between.indices[left].astype(np.int64) * coarse.size + between.indices[right]
+        weights = between.data[left] * between.data[right]
+        shape = (coarse.keys.size, self.keys.size)
+        return sp.csr_array((weights, (np.searchsorted(coarse.keys, keys), entry)), shape=shape)
+
+
 class _Level:
     """One matrix, and where in it the rows of contact unknowns are; never changed."""
 
@@ -69,7 +122,13 @@ class _Level:
         self.entries = np.arange(first[-1]) + np.repeat(starts - first[:-1], lengths)
         self.rows = np.repeat(np.arange(contact.size), lengths)
         self.columns = self.matrix.indices[self.entries].astype(np.int64)
-        self.keys = self.rows * matrix.shape[0] + self.columns
+        self.values = self.matrix.data[self.entries]
+        keys = self.rows * matrix.shape[0] + self.columns
+        #: Which of these entries are on the diagonal.
+        self.own = np.searchsorted(keys, np.arange(contact.size) * matrix.shape[0] + contact)
+        self.coupling = _Coupling(coupling)
+        #: Which of them are those of what is added between contact unknowns.
+        self.added = np.searchsorted(keys, self.coupling.rows * matrix.shape[0] + contact[self.coupling.columns])
         self.diagonal = np.abs(self.matrix.diagonal())
 
     def contact_rows(self, matrix: sp.csr_array) -> sp.csr_array:
@@ -94,24 +153,25 @@ class _Changed:
         self.level = level
         self.matrix = level.matrix
         self.held = np.zeros(level.contact.size, dtype=bool)
+        self.added = np.zeros(level.coupling.keys.size)
         self.patch: _Patch | None = None
 
-    def change(self, held: BoolArray, added: sp.csr_array) -> None:
-        """Make the rows of the held contact unknowns those of the identity, and add to the others."""
+    def change(self, held: BoolArray, added: Array) -> bool:
+        """Make the rows of the held contact unknowns those of the identity, and add to the others; whether that is
+        anything new."""
         level = self.level
-        values = level.matrix.data[level.entries]
-        if added.nnz:
-            entry = added.tocoo()
-            keys = entry.row.astype(np.int64) * level.matrix.shape[0] + level.contact[entry.col]
-            np.add.at(values, np.searchsorted(level.keys, keys), entry.data)
-        out = held[level.rows]
-        values[out] = 0.0
-        values[out & (level.columns == level.contact[level.rows])] = 1.0
+        if np.array_equal(held, self.held) and np.array_equal(added, self.added):
+            return False
+        values = level.values.copy()
+        values[level.added] += added
+        values[held[level.rows]] = 0.0
+        values[level.own[held]] = 1.0
         if self.matrix is level.matrix:
             parts = (level.matrix.data.copy(), level.matrix.indices, level.matrix.indptr)
             self.matrix = sp.csr_array(parts, shape=level.matrix.shape)
         self.matrix.data[level.entries] = values
-        self.held = held
+        self.held, self.added = held, added
+        return True
 
     def shift(self, change: sp.csr_array) -> None:
         """Add to the matrix of the level; unknowns that nothing is left of keep their diagonal entry."""
@@ -123,6 +183,35 @@ class _Changed:
         self.matrix = _narrow(matrix)
 
 
+class _Points:
+    """Where the contact unknowns of a level stand in blocks of one contact point each; never changed."""
+
+    def __init__(self, level: _Level, points: IntArray) -> None:
+        _, number = np.unique(points, return_inverse=True)
+        order = np.argsort(number, kind="stable")
+        start = np.searchsorted(number[order], np.arange(number.max() + 1))
+        place = np.empty_like(number)
+        place[order] = np.arange(number.size) - start[number[order]]
+        self.size, self.count = int(place.max()) + 1, int(number.max()) + 1
+        #: The row of each contact unknown in the blocks.
+        self.slots = slots = number * self.size + place
+        inside = np.full(level.matrix.shape[0], -1)
+        inside[level.contact] = np.arange(level.contact.size)
+        column = inside[level.columns]
+        #: Which of the entries of the contact rows are between contact unknowns, and between which.
+        self.entries = np.flatnonzero(column >= 0)
+        self.rows, self.columns = level.rows[self.entries], column[self.entries]
+        empty = np.setdiff1d(np.arange(self.count * self.size), slots)
+        row, col = np.append(slots[self.rows], empty), np.append(slots[self.columns], empty)
+        keys, block = np.unique(row // self.size * self.count + col // self.size, return_inverse=True)
+        #: The place of each of them among the numbers of the blocks; behind them those of rows that stand for nothing.
+        self.flat = (block * self.size + row % self.size) * self.size + col % self.size
+        self.indices = (keys % self.count).astype(np.int32)
+        self.indptr = np.searchsorted(keys, np.arange(self.count + 1) * self.count).astype(np.int32)
+        self.diagonal = np.searchsorted(keys, np.arange(self.count) * (self.count + 1))
+        self.first = np.searchsorted(level.rows, np.arange(level.contact.size + 1))
+
+
 class _Patch:
     """The contact unknowns of a level by themselves, smoothed point by point.
 
@@ -130,48 +219,29 @@ class _Patch:
     unknowns of the point: one at a time they would hardly move.
     """
 
-    def __init__(self, rows: sp.csr_array, contact: IntArray, slots: IntArray, blocks: sp.bsr_array) -> None:
-        self.rows, self.contact, self.slots, self.blocks = rows, contact, slots, blocks
-        blocks.indices, blocks.indptr = blocks.indices.astype(np.int32), blocks.indptr.astype(np.int32)
-        size = blocks.blocksize[0]
-        diagonal = np.zeros((blocks.shape[0] // size, size, size))
-        row = np.repeat(np.arange(len(diagonal)), np.diff(blocks.indptr))
-        on = row == blocks.indices
-        diagonal[row[on]] = blocks.data[on]
-        self.inverse = np.linalg.inv(diagonal)
-
-    @staticmethod
-    def of(changed: _Changed, points: IntArray) -> _Patch:
-        """Of a level whose contact unknowns belong to these points."""
-        level = changed.level
-        rows = level.contact_rows(changed.matrix)
-        _, number = np.unique(points, return_inverse=True)
-        order = np.argsort(number, kind="stable")
-        start = np.searchsorted(number[order], np.arange(number.max() + 1))
-        place = np.empty_like(number)
-        place[order] = np.arange(number.size) - start[number[order]]
-        size = int(place.max()) + 1
-        slots = number * size + place
-        block = rows[:, level.contact].tocoo()
+    def __init__(self, changed: _Changed, points: _Points) -> None:
+        level, values = changed.level, changed.matrix.data[changed.level.entries]
+        shape = (level.contact.size, level.matrix.shape[0])
+        self.rows = sp.csr_array((values, level.columns, points.first), shape=shape)
+        self.contact, self.points = level.contact, points
+        size = points.size
+        entries = np.append(values[points.entries], np.ones(points.flat.size - points.entries.size))
         # Columns of held unknowns meet zeros only; left in, they would put the rounding of the inverse there.
-        block.data[changed.held[block.col] & (block.row != block.col)] = 0.0
-        count = (int(number.max()) + 1) * size
-        empty = np.setdiff1d(np.arange(count), slots)
-        entries = np.concatenate([block.data, np.ones(empty.size)])
-        index = (np.concatenate([slots[block.row], empty]), np.concatenate([slots[block.col], empty]))
-        blocks = sp.csr_array((entries, index), shape=(count, count)).tobsr((size, size))
-        return _Patch(rows, level.contact, slots, blocks)
+        entries[: points.entries.size][changed.held[points.columns] & (points.rows != points.columns)] = 0.0
+        self.data = np.zeros(points.indices.size * size**2)
+        self.data[points.flat] = entries
+        self.inverse = np.linalg.inv(self.data.reshape(-1, size, size)[points.diagonal]).ravel()
 
     def smooth(self, x: Array, right: Array, forward: bool) -> None:
         """One sweep over the points, in place."""
-        A, size, count = self.blocks, self.blocks.blocksize[0], len(self.inverse)
-        rest, step = np.zeros(A.shape[0]), np.zeros(A.shape[0])
-        rest[self.slots] = right[self.contact] - self.rows @ x
-        span = (0, count, 1) if forward else (count - 1, -1, -1)
+        points = self.points
+        rest, step = np.zeros(points.count * points.size), np.zeros(points.count * points.size)
+        rest[points.slots] = right[self.contact] - self.rows @ x
+        span = (0, points.count, 1) if forward else (points.count - 1, -1, -1)
         _kernels().block_gauss_seidel(
-            A.indptr, A.indices, A.data.ravel(), step, rest, self.inverse.ravel(), *span, size
+            points.indptr, points.indices, self.data, step, rest, self.inverse, *span, points.size
         )
-        x[self.contact] += step[self.slots]
+        x[self.contact] += step[points.slots]
 
 
 class Levels:
@@ -243,7 +313,15 @@ class Levels:
             columns = np.searchsorted(levels[k].contact, reach[entries.col])
             shape = (between.shape[0], levels[k].contact.size)
             self.between[k + 1] = sp.csr_array((entries.data, (entries.row, columns)), shape=shape)
+        #: What is added on a level by what is added on the next finer one; and what a coarse unknown reaches there.
+        self.galerkin: list[sp.csr_array] = [sp.csr_array((0, 0))] * len(levels)
+        self.reach: list[sp.csr_array] = [sp.csr_array((0, 0))] * len(levels)
+        for k in range(algebraic + 1, len(levels)):
+            self.galerkin[k] = levels[k].coupling.galerkin(self.between[k], levels[k - 1].coupling)
+            self.reach[k] = sp.csr_array(abs(self.between[k]).T)
+        self.whole = [np.asarray(reach.sum(axis=1)) for reach in self.reach]
         self.levels = levels
+        self._blocks: dict[int, _Points] = {}
         self._idle: list[Truncated] = []
 
     def borrow(self, top: int) -> Truncated:
@@ -281,6 +359,13 @@ class Levels:
         """One symmetric V-cycle from zero: an approximate solution for the right-hand side (n,) of a level."""
         return self._whole.cycle(k, right)
 
+    def blocks(self, k: int) -> _Points:
+        """The contact unknowns of a level in blocks of one contact point each; found when they are first needed."""
+        found = self._blocks.get(k)
+        if found is None:  # two threads may both find them
+            found = self._blocks[k] = _Points(self.levels[k], self.points[k])
+        return found
+
     @cached_property
     def _whole(self) -> Truncated:
         return Truncated(self, len(self.levels) - 1)
@@ -294,10 +379,14 @@ class Truncated:
     levels : Levels
     top : int
         The finest level that it is used on.
+    vanishing : bool
+        Leave out every coarse unknown that reaches a held one at all: then what a level knows is a field on the finest
+        mesh that vanishes where it is held, and its matrix that of these fields.
     """
 
-    def __init__(self, levels: Levels, top: int) -> None:
+    def __init__(self, levels: Levels, top: int, vanishing: bool = False) -> None:
         self._levels, self.top = levels, top
+        self._least = 0.0 if vanishing else _MOSTLY
         self._changed = [_Changed(level) for level in levels.levels]
         self._coarse: Array | None = None
 
@@ -323,20 +412,24 @@ class Truncated:
         own, count = levels.own[top], levels.levels[top].contact.size
         out = np.zeros(count, dtype=bool)
         out[own] = held
-        added = _placed(added, own, count)
+        values = levels.levels[top].coupling.values(added, own)
+        new = True
         for k in range(top, levels.algebraic - 1, -1):
             level, changed = levels.levels[k], self._changed[k]
-            changed.change(out, added)
-            stiff = added.diagonal() > _STIFF * level.diagonal[level.contact]
-            changed.patch = _Patch.of(changed, levels.points[k]) if k == top and stiff.any() else None
+            new = changed.change(out, values)
+            stiff = values[level.coupling.diagonal] > _STIFF * level.diagonal[level.contact]
+            changed.patch = _Patch(changed, levels.blocks(k)) if k == top and stiff.any() else None
             if k > levels.algebraic:
-                between = levels.between[k]
-                out = np.asarray(abs(between).T @ (out | stiff).astype(float) > 0.0)
-                free = sp.diags_array((~out).astype(float))
-                added = sp.csr_array(free @ (between.T @ added @ between) @ free)
+                reach, below = levels.reach[k], levels.levels[k - 1].coupling
+                out = np.asarray(reach @ (out | stiff).astype(float) > self._least * levels.whole[k])
+                values = levels.galerkin[k] @ values
+                values[out[below.rows] | out[below.columns]] = 0.0
+        if not new:
+            return  # what is coarser is as it was
         if levels.algebraic:
+            coarsest = levels.levels[levels.algebraic]
             prolongation = levels.transfers[levels.algebraic - 1].prolongation
-            change = levels.levels[levels.algebraic].galerkin_change(out, added, prolongation)
+            change = coarsest.galerkin_change(out, coarsest.coupling.matrix(values), prolongation)
             for k in range(levels.algebraic - 1, -1, -1):
                 self._changed[k].shift(change)
                 if k:
@@ -367,8 +460,7 @@ class Truncated:
         below = self._changed[k - 1]
         coarse[below.level.contact[below.held]] = 0.0
         x += transfer.prolongation @ self._cycle(k - 1, coarse)
-        if k == levels.algebraic:
-            x[changed.level.contact[changed.held]] = 0.0
+        x[changed.level.contact[changed.held]] = 0.0
         for _ in range(levels.sweeps):
             _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
         if patch is not None:
@@ -401,8 +493,7 @@ def _inverse_root(matrix: Array) -> Array:
     try:
         lower = la.cholesky(scaled, lower=True, check_finite=False)
         if np.diagonal(lower).min(initial=1.0) > np.sqrt(_PIVOT):
-            identity = np.eye(len(scaled))
-            inverse = la.solve_triangular(lower, identity, lower=True, check_finite=False)
+            inverse, _ = la.lapack.dtrtri(lower, lower=1)
             return np.asarray(scale[:, None] * inverse.T)
     except la.LinAlgError:
         pass

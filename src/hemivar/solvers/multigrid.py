@@ -27,7 +27,9 @@ __all__ = ["Memory", "NonsmoothMultigrid"]
 #: Relative residual up to which coarser meshes are solved, and the most steps there.
 _NESTED, _NESTED_STEPS = 1e-3, 15
 #: Part of the distance to the contact conditions that is left when conjugate gradients end early.
-_PATIENCE = 0.5
+_PATIENCE = 1.0
+#: Iterations of conjugate gradients after each of which these are looked at; later after every second one.
+_WATCHED = 4
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
 #: What rounding makes of the energy, relative to its parts, along a line and over a step; and what a move of one point
@@ -122,14 +124,15 @@ class NonsmoothMultigrid(Solver):
         return set_up(problem, workspace)
 
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
-        if system.below is None or not self.nested:
+        below = system.posed_below() if self.nested else None
+        if below is None:
             return system.start(), None
         rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2))
-        x, stopped = rough.first_guess(system.below, budget)
+        x, stopped = rough.first_guess(below, budget)
         if stopped is None:
             controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
-            start = State(x, system.below.multiplier(x))
-            found, status, _ = iterate(rough, system.below, start, controls, budget)
+            start = State(x, below.multiplier(x))
+            found, status, _ = iterate(rough, below, start, controls, budget)
             self.release(found)
             x, stopped = found.r, status if status in STOPPED else None
         return system.start(system.from_below(x)), stopped
@@ -420,8 +423,9 @@ class _Enough:
     def __call__(self, iteration: int, step: Array) -> Array:
         at, late = self.equation, bool(self.budget.due())
         system, law, weights = at.system, at.system.law, at.system.weights[:, None]
-        pulled = system.pull(step) if iteration > 1 else np.zeros(0)  # by all processes, whether they are late or not
-        if late or iteration < 2:
+        watched = 1 < iteration <= _WATCHED or not iteration % 2
+        pulled = system.pull(step) if watched else np.zeros(0)  # by all processes, whether they are late or not
+        if late or not watched:
             return np.full(1, np.inf if late else 0.0)
         way = system.spread(step[system.unknown])
         aim = np.where(at.moving, law.clamp(at.r, at.r + way), at.r)

@@ -130,6 +130,10 @@ class Body(ABC):
     def truncation(self) -> Truncation:
         """Newton's matrix, to be changed by one solve."""
 
+    def posed_below(self) -> Self | None:
+        """The same on the next coarser mesh, where a problem is posed there."""
+        return self.below
+
     @abstractmethod
     def from_below(self, x: Array) -> Array:
         """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""

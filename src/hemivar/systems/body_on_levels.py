@@ -50,11 +50,14 @@ class BodyProblem(Body):
         Matrices of this and the coarser levels.
     top : int
         Number of this level.
+    meshes : tuple of BodyProblem
+        The body on the coarser meshes, from coarse to fine, for whoever asks for the problem there.
     """
 
     problem: DiscreteProblem
     hierarchy: ElasticMultigrid
     top: int
+    meshes: tuple[BodyProblem, ...] = ()
 
     @staticmethod
     def of(problem: DiscreteProblem, hierarchy: ElasticMultigrid, top: int) -> BodyProblem:
@@ -78,6 +81,9 @@ class BodyProblem(Body):
         )
 
     def multiply(self, x: Array) -> Array:
+        moved = np.count_nonzero(x)
+        if moved <= self.unknown.size and moved == np.count_nonzero(x[self.unknown]):
+            return self.push(x[self.unknown])  # a start at rest costs no product with the whole matrix
         return np.asarray(self.problem.linear.stiffness @ x)
 
     @cached_property
@@ -101,6 +107,12 @@ class BodyProblem(Body):
     def truncation(self) -> Truncation:
         return _TruncatedBody(self)
 
+    def posed_below(self) -> BodyProblem | None:
+        if not self.meshes:
+            return None
+        step = self.hierarchy.steps[self.top - self.hierarchy.first - 1]
+        return self.meshes[-1].posed(step.posed(self.problem), self.meshes[:-1], time.perf_counter())
+
     def from_below(self, x: Array) -> Array:
         return self.hierarchy.steps[self.top - self.hierarchy.first - 1].interpolate(x)
 
@@ -111,9 +123,9 @@ class BodyProblem(Body):
         """The same body under another load, gap or law."""
         if (problem.unknowns, problem.contact.count) != (self.problem.unknowns, self.problem.contact.count):
             raise ProblemError("the other problem is of another size; set it up by itself")
-        return self.posed(problem, None, time.perf_counter())
+        return self.posed(problem, (), time.perf_counter())
 
-    def posed(self, problem: DiscreteProblem, below: BodyProblem | None, began: float) -> BodyProblem:
+    def posed(self, problem: DiscreteProblem, meshes: tuple[BodyProblem, ...], began: float) -> BodyProblem:
         """The same body under the load, the gap and the law of a problem; what only the body decides is shared."""
         other = replace(
             self,
@@ -123,7 +135,7 @@ class BodyProblem(Body):
             load=problem.linear.load,
             constant=problem.linear.constant,
             seconds=time.perf_counter() - began,
-            below=below,
+            meshes=meshes,
         )
         vars(other).update({name: getattr(self, name) for name in _OF_THE_BODY})
         return other
@@ -195,7 +207,7 @@ def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigri
 
 
 def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
-    """The body of a problem on its mesh and on every coarser one; the workspace keeps the levels.
+    """The body of a problem on its mesh, and on every coarser one if asked; the workspace keeps the levels.
 
     Raises
     ------
@@ -204,15 +216,8 @@ def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
     """
     began = time.perf_counter()
     bodies = workspace.once("bodies", problem, lambda: _bodies(problem, workspace))
-    posed = [problem]
-    if not problem.law.state_dependent:  # else nothing starts from a coarser mesh
-        for step in reversed(bodies[-1].hierarchy.steps):
-            posed.insert(0, step.posed(posed[0]))
-    body: BodyProblem | None = None
-    for known, one in zip(bodies[-len(posed) :], posed, strict=True):
-        body = known.posed(one, body, began)
-    assert body is not None
-    return body
+    meshes = () if problem.law.state_dependent else tuple(bodies[:-1])  # nothing starts from a coarser mesh then
+    return bodies[-1].posed(problem, meshes, began)
 
 
 def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]:
