@@ -8,7 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 import hemivar as hv
-from hemivar.adapt.lower_bounds import LowerBounds, _of_shape, lower_bounds
+from hemivar.certify.lower_bounds import LowerBounds, _of_shape, lower_bounds
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mesh import Mesh, box, rectangle

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.adapt.lower_bounds import lower_bounds
+from hemivar.certify.lower_bounds import lower_bounds
 from hemivar.basics.types import Array, IntArray
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem

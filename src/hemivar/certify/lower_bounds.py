@@ -1,0 +1,221 @@
+"""Guaranteed lower bounds of ``Lambda = inf a(v, v) / |v|^2`` over the contact boundary, no constant unknown.
+
+With ``a(v, v) = int C eps(v) : eps(v)`` over the displacements that vanish where supports hold them, and the norm of
+L2 over the contact boundary of v, or of its normal or its tangential part alone.  The trace constant of the continuous
+problem is ``Lambda^(-1/2)``: values computed with conforming elements approach it from the wrong side.
+
+They are found on a mesh of their own, which begins with the coarsest mesh that the one of the problem was refined from,
+and is refined along the contact boundary and where supports end: :mod:`hemivar.certify.trace_flexibility` tells how.
+
+Bounds hold up to rounding: eigenvalues are not enclosed by interval arithmetic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.certify.trace_flexibility import TraceFlexibility, TraceRange
+from hemivar.errors import ProblemError
+from hemivar.fem.facet_table import FacetTable, facet_table
+from hemivar.fem.held_facets import held_facets
+from hemivar.laws import NoContact
+from hemivar.mechanics.conditions import Clamped, Prescribed
+from hemivar.mechanics.statement import Contact, ContactProblem
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["LowerBound", "LowerBounds", "lower_bounds"]
+
+#: Cells of the mesh that is made for it, at most about so many, by dimension.
+_CELLS = {2: 320, 3: 450}
+#: Cells of the coarsest mesh of a body beyond which the systems would be too large.
+_MOST = {2: 20_000, 3: 2_500}
+#: Part of a facet by which another one must lie over it.
+_OVER = 1e-6
+
+
+@dataclass(frozen=True)
+class LowerBound:
+    """Lower bound of ``Lambda`` for one part of the displacement, modulus per length.
+
+    Attributes
+    ----------
+    lower : float
+        Guaranteed up to rounding.
+    upper : float
+        Value of a conforming approximation: Lambda lies between both.
+    simple : float
+        The bound without the method of Lehmann.
+    """
+
+    lower: float
+    upper: float
+    simple: float
+
+
+@dataclass(frozen=True)
+class LowerBounds:
+    """Bounds for the whole trace, its normal and its tangential part.
+
+    Attributes
+    ----------
+    both, normal, tangential : LowerBound
+    cells : int
+        Of the mesh that they were computed on.
+    mesh : Mesh, optional
+        That mesh.
+    flexibility : TraceFlexibility, optional
+        The contact boundary of the body, for weights that vary on it.
+    """
+
+    both: LowerBound
+    normal: LowerBound
+    tangential: LowerBound
+    cells: int
+    mesh: Mesh | None = field(default=None, repr=False, compare=False)
+    flexibility: TraceFlexibility | None = field(default=None, repr=False, compare=False)
+
+    def weighted(self, corners: Array, normal: Array, tangential: Array) -> float:
+        """Upper bound of ``sup int alpha |v|^2 / a(v, v)`` for weights that are constant on facets.
+
+        Each facet of the mesh here takes the largest weight of those that lie over it, or near to it in space.
+
+        Parameters
+        ----------
+        corners : array, shape (k, d, d)
+            Of the facets, which cover the contact boundary where the weights do not vanish.
+        normal, tangential : arrays, shape (k,)
+            Weights of the normal and of the tangential part, >= 0.
+        """
+        if self.mesh is None or self.flexibility is None:
+            return np.inf
+        over = _over(self.mesh.points[self.flexibility.facets], corners)
+        weights = [np.where(over, alpha, 0.0).max(axis=1, initial=0.0) for alpha in (normal, tangential)]
+        return self.flexibility.bound(*weights).upper
+
+
+def lower_bounds(problem: ContactProblem, cells: int | None = None) -> LowerBounds:
+    """Lower bounds of ``Lambda`` for a problem; its laws and loads do not matter.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    cells : int, optional
+        At most about so many cells are used, 320 in the plane and 450 in space by default.
+
+    Raises
+    ------
+    ProblemError
+        The problem has no contact boundary, supports do not hold the body without it, its material varies within
+        cells, or its coarsest mesh has too many.
+    """
+    if not problem.contact:
+        raise ProblemError("the problem has no contact boundary, and so no trace constant; state Contact(...)")
+    bare = _bare(problem, problem.mesh)
+    while bare.mesh.parent is not None:
+        bare = replace(bare, mesh=bare.mesh.parent.mesh)
+    if bare.mesh.number_of_cells > _MOST[bare.mesh.dim]:
+        raise ProblemError(
+            f"the coarsest mesh of the body has {bare.mesh.number_of_cells} cells; lower bounds of trace constants are "
+            f"computed on up to {_MOST[bare.mesh.dim]}: begin with a coarser mesh and refine it"
+        )
+    table = facet_table(bare.mesh)
+    if not _is_held(table, held_facets(bare, table)):
+        raise ProblemError(
+            "the body is not held by its supports, so that rigid motions move the contact boundary without energy and "
+            "no trace constant exists; add a support"
+        )
+    own = _graded(bare, _CELLS[bare.mesh.dim] if cells is None else cells)
+    flexibility = TraceFlexibility(own)
+    both, normal, tangential = (
+        _inverse(flexibility.bound(*weights)) for weights in ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
+    )
+    return LowerBounds(both, normal, tangential, own.mesh.number_of_cells, own.mesh, flexibility)
+
+
+def _inverse(found: TraceRange) -> LowerBound:
+    return LowerBound(1.0 / found.upper, 1.0 / found.lower, 1.0 / found.simple)
+
+
+def _bare(problem: ContactProblem, mesh: Mesh) -> ContactProblem:
+    """The body alone: supports at rest, no loads, contact boundaries without a law."""
+    supports = {
+        name: Clamped() if isinstance(support, Prescribed) else support for name, support in problem.supports.items()
+    }
+    return replace(
+        problem,
+        mesh=mesh,
+        supports=supports,
+        contact={name: Contact(NoContact()) for name in problem.contact},
+        tractions={},
+        body_force=(0.0,) * mesh.dim,
+        order=1,
+    )
+
+
+def _is_held(table: FacetTable, held: Array) -> bool:
+    """Whether supports resist every rigid motion of every connected part."""
+    mesh, dim = table.mesh, table.dim
+    inner = table.owners[table.interior]
+    graph = sp.coo_array((np.ones(len(inner)), inner.T), shape=2 * (len(table.cells),))
+    parts, label = sp.csgraph.connected_components(graph, directed=False)
+    x = (mesh.points - mesh.points.mean(axis=0)) / float(np.ptp(mesh.points, axis=0).max())
+    spins = []
+    for i in range(dim):
+        for j in range(i):
+            spin = np.zeros((dim, dim))
+            spin[i, j], spin[j, i] = 1.0, -1.0
+            spins.append(spin)
+    some = np.flatnonzero(held.any(axis=(1, 2)))
+    at = x[table.facets[some]]
+    moved = np.broadcast_to(np.eye(dim), (*at.shape[:2], dim, dim))
+    turned = np.stack([at @ spin.T for spin in spins], axis=-1)
+    motions = np.einsum("fij,fajr->fair", held[some], np.concatenate([moved, turned], axis=-1))
+    grams: Array = np.zeros((parts, motions.shape[-1], motions.shape[-1]))
+    measures = table.measures[some] / table.measures.max()
+    np.add.at(grams, label[table.owners[some, 0]], np.einsum("f,fair,fais->frs", measures, motions, motions))
+    values = np.linalg.eigvalsh(grams)
+    return bool((values[:, 0] > 1e-10 * np.maximum(values[:, -1], np.finfo(float).tiny)).all())
+
+
+def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
+    """Refined everywhere up to a quarter of the cells, once where it touches, then where supports end."""
+    mesh = problem.mesh
+    while (finer := mesh.refined()).number_of_cells <= cells // (4 if mesh.dim == 2 else 1):
+        mesh = finer
+    if mesh.dim == 2:
+        touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
+        for nodes in (touching, None, None, None):
+            marked = np.zeros(mesh.number_of_nodes, dtype=bool)
+            marked[_ends(problem, mesh) if nodes is None else nodes] = True
+            finer = mesh.refined_where(marked[mesh.cells].any(axis=1))
+            if finer.number_of_cells > cells:
+                break
+            mesh = finer
+    return replace(problem, mesh=mesh)
+
+
+def _ends(problem: ContactProblem, mesh: Mesh) -> IntArray:
+    """Nodes where a support ends."""
+    if not problem.supports:
+        return np.zeros(0, dtype=np.int64)
+    held = np.unique(np.concatenate([np.sort(mesh.boundaries[name], axis=1) for name in problem.supports]), axis=0)
+    every, counts = np.unique(
+        np.concatenate([np.sort(mesh.boundary_facets, axis=1), held]), axis=0, return_counts=True
+    )
+    return np.intersect1d(held, every[counts == 1])
+
+
+def _over(mine: Array, others: Array) -> Array:
+    """Which facets (k, d, d) may lie over which (m, d, d): by their boxes, those that only touch left out."""
+    low, high = mine.min(axis=1), mine.max(axis=1)
+    below, above = others.min(axis=1), others.max(axis=1)
+    near = _OVER**1.5 * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max())
+    found = np.ones((len(mine), len(others)), dtype=bool)
+    for axis in range(mine.shape[2]):
+        slack = _OVER * np.minimum(high[:, None, axis] - low[:, None, axis], above[:, axis] - below[:, axis]) - near
+        found &= np.minimum(high[:, None, axis], above[:, axis]) - np.maximum(low[:, None, axis], below[:, axis]) >= slack
+    return found
