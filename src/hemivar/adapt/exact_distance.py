@@ -182,10 +182,6 @@ def _bound(stress: AdmissibleStress, traces: ContactTraces | None, constants: Tr
     reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
     reasons += _inexact(data)
     rest = oscillation(stress)
-    if rest.present and not rest.guaranteed:
-        reasons.append(
-            "loads oscillate within cells or facets, and the constants of that part are computed, not proved"
-        )
     eta, eta_all = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress, rest).sum()))
     algebraic = _algebraic(stress, constants)
     if algebraic > _LARGE * eta:
@@ -265,6 +261,7 @@ def _contact(
 ) -> _Choice:
     """The better of both theorems."""
     law = traces.law
+    corners = stress.data.table.mesh.points[nodes]
     forces = traces.forces(stress.tractions.moments)
     allowed = traces.allowed(forces)
     normal, tangential = traces.square(forces - allowed)
@@ -278,7 +275,7 @@ def _contact(
 
     near = one_sided_constants(traces, allowed)
     near_normal, near_tangential = (part.max(axis=1) for part in near)
-    c = constants.softening(nodes, near_normal, near_tangential) + coupling
+    c = constants.softening(corners, near_normal, near_tangential) + coupling
     rho = constants.distance(normal, tangential)
     best = _Choice(_value(base + rho, 0.0, c), c, rho, 2, normal + tangential, np.zeros(len(normal)))
 
@@ -286,7 +283,7 @@ def _contact(
     alpha_normal = np.broadcast_to(law.normal.weak_convexity, shape[0] * shape[1]).reshape(shape)
     alpha_tangential = np.broadcast_to(law.tangential.weak_convexity, shape[0] * shape[1]).reshape(shape)
     if np.isfinite(alpha_normal).all() and np.isfinite(alpha_tangential).all():
-        c = constants.softening(nodes, alpha_normal.max(axis=1), alpha_tangential.max(axis=1)) + coupling
+        c = constants.softening(corners, alpha_normal.max(axis=1), alpha_tangential.max(axis=1)) + coupling
         gap = fenchel_gap(traces, forces)
         other = _with_gap(gap, normal, tangential, constants, base, c)
         if other.value < best.value:

@@ -34,11 +34,11 @@ __all__ = ["FacetConstants", "facet_constants"]
 
 #: How often a cell in the plane, a cell in space and a prism are cut in halves.
 _HALVINGS = {2: 2, 3: 1}
-_PRISM_HALVINGS = 1
+_PRISM_HALVINGS = 2
 #: Digits to which two shapes are one.
 _DIGITS = 9
 #: Heights of prisms that are tried, in terms of the root of twice the area of the facet.
-_HEIGHTS = (1.0, 0.5, 0.25)
+_HEIGHTS = (1.0, 0.7, 0.5, 0.25)
 #: Part of a size by which two bodies may overlap and count as disjoint.
 _TOUCHING = 1e-9
 
@@ -75,10 +75,8 @@ def facet_constants(table: FacetTable, compliance: Array, facets: IntArray) -> F
     """
     dim = table.dim
     owner = table.owners[facets, 0]
-    if dim == 3 and len(compliance) == 1 and (heights := _heights(table, facets)) is not None:
-        corners = table.mesh.points[table.facets[facets]]
-        inward = -heights[:, None] * table.normals[facets]
-        return FacetConstants(_of_prisms(corners, inward, compliance[0]), np.arange(len(facets)))
+    if dim == 3 and len(compliance) == 1 and (found := _above(table, compliance[0], facets)) is not None:
+        return FacetConstants(found, np.arange(len(facets)))
     local = np.argmax(table.cell_facets[owner] == facets[:, None], axis=1)
     # the vertex opposite to the facet first, lengths in units of the cell
     order = np.array([[i, *(a for a in range(dim + 1) if a != i)] for i in range(dim + 1)])[local]
@@ -131,14 +129,20 @@ def _of_triangles(corners: Array, compliance: Array) -> Array:
     on = (loaded[:, None] * 4 + np.arange(4)).ravel()
     rest = np.setdiff1d(np.arange(n), on)
     coupling = K[:, rest[:, None], on]
-    condensed = K[:, on[:, None], on] - coupling.transpose(0, 2, 1) @ np.linalg.solve(K[:, rest[:, None], rest], coupling)
+    condensed = K[:, on[:, None], on] - coupling.transpose(0, 2, 1) @ np.linalg.solve(
+        K[:, rest[:, None], rest], coupling
+    )
     sides = points[:, table.facets[loaded]]
     length = np.linalg.norm(sides[:, :, 1] - sides[:, :, 0], axis=-1)
-    change = np.einsum("sf,ab,ij,fg->sfaigbj", length**-0.5, np.linalg.inv(mass_root(2)), np.eye(2), np.eye(len(loaded)))
+    change = np.einsum(
+        "sf,ab,ij,fg->sfaigbj", length**-0.5, np.linalg.inv(mass_root(2)), np.eye(2), np.eye(len(loaded))
+    )
     change = change.reshape(count, len(on), len(on))
     condensed = change.transpose(0, 2, 1) @ condensed @ change
     linear = barycentric[table.facets[loaded]][:, :, 1:]
-    functions = np.einsum("sf,ca,fak,ij->sfcikj", length**0.5, mass_root(2), linear, np.eye(2)).reshape(count, len(on), -1)
+    functions = np.einsum("sf,ca,fak,ij->sfcikj", length**0.5, mass_root(2), linear, np.eye(2)).reshape(
+        count, len(on), -1
+    )
     found = np.empty(count)
     for shape, (K_on, L) in enumerate(zip(condensed, functions, strict=True)):
         free = la.null_space(L.T, rcond=1e-10)
@@ -201,7 +205,7 @@ def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
     # What is held determines the rigid motion and takes up no force, as loads are in balance.
     held = np.zeros((len(table.facets) * dim, dim, dim))
     ends = mesh.points[table.facets[0]]
-    frame = np.linalg.svd((ends[1:] - ends[0]))[2]
+    frame = np.linalg.svd(ends[1:] - ends[0])[2]
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     held[0], held[1] = np.eye(dim), np.eye(dim) - np.outer(along, along)
     if dim == 3:
@@ -222,6 +226,51 @@ def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
 
 
 # ---- prisms --------------------------------------------------------------------------------------------------------
+
+
+def _above(table: FacetTable, compliance: Array, facets: IntArray) -> Array | None:
+    """``kappa^2`` (k,) of the prisms above facets, or above those of the last even mesh that they are parts of.
+
+    What is linear on a facet is linear on its parts, so that these see no more together than the facet does.
+    """
+    own = _prismatic(table, compliance, facets)
+    mesh = table.mesh
+    while mesh.parent is not None and (np.bincount(mesh.parent.cells) < 8).any():
+        mesh = mesh.parent.mesh
+    if mesh is table.mesh:
+        return own
+    coarse = facet_table(mesh)
+    outer = np.flatnonzero(~coarse.interior)
+    whole = outer[_containing(mesh.points[coarse.facets[outer]], table.mesh.points[table.facets[facets]].mean(axis=1))]
+    chosen, number = np.unique(whole, return_inverse=True)
+    before = _prismatic(coarse, compliance, chosen)
+    if own is None or before is None:
+        return own if before is None else before[number]
+    worst = np.zeros(len(chosen))
+    np.maximum.at(worst, number, own)
+    return np.where(worst <= before, worst, before)[number]
+
+
+def _containing(triangles: Array, points: Array) -> IntArray:
+    """The triangle (m, 3, 3) on which each point (k, 3) lies."""
+    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    dual = np.linalg.pinv(np.stack([first, second], axis=2))
+    normal = np.cross(first, second)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    offset = points[:, None] - triangles[:, 0]
+    inside = np.einsum("mij,kmj->kmi", dual, offset)
+    least = np.minimum(inside.min(axis=2), 1.0 - inside.sum(axis=2))
+    away = np.abs(np.einsum("mi,kmi->km", normal, offset)) / np.linalg.norm(first, axis=1)
+    return np.argmax(np.minimum(least, 0.0) - away, axis=1)
+
+
+def _prismatic(table: FacetTable, compliance: Array, facets: IntArray) -> Array | None:
+    """``kappa^2`` (k,) of the prisms above facets, None if they are not disjoint parts of the body."""
+    heights = _heights(table, facets)
+    if heights is None:
+        return None
+    corners = table.mesh.points[table.facets[facets]]
+    return _of_prisms(corners, -heights[:, None] * table.normals[facets], compliance)
 
 
 def _of_prisms(corners: Array, inward: Array, compliance: Array) -> Array:

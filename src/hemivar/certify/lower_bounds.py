@@ -18,23 +18,21 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.certify.bare_body import bare_body
+from hemivar.certify.facet_cover import facet_cover
 from hemivar.certify.trace_flexibility import TraceFlexibility, TraceRange
 from hemivar.errors import ProblemError
+from hemivar.fem.assembly import tensors
 from hemivar.fem.facet_table import FacetTable, facet_table
 from hemivar.fem.held_facets import held_facets
-from hemivar.laws import NoContact
-from hemivar.mechanics.conditions import Clamped, Prescribed
-from hemivar.mechanics.statement import Contact, ContactProblem
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
+from hemivar.systems.workspace import Workspace
 
 __all__ = ["LowerBound", "LowerBounds", "lower_bounds"]
 
 #: Cells of the mesh that is made for it, at most about so many, by dimension.
 _CELLS = {2: 320, 3: 450}
-#: Cells of the coarsest mesh of a body beyond which the systems would be too large.
-_MOST = {2: 20_000, 3: 2_500}
-#: Part of a facet by which another one must lie over it.
-_OVER = 1e-6
 
 
 @dataclass(frozen=True)
@@ -92,12 +90,12 @@ class LowerBounds:
         """
         if self.mesh is None or self.flexibility is None:
             return np.inf
-        over = _over(self.mesh.points[self.flexibility.facets], corners)
+        over = facet_cover(self.mesh.points[self.flexibility.facets], corners)
         weights = [np.where(over, alpha, 0.0).max(axis=1, initial=0.0) for alpha in (normal, tangential)]
         return self.flexibility.bound(*weights).upper
 
 
-def lower_bounds(problem: ContactProblem, cells: int | None = None) -> LowerBounds:
+def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: Workspace | None = None) -> LowerBounds:
     """Lower bounds of ``Lambda`` for a problem; its laws and loads do not matter.
 
     Parameters
@@ -105,6 +103,9 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None) -> LowerBoun
     problem : ContactProblem
     cells : int, optional
         At most about so many cells are used, 320 in the plane and 450 in space by default.
+    workspace : Workspace, optional
+        Keeps them for all problems of the body: they belong to its coarsest mesh, its material and where it is held and
+        touches, not to refined meshes, laws and loads.
 
     Raises
     ------
@@ -114,21 +115,25 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None) -> LowerBoun
     """
     if not problem.contact:
         raise ProblemError("the problem has no contact boundary, and so no trace constant; state Contact(...)")
-    bare = _bare(problem, problem.mesh)
-    while bare.mesh.parent is not None:
-        bare = replace(bare, mesh=bare.mesh.parent.mesh)
-    if bare.mesh.number_of_cells > _MOST[bare.mesh.dim]:
-        raise ProblemError(
-            f"the coarsest mesh of the body has {bare.mesh.number_of_cells} cells; lower bounds of trace constants are "
-            f"computed on up to {_MOST[bare.mesh.dim]}: begin with a coarser mesh and refine it"
-        )
+    bare = bare_body(problem)
     table = facet_table(bare.mesh)
-    if not _is_held(table, held_facets(bare, table)):
+    held = held_facets(bare, table)
+    if not _is_held(table, held):
         raise ProblemError(
             "the body is not held by its supports, so that rigid motions move the contact boundary without energy and "
             "no trace constant exists; add a support"
         )
-    own = _graded(bare, _CELLS[bare.mesh.dim] if cells is None else cells)
+    most = _CELLS[bare.mesh.dim] if cells is None else cells
+    if workspace is None:
+        return _found(bare, most)
+    touching = np.sort(np.concatenate([table.numbers(bare.mesh.boundaries[name]) for name in bare.contact]))
+    matrices, _ = tensors(bare.mesh, bare.material, 2)
+    parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, np.array([most]))
+    return workspace.known("lower bounds of trace constants", parts, lambda: _found(bare, most))
+
+
+def _found(bare: ContactProblem, cells: int) -> LowerBounds:
+    own = _graded(bare, cells)
     flexibility = TraceFlexibility(own)
     both, normal, tangential = (
         _inverse(flexibility.bound(*weights)) for weights in ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
@@ -138,22 +143,6 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None) -> LowerBoun
 
 def _inverse(found: TraceRange) -> LowerBound:
     return LowerBound(1.0 / found.upper, 1.0 / found.lower, 1.0 / found.simple)
-
-
-def _bare(problem: ContactProblem, mesh: Mesh) -> ContactProblem:
-    """The body alone: supports at rest, no loads, contact boundaries without a law."""
-    supports = {
-        name: Clamped() if isinstance(support, Prescribed) else support for name, support in problem.supports.items()
-    }
-    return replace(
-        problem,
-        mesh=mesh,
-        supports=supports,
-        contact={name: Contact(NoContact()) for name in problem.contact},
-        tractions={},
-        body_force=(0.0,) * mesh.dim,
-        order=1,
-    )
 
 
 def _is_held(table: FacetTable, held: Array) -> bool:
@@ -186,15 +175,14 @@ def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
     mesh = problem.mesh
     while (finer := mesh.refined()).number_of_cells <= cells // (4 if mesh.dim == 2 else 1):
         mesh = finer
-    if mesh.dim == 2:
-        touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
-        for nodes in (touching, None, None, None):
-            marked = np.zeros(mesh.number_of_nodes, dtype=bool)
-            marked[_ends(problem, mesh) if nodes is None else nodes] = True
-            finer = mesh.refined_where(marked[mesh.cells].any(axis=1))
-            if finer.number_of_cells > cells:
-                break
-            mesh = finer
+    touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
+    for nodes in (touching, None, None, None) if mesh.dim == 2 else (None, None):
+        marked = np.zeros(mesh.number_of_nodes, dtype=bool)
+        marked[_ends(problem, mesh) if nodes is None else nodes] = True
+        finer = mesh.refined_where(marked[mesh.cells].any(axis=1))
+        if finer.number_of_cells > cells:
+            break
+        mesh = finer
     return replace(problem, mesh=mesh)
 
 
@@ -203,19 +191,5 @@ def _ends(problem: ContactProblem, mesh: Mesh) -> IntArray:
     if not problem.supports:
         return np.zeros(0, dtype=np.int64)
     held = np.unique(np.concatenate([np.sort(mesh.boundaries[name], axis=1) for name in problem.supports]), axis=0)
-    every, counts = np.unique(
-        np.concatenate([np.sort(mesh.boundary_facets, axis=1), held]), axis=0, return_counts=True
-    )
+    every, counts = np.unique(np.concatenate([np.sort(mesh.boundary_facets, axis=1), held]), axis=0, return_counts=True)
     return np.intersect1d(held, every[counts == 1])
-
-
-def _over(mine: Array, others: Array) -> Array:
-    """Which facets (k, d, d) may lie over which (m, d, d): by their boxes, those that only touch left out."""
-    low, high = mine.min(axis=1), mine.max(axis=1)
-    below, above = others.min(axis=1), others.max(axis=1)
-    near = _OVER**1.5 * float(np.ptp(mine.reshape(-1, mine.shape[2]), axis=0).max())
-    found = np.ones((len(mine), len(others)), dtype=bool)
-    for axis in range(mine.shape[2]):
-        slack = _OVER * np.minimum(high[:, None, axis] - low[:, None, axis], above[:, axis] - below[:, axis]) - near
-        found &= np.minimum(high[:, None, axis], above[:, axis]) - np.maximum(low[:, None, axis], below[:, axis]) >= slack
-    return found

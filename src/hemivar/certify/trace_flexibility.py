@@ -15,7 +15,8 @@ Goerisch with a lower bound ``q <= 1 / c_{k+1}``:  ``A0 = a(v_i, v_j)``, ``A1 = 
 ``a(w(D v_i), w(D v_j))``.  The traces are quadratic and the stresses t answer their linear parts ``P v``.  Of the rest
 ``v_o = v - P v`` only products of small numbers remain: with M the diagonal of Ritz values,
 
-    A2 = |t|^2 + <D v_o, v_o> M + M <D v_o, v_o> + kappa (theta |D v_o|^2 + |t - C eps(v) M|^2 / theta) + kappa^2 |D v_o|^2
+    A2 = |t|^2 + <D v_o, v_o> M + M <D v_o, v_o> + kappa^2 |D v_o|^2
+         + kappa (theta |D v_o|^2 + |t - C eps(v) M|^2 / theta)
 
 for any theta > 0, as ``<D v_o, w(D P v)> = <D v_o, v_o> M + <D v_o, (1 - P)(w(D P v) - v M)>`` and
 ``|w(D P v) - v M|_a <= |t - C eps(v) M|``.  Error of stresses and of displacements enters squared.
@@ -31,7 +32,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
 from hemivar.certify.facet_constants import facet_constants, mass_root
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, tensors
@@ -47,7 +48,7 @@ from hemivar.mechanics.statement import ContactProblem
 __all__ = ["TraceFlexibility", "TraceRange"]
 
 #: Modes of the method of Lehmann, at most.
-_MODES = 6
+_MODES = {2: 6, 3: 12}
 #: Loads on the contact boundary up to which all of them are answered at once.
 _DENSE = 600
 #: Part of a modulus by which it may vary within a cell and count as constant.
@@ -98,7 +99,9 @@ class TraceFlexibility:
         table = facet_table(mesh)
         matrices, _ = tensors(mesh, problem.material, 2)
         if np.abs(matrices - matrices[:, :1]).max() > _CONSTANT * np.abs(matrices).max():
-            raise ProblemError("the material varies inside cells; bounds of the trace constant need it constant on each")
+            raise ProblemError(
+                "the material varies inside cells; bounds of the trace constant need it constant on each"
+            )
         stiffness = matrices[:, 0]
         compliance = np.linalg.inv(stiffness)
         held = held_facets(problem, table)
@@ -154,7 +157,7 @@ class TraceFlexibility:
             return TraceRange(scale, scale, scale)
         D = D / scale
         weight = np.repeat(D[:, None], dim, axis=1).ravel()
-        wanted = min(_MODES + 1, int(np.count_nonzero(weight)))
+        wanted = min(_MODES[dim] + 1, int(np.count_nonzero(weight)))
         mu, loads = self._modes(np.sqrt(weight), wanted)
         above = mu + self._constants.total(D.max(axis=1))
         forces = self._linear.T @ (np.sqrt(weight)[:, None] * loads[:, : max(wanted - 1, 1)])
@@ -165,16 +168,16 @@ class TraceFlexibility:
         values, change = la.eigh(_weighted(linear, weight) + _weighted(rest, beyond), 0.5 * (A0 + A0.T))
         values, change = values[::-1], change[:, ::-1]
         linear, rest = linear @ change, rest @ change
-        P, O, O2 = _weighted(linear, weight), _weighted(rest, beyond), _weighted(rest, beyond**2)
+        P, R, R2 = _weighted(linear, weight), _weighted(rest, beyond), _weighted(rest, beyond**2)
         A0, A1 = np.eye(len(values)), np.diag(values)
         pushed = weight[:, None] * linear
         T = pushed.T @ self.flexibility(pushed)
         T = 0.5 * (T + T.T)
         off = T - P * values - (P * values).T + np.diag(values**2)
         kappa = float(np.sqrt(self._constants.total()))
-        theta = np.sqrt(max(float(np.trace(off)), 0.0) / max(float(np.trace(O2)), np.finfo(float).tiny))
+        theta = np.sqrt(max(float(np.trace(off)), 0.0) / max(float(np.trace(R2)), np.finfo(float).tiny))
         theta = max(float(theta), np.finfo(float).eps)
-        A2 = T + O * values + (O * values).T + kappa * (theta * O2 + off / theta) + kappa**2 * O2
+        A2 = T + R * values + (R * values).T + kappa * (theta * R2 + off / theta) + kappa**2 * R2
         sharp = min(
             (_lehmann(A0[:k, :k], A1[:k, :k], A2[:k, :k], 1.0 / above[k]) for k in range(1, len(above))),
             default=np.inf,

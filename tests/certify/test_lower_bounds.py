@@ -8,9 +8,11 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 import hemivar as hv
-from hemivar.certify.lower_bounds import LowerBounds, _of_shape, lower_bounds
 from hemivar.basics.types import Array
+from hemivar.certify.facet_constants import facet_constants
+from hemivar.certify.lower_bounds import LowerBounds, lower_bounds
 from hemivar.errors import ProblemError
+from hemivar.fem.facet_table import facet_table
 from hemivar.mesh import Mesh, box, rectangle
 
 LAME = hv.Material.lame(4.0, 4.0)
@@ -123,7 +125,10 @@ def test_the_oscillation_on_a_facet_is_bounded_from_above() -> None:
         corners /= np.sqrt(0.5 * abs(np.linalg.det(corners[1:])))
         root = rng.normal(size=(3, 3))
         matrix = root @ root.T + 0.3 * np.eye(3)
-        bound, value = _of_shape(corners, matrix), _from_below(corners, matrix)
+        table = facet_table(Mesh.oriented(corners, [[0, 1, 2]]))
+        facet = table.numbers(np.array([[1, 2]]))
+        bound = facet_constants(table, np.linalg.inv(matrix)[None], facet).squares[0]
+        value = _from_below(corners, matrix)
         assert value < bound < 2.0 * value
 
 
