@@ -171,9 +171,9 @@ def _is_held(table: FacetTable, held: Array) -> bool:
 
 
 def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
-    """Refined everywhere up to a quarter of the cells, once where it touches, then where supports end."""
+    """Refined everywhere, in the plane up to half of the cells, there once where it touches, then where supports end."""
     mesh = problem.mesh
-    while (finer := mesh.refined()).number_of_cells <= cells // (4 if mesh.dim == 2 else 1):
+    while (finer := mesh.refined()).number_of_cells <= cells // (2 if mesh.dim == 2 else 1):
         mesh = finer
     touching = np.concatenate([mesh.boundaries[name] for name in problem.contact])
     for nodes in (touching, None, None, None) if mesh.dim == 2 else (None, None):

@@ -48,7 +48,7 @@ from hemivar.mechanics.statement import ContactProblem
 __all__ = ["TraceFlexibility", "TraceRange"]
 
 #: Modes of the method of Lehmann, at most.
-_MODES = {2: 6, 3: 12}
+_MODES = {2: 6, 3: 24}
 #: Loads on the contact boundary up to which all of them are answered at once.
 _DENSE = 600
 #: Part of a modulus by which it may vary within a cell and count as constant.
@@ -175,15 +175,20 @@ class TraceFlexibility:
         T = 0.5 * (T + T.T)
         off = T - P * values - (P * values).T + np.diag(values**2)
         kappa = float(np.sqrt(self._constants.total()))
-        theta = np.sqrt(max(float(np.trace(off)), 0.0) / max(float(np.trace(R2)), np.finfo(float).tiny))
-        theta = max(float(theta), np.finfo(float).eps)
-        A2 = T + R * values + (R * values).T + kappa * (theta * R2 + off / theta) + kappa**2 * R2
+        base = T + R * values + (R * values).T + kappa**2 * R2
+
+        def raised(k: int) -> Array:
+            """A2 of the first k modes, with the theta that suits them."""
+            stress, trace = float(np.trace(off[:k, :k])), float(np.trace(R2[:k, :k]))
+            theta = max(np.sqrt(max(stress, 0.0) / max(trace, np.finfo(float).tiny)), np.finfo(float).eps)
+            return np.asarray(base[:k, :k] + kappa * (theta * R2[:k, :k] + off[:k, :k] / theta))
+
         sharp = min(
-            (_lehmann(A0[:k, :k], A1[:k, :k], A2[:k, :k], 1.0 / above[k]) for k in range(1, len(above))),
+            (_lehmann(A0[:k, :k], A1[:k, :k], raised(k), 1.0 / above[k]) for k in range(1, len(above))),
             default=np.inf,
         )
+        upper = max(min(float(above[0]), sharp), float(values[0]))
         lower, simple = float(values[0]), float(above[0])
-        upper = max(min(simple, sharp), lower)
         return TraceRange(scale * lower, scale * upper, scale * simple)
 
     def _modes(self, root: Array, count: int) -> tuple[Array, Array]:
