@@ -110,6 +110,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
         assert problem.field is not None
         mesh = problem.field.mesh
         at = np.zeros((mesh.number_of_nodes, 2))
+        assert isinstance(problem.origin, ContactProblem)
         own = np.concatenate([mesh.boundaries[name] for name in problem.origin.contact])
         over = facet_cover(mesh.points[own], facets)
         for column, values in enumerate((normal, tangential)):

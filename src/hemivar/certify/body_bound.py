@@ -62,7 +62,7 @@ def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> f
 
     def find() -> float:
         dim, count = table.dim, len(table.cells)
-        compliance = pulled_back(np.linalg.inv(matrices[:, 0]), table.jacobian, table.sizes)
+        compliance = pulled_back(np.asarray(np.linalg.inv(matrices[:, 0]), dtype=float), table.jacobian, table.sizes)
         blocks = equilibrated_blocks(compliance, table.jacobian, loaded=True)
         own = len(table.facets) * dim + np.arange(count * (dim + 1)).reshape(count, -1)
         nodes = np.hstack([(table.cell_facets[:, :, None] * dim + np.arange(dim)).reshape(count, -1), own])

@@ -168,7 +168,7 @@ def _of_tetrahedron(corners: Array, compliance: Array) -> float:
         one = _one_cell(shape)
         worst = max(worst, _without_linear_part(one.refined(_HALVINGS[3]), compliance))
         waiting += _children(one.refined())
-    return worst / (1.0 - 1.0 / parts)
+    return float(worst / (1.0 - 1.0 / parts))
 
 
 def _one_cell(corners: Array) -> Mesh:
@@ -261,7 +261,7 @@ def _containing(triangles: Array, points: Array) -> IntArray:
     inside = np.einsum("mij,kmj->kmi", dual, offset)
     least = np.minimum(inside.min(axis=2), 1.0 - inside.sum(axis=2))
     away = np.abs(np.einsum("mi,kmi->km", normal, offset)) / np.linalg.norm(first, axis=1)
-    return np.argmax(np.minimum(least, 0.0) - away, axis=1)
+    return np.asarray(np.argmax(np.minimum(least, 0.0) - away, axis=1), dtype=np.int64)
 
 
 def _prismatic(table: FacetTable, compliance: Array, facets: IntArray) -> Array | None:
@@ -291,7 +291,7 @@ def _of_prisms(corners: Array, inward: Array, compliance: Array) -> Array:
         base, up = corners[k] / size[k], inward[k] / size[k]
         both = (_prism(base, up), _prism(-base, up))
         found.append(max(_without_linear_part(mesh, compliance / softness) for mesh in both))
-    return np.array(found)[number.ravel()] * size * softness / (1.0 - 0.5**_PRISM_HALVINGS)
+    return np.asarray(np.array(found)[number.ravel()] * size * softness / (1.0 - 0.5**_PRISM_HALVINGS))
 
 
 def _prism(base: Array, up: Array) -> Mesh:

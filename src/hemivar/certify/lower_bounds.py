@@ -171,7 +171,7 @@ def _is_held(table: FacetTable, held: Array) -> bool:
 
 
 def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
-    """Refined everywhere, in the plane up to half of the cells, there once where it touches, then where supports end."""
+    """Refined everywhere, in the plane up to half the cells, there once where it touches, then where supports end."""
     mesh = problem.mesh
     while (finer := mesh.refined()).number_of_cells <= cells // (2 if mesh.dim == 2 else 1):
         mesh = finer

@@ -114,10 +114,10 @@ def _free_energy(mesh: Mesh, whole: Array, compliance: Array) -> float:
     free = la.null_space(linear.T, rcond=1e-10)
     # rigid motions are the kernel of K, and loads are in balance: any displacement that answers them will do
     at = np.concatenate([mesh.points[table.facets].reshape(-1, dim), corners.reshape(-1, dim)])
-    motions = [np.tile(e, len(at)) for e in np.eye(dim)]
+    motions: list[Array] = [np.tile(e, len(at)).astype(float) for e in np.eye(dim)]
     for i in range(dim):
         for j in range(i):
-            turned = np.zeros_like(at)
+            turned: Array = np.zeros(at.shape)
             turned[:, i], turned[:, j] = at[:, j], -at[:, i]
             motions.append(turned.ravel())
     rigid = np.linalg.qr(np.array(motions).T)[0]

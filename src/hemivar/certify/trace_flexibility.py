@@ -51,6 +51,8 @@ __all__ = ["TraceFlexibility", "TraceRange"]
 _MODES = {2: 6, 3: 24}
 #: Loads on the contact boundary up to which all of them are answered at once.
 _DENSE = 600
+#: Squares that are rounding, in units of the largest value.
+_ROUNDING = 1e-12
 #: Part of a modulus by which it may vary within a cell and count as constant.
 _CONSTANT = 1e-13
 
@@ -103,7 +105,7 @@ class TraceFlexibility:
                 "the material varies inside cells; bounds of the trace constant need it constant on each"
             )
         stiffness = matrices[:, 0]
-        compliance = np.linalg.inv(stiffness)
+        compliance: Array = np.asarray(np.linalg.inv(stiffness), dtype=float)
         held = held_facets(problem, table)
         loaded = np.unique(np.concatenate([table.numbers(mesh.boundaries[name]) for name in problem.contact]))
         self._dim, self._count = dim, len(loaded)
@@ -179,8 +181,9 @@ class TraceFlexibility:
 
         def raised(k: int) -> Array:
             """A2 of the first k modes, with the theta that suits them."""
-            stress, trace = float(np.trace(off[:k, :k])), float(np.trace(R2[:k, :k]))
-            theta = max(np.sqrt(max(stress, 0.0) / max(trace, np.finfo(float).tiny)), np.finfo(float).eps)
+            stress, trace = (max(float(np.trace(part[:k, :k])), 0.0) for part in (off, R2))
+            top = float(values[0])  # where both are rounding, neither may be divided by the other
+            theta = np.sqrt((stress + _ROUNDING * top**2) / (trace + _ROUNDING * top))
             return np.asarray(base[:k, :k] + kappa * (theta * R2[:k, :k] + off[:k, :k] / theta))
 
         sharp = min(

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 
 __all__ = ["DirectedMatrix", "directed_matrix"]
 
@@ -72,7 +72,7 @@ def directed_matrix(blocks: Array, nodes: IntArray, held: Array) -> DirectedMatr
         Sums of orthogonal projections on the directions that are held at each node.
     """
     count, dim = held.shape[:2]
-    touched = held.any(axis=(1, 2))
+    touched: BoolArray = np.asarray(held.any(axis=(1, 2)))
     directions = np.broadcast_to(np.eye(dim), held.shape).copy()
     free = np.ones((count, dim), dtype=bool)
     values, directions[touched] = np.linalg.eigh(held[touched])

@@ -28,7 +28,7 @@ def quadratic_blocks(stiffness: Array, jacobian: Array) -> Array:
         B, for the vertices in their order in ``mesh.cells``; nodes are those of ``mesh.cell_nodes(2)``.
     """
     dim = jacobian.shape[-1]
-    change = voigt_map(np.linalg.inv(jacobian))
+    change = voigt_map(np.asarray(np.linalg.inv(jacobian), dtype=float))
     size = np.abs(np.linalg.det(jacobian))
     pulled = (change @ stiffness @ change.transpose(0, 2, 1)) * size[:, None, None]
     reference = _reference(dim)
