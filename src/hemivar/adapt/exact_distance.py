@@ -23,6 +23,7 @@ from hemivar.adapt.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.adapt.body_data import BodyData, body_data
 from hemivar.adapt.contact_traces import ContactTraces, contact_traces
 from hemivar.adapt.fenchel import FenchelGap, fenchel_gap
+from hemivar.adapt.low_mode import confined_error, low_mode
 from hemivar.adapt.one_sided import one_sided_constants
 from hemivar.adapt.oscillation import Oscillation, oscillation
 from hemivar.adapt.patches import PatchKind
@@ -37,6 +38,8 @@ __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 
 #: Part of eta from which what nodes lack for equilibrium is more than rounding.
 _LARGE = 1e-6
+#: Softening c from which the softest mode is looked at by itself.
+_SOFT = 0.15
 #: Sweeps by default, in the plane and in space.
 SWEEPS: dict[int, tuple[PatchKind, ...]] = {
     2: (PatchKind.VERTEX,),
@@ -277,7 +280,13 @@ def _contact(
     near_normal, near_tangential = (part.max(axis=1) for part in near)
     c = constants.softening(corners, near_normal, near_tangential) + coupling
     rho = constants.distance(normal, tangential)
-    best = _Choice(_value(base + rho, 0.0, c), c, rho, 2, normal + tangential, np.zeros(len(normal)))
+    value = _value(base + rho, 0.0, c)
+    if constants.weighted is not None and _SOFT < c < np.inf:
+        first, second = constants.weighted(corners, near_normal, near_tangential)
+        if second < first and first + coupling < 1.0:
+            theta, seen = low_mode(stress.data, traces, allowed, near_normal, near_tangential)
+            value = min(value, confined_error(base + rho, seen, theta, first, second, coupling))
+    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)))
 
     shape = traces.weights.shape
     alpha_normal = np.broadcast_to(law.normal.weak_convexity, shape[0] * shape[1]).reshape(shape)

@@ -44,8 +44,9 @@ class TraceBounds:
     source : str
         Where they come from, in words.
     weighted : callable, optional
-        Upper bound of ``sup int alpha |v|^2 / a(v, v)`` for constants ``alpha`` of the normal and of the tangential
-        law, (k,) each, on contact facets given by their corners, (k, d, d).
+        Upper bounds of the first two eigenvalues of ``int alpha |v|^2`` against ``a(v, v)``, inf if not known, for
+        constants ``alpha`` of the normal and of the tangential law, (k,) each, on contact facets given by their
+        corners, (k, d, d).
     """
 
     both: float
@@ -54,7 +55,7 @@ class TraceBounds:
     body: float
     guaranteed: bool
     source: str
-    weighted: Callable[[Array, Array, Array], float] | None = None
+    weighted: Callable[[Array, Array, Array], tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
         for name in ("both", "normal", "tangential", "body"):
@@ -73,7 +74,7 @@ class TraceBounds:
             together = max(along, across) / self.both if self.both > 0.0 else np.inf
             pairs = ((along, self.normal), (across, self.tangential))
             apart = sum(alpha / bound if bound > 0.0 else np.inf for alpha, bound in pairs if alpha > 0.0)
-        weighted = np.inf if self.weighted is None else self.weighted(facets, normal, tangential)
+        weighted = np.inf if self.weighted is None else self.weighted(facets, normal, tangential)[0]
         return float(min(together, apart, weighted))
 
     def distance(self, normal: Array, tangential: Array) -> float:
@@ -106,7 +107,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
     found = kept.once("discrete trace bounds", problem, lambda: _eigenvalues(problem, energy))
     contact = problem.contact
 
-    def weighted(facets: Array, normal: Array, tangential: Array) -> float:
+    def weighted(facets: Array, normal: Array, tangential: Array) -> tuple[float, float]:
         assert problem.field is not None
         mesh = problem.field.mesh
         at = np.zeros((mesh.number_of_nodes, 2))
@@ -118,11 +119,11 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
             for corner in own.T:
                 np.maximum.at(at[:, column], corner, largest)
         if (contact.node < 0).any():
-            return np.inf
+            return np.inf, np.inf
         weight = np.repeat(at[contact.node, 1:], contact.components, axis=1)
         weight[:, 0] = at[contact.node, 0]
         rows = (contact.weights[:, None] * weight).ravel()
-        return energy.largest_eigenvalue(contact.trace, rows).bound
+        return energy.largest_eigenvalue(contact.trace, rows).bound, np.inf
 
     return TraceBounds(*found, guaranteed=False, source=source, weighted=weighted)
 

@@ -15,8 +15,14 @@ __all__ = ["bare_body"]
 _MOST = {2: 20_000, 3: 2_500}
 
 
-def bare_body(problem: ContactProblem) -> ContactProblem:
-    """Supports at rest, no loads, no bedding, contact boundaries without a law, the mesh that all others stem from.
+def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProblem:
+    """Supports at rest, no loads, contact boundaries without a law.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    coarsest : bool
+        On the mesh that the one of the problem stems from, and not on that itself.
 
     Raises
     ------
@@ -24,9 +30,9 @@ def bare_body(problem: ContactProblem) -> ContactProblem:
         That mesh has too many cells for bounds of constants.
     """
     mesh = problem.mesh
-    while mesh.parent is not None:
+    while coarsest and mesh.parent is not None:
         mesh = mesh.parent.mesh
-    if mesh.number_of_cells > _MOST[mesh.dim]:
+    if coarsest and mesh.number_of_cells > _MOST[mesh.dim]:
         raise ProblemError(
             f"the coarsest mesh of the body has {mesh.number_of_cells} cells; lower bounds of trace constants are "
             f"computed on up to {_MOST[mesh.dim]}: begin with a coarser mesh and refine it"

@@ -76,8 +76,10 @@ class LowerBounds:
     mesh: Mesh | None = field(default=None, repr=False, compare=False)
     flexibility: TraceFlexibility | None = field(default=None, repr=False, compare=False)
 
-    def weighted(self, corners: Array, normal: Array, tangential: Array) -> float:
-        """Upper bound of ``sup int alpha |v|^2 / a(v, v)`` for weights that are constant on facets.
+    def weighted(self, corners: Array, normal: Array, tangential: Array) -> tuple[float, float]:
+        """Upper bounds of the first two eigenvalues of ``int alpha |v|^2`` against ``a(v, v)``, weights by facets.
+
+        The first is that of the supremum of the quotient.
 
         Each facet of the mesh here takes the largest weight of those that lie over it, or near to it in space.
 
@@ -89,10 +91,11 @@ class LowerBounds:
             Weights of the normal and of the tangential part, >= 0.
         """
         if self.mesh is None or self.flexibility is None:
-            return np.inf
+            return np.inf, np.inf
         over = facet_cover(self.mesh.points[self.flexibility.facets], corners)
         weights = [np.where(over, alpha, 0.0).max(axis=1, initial=0.0) for alpha in (normal, tangential)]
-        return self.flexibility.bound(*weights).upper
+        found = self.flexibility.bound(*weights)
+        return found.upper, found.second
 
 
 def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: Workspace | None = None) -> LowerBounds:

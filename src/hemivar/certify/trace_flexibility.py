@@ -69,11 +69,14 @@ class TraceRange:
         No displacement has more, up to rounding.
     simple : float
         The upper bound without the method of Lehmann.
+    second : float
+        Upper bound of the second eigenvalue.
     """
 
     lower: float
     upper: float
     simple: float
+    second: float
 
 
 class TraceFlexibility:
@@ -156,7 +159,7 @@ class TraceFlexibility:
         D[:, 1:] = np.broadcast_to(tangential, count)[:, None]
         scale = float(D.max(initial=0.0))
         if not 0.0 < scale < np.inf:
-            return TraceRange(scale, scale, scale)
+            return TraceRange(scale, scale, scale, scale)
         D = D / scale
         weight = np.repeat(D[:, None], dim, axis=1).ravel()
         wanted = min(_MODES[dim] + 1, int(np.count_nonzero(weight)))
@@ -186,13 +189,11 @@ class TraceFlexibility:
             theta = np.sqrt((stress + _ROUNDING * top**2) / (trace + _ROUNDING * top))
             return np.asarray(base[:k, :k] + kappa * (theta * R2[:k, :k] + off[:k, :k] / theta))
 
-        sharp = min(
-            (_lehmann(A0[:k, :k], A1[:k, :k], raised(k), 1.0 / above[k]) for k in range(1, len(above))),
-            default=np.inf,
-        )
-        upper = max(min(float(above[0]), sharp), float(values[0]))
+        sharp = [_lehmann(A0[:k, :k], A1[:k, :k], raised(k), 1.0 / above[k]) for k in range(1, len(above))]
+        upper = max(min([float(above[0]), *(found[0] for found in sharp)]), float(values[0]))
+        second = min([float(above[min(1, len(above) - 1)]), *(found[1] for found in sharp)])
         lower, simple = float(values[0]), float(above[0])
-        return TraceRange(scale * lower, scale * upper, scale * simple)
+        return TraceRange(scale * lower, scale * upper, scale * simple, scale * second)
 
     def _modes(self, root: Array, count: int) -> tuple[Array, Array]:
         """Largest values of the flexibility under weighted loads, not below the exact ones, and their loads."""
@@ -215,21 +216,23 @@ def _weighted(vectors: Array, weight: Array) -> Array:
     return np.asarray(vectors.T @ (weight[:, None] * vectors))
 
 
-def _lehmann(A0: Array, A1: Array, A2: Array, q: float) -> float:
-    """Upper bound of ``c_1``, inf if it fails; ``q`` is a lower bound of ``1 / c_{k + 1}``."""
+def _lehmann(A0: Array, A1: Array, A2: Array, q: float) -> tuple[float, float]:
+    """Upper bounds of ``c_1`` and ``c_2``, inf if it fails; ``q`` is a lower bound of ``1 / c_{k + 1}``."""
+    none = np.inf, np.inf
     left, right = A0 - q * A1, A0 - 2.0 * q * A1 + q * q * A2
     scale = np.diagonal(right)
     if not (np.isfinite(right).all() and (scale > 0.0).all()):
-        return np.inf
+        return none
     by = np.sqrt(np.outer(scale, scale))
     try:
         tau = la.eigh(left / by, right / by, eigvals_only=True)
     except la.LinAlgError:
-        return np.inf
+        return none
     if not tau[-1] < 0.0:
-        return np.inf
-    bound = q - q / (1.0 - tau[-1])
-    return float(1.0 / bound) if bound > 0.0 else np.inf
+        return none
+    bounds = q - q / (1.0 - tau[::-1][:2])
+    above = [float(1.0 / bound) if bound > 0.0 else np.inf for bound in bounds]
+    return above[0], above[1] if len(above) > 1 else np.inf
 
 
 @cache
