@@ -10,6 +10,7 @@ from hemivar.adapt.contact_traces import contact_traces
 from hemivar.adapt.exact_distance import exact_distance
 from hemivar.adapt.low_mode import confined_error, low_mode
 from hemivar.adapt.trace_bounds import guaranteed_trace_bounds
+from hemivar.adapt.vertex_moments import shared_forces
 from hemivar.laws import Logarithmic, Softening, SurveyLaw
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
 from hemivar.mesh import rectangle
@@ -82,16 +83,10 @@ def test_the_mode_of_the_discrete_problem_sees_next_to_nothing() -> None:
     traces = contact_traces(data)
     assert traces is not None
     count = len(traces.facets)
-    zeta = traces.allowed(traces.interpolated(solution_forces(data)))
+    zeta = traces.allowed(traces.interpolated(shared_forces(data)))
     theta, seen = low_mode(data, traces, zeta, np.zeros(count), np.full(count, 3.0))
     constants = guaranteed_trace_bounds(solution.problem)
-    assert theta == pytest.approx(3.0 / constants.tangential, rel=0.03)
+    assert theta == pytest.approx(3.0 / constants.tangential, rel=0.08)
     assert theta < 3.0 / constants.tangential
     whole = exact_distance(problem, solution.displacement, constants).parts
     assert seen < 0.3 * (whole.misfit + whole.contact)
-
-
-def solution_forces(data):
-    from hemivar.adapt.vertex_moments import shared_forces
-
-    return shared_forces(data)

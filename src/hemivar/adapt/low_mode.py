@@ -101,8 +101,8 @@ def confined_error(total: float, seen: float, theta: float, first: float, second
     spare = max(first - theta, 0.0)
     highest = min(first, second + spare)
     # the sum of both terms is concave in tau, and largest where its derivative vanishes
-    with np.errstate(over="ignore"):
-        tau = np.clip(first - spare * (t / np.maximum(y, np.finfo(float).tiny)) ** 2, 0.0, highest)
+    steep = t / np.maximum(y, 1e-100)
+    tau = np.clip(first - spare * steep**2, 0.0, highest)
     softened = theta * t**2 + 2.0 * np.sqrt(spare * np.maximum(first - tau, 0.0)) * t * y + tau * y**2
     left = 1.0 - coupling - np.minimum(softened, first)
     return float(((min(seen, total) * t + total * y) / left).max() * (1.0 + _RAISED))
