@@ -281,7 +281,7 @@ def _contact(
     c = constants.softening(corners, near_normal, near_tangential) + coupling
     rho = constants.distance(normal, tangential)
     value = _value(base + rho, 0.0, c)
-    if constants.weighted is not None and _SOFT < c < np.inf:
+    if constants.weighted is not None and _SOFT < c < np.inf and stress.data.problem.order == 1:
         first, second = constants.weighted(corners, near_normal, near_tangential)
         if second < first and first + coupling < 1.0:
             theta, seen = low_mode(stress.data, traces, allowed, near_normal, near_tangential)

@@ -9,7 +9,7 @@ With upper bounds ``C1 >= C2`` of the first two eigenvalues, ``tau = <alpha w, w
 
     tau <= C1 + C2 - theta  (Ky Fan: two orthogonal quotients are at most the sum),    d^2 <= (C1 - theta) (C1 - tau),
 
-so that ``(1 - theta) t^2 - 2 d |t| y - (1 - tau) y^2 <= |R(psi)| |t| + H y`` confines (t, y), and
+so that ``(1 - theta) t^2 - 2 d |t| y + (1 - tau) y^2 <= |R(psi)| |t| + H y`` confines (t, y), and
 ``|e|_a^2 = t^2 + y^2``.  If psi is the mode and R(psi) vanishes, the bound is ``H / (2 sqrt((C1 - C2) (1 - C1)))``, or
 ``H / (1 - C2)`` where that is attained first, in place of ``H / (1 - C1)``.
 """
