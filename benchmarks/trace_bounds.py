@@ -6,9 +6,9 @@
 
 ``plane``: the survey's square and (0,2)x(0,1), beside conforming values and one solve of the survey's data (5.1) at
 1/h = 32, seconds of processor time of the fastest of five.  ``space``: boxes of three aspect ratios and Poisson's
-ratios, beside quadratic elements on the same mesh and linear ones on 8 cells a side.  ``margin``: logarithmic friction on
-the survey's square with c from 0.2 to 0.9; the bound with and without the mode, over the error against quadratic elements
-on a mesh finer by four.
+ratios, beside quadratic elements on the same mesh and linear ones on 8 cells a side.  ``margin``: logarithmic friction
+on the survey's square with c from 0.2 to 0.9; the bound with and without the mode, over the error against quadratic
+elements on a mesh finer by four.
 """
 
 from __future__ import annotations
