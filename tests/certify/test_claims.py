@@ -120,9 +120,12 @@ def test_every_number_has_its_words() -> None:
     full = replace(constants, m_A=8.0, trace_constant=1.5, survey_condition=True, survey_margin=0.25)
     assert said(replace(sure, smallness=full), "m_A") == "8"
     assert said(replace(sure, smallness=full), "trace constant") == "1.5"
-    assert said(replace(sure, smallness=full), "survey's (H_s)") == "holds, margin 0.25"
+    assert said(replace(sure, smallness=full), "survey's (H_s)") == "holds on this mesh, margin 0.25"
+    bounded = replace(full, trace_bound=1.75)
+    assert said(replace(sure, smallness=bounded), "survey's (H_s)") == "holds, margin 0.25"
+    assert said(replace(sure, smallness=bounded), "trace constant") == "1.5 on this mesh, of the body at most 1.75"
     failing = replace(full, survey_condition=False, survey_margin=-1.0)
-    assert said(replace(sure, smallness=failing), "survey's (H_s)") == "does not hold, margin -1"
+    assert said(replace(sure, smallness=failing), "survey's (H_s)") == "does not hold on this mesh, margin -1"
     assert "alpha from samples" in said(replace(sure, smallness=replace(constants, alpha_sampled=True)), "note")
     assert "slope from samples" in said(replace(sure, smallness=replace(constants, m_L_sampled=True)), "note")
     assert said(replace(sure, curvature=0.5), "least curvature", whole=False) == "0.5 (the body alone: 1)"

@@ -2,7 +2,7 @@
 
 from hemivar.adapt.adaptive import AdaptiveLevel, AdaptiveSolution, solve_adaptive, solving_adaptive
 from hemivar.adapt.exact_distance import DistanceParts, ExactDistance, exact_distance
-from hemivar.adapt.lower_bounds import LowerBound, LowerBounds, lower_bounds
+from hemivar.certify.lower_bounds import LowerBound, LowerBounds, lower_bounds
 
 __all__ = [
     "AdaptiveLevel",

@@ -17,10 +17,10 @@ from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, tensors
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.facet_table import FacetTable, facet_table
+from hemivar.fem.held_facets import held_facets
 from hemivar.fem.split_element import pulled_back
-from hemivar.fem.supports import DEPENDENT
 from hemivar.mechanics.bedding import bedding_of
-from hemivar.mechanics.conditions import Fixed, Pressure, Roller, evaluate_scalar, evaluate_vector
+from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["BodyData", "body_data"]
@@ -163,23 +163,6 @@ def _facet_loads(problem: ContactProblem, table: FacetTable) -> Array:
 
 
 def _unknown(problem: ContactProblem, table: FacetTable) -> Array:
-    mesh = problem.mesh
-    dim = mesh.dim
-    unknown = np.zeros((len(table.facets), dim, dim))
-    unknown[table.interior] = np.eye(dim)
-    for name, support in problem.supports.items():
-        number = table.numbers(mesh.boundaries[name])
-        if isinstance(support, Roller):
-            directions = [table.normals[number]]
-        else:
-            axes = (support.x, support.y, support.z)[:dim] if isinstance(support, Fixed) else (0.0,) * dim
-            directions = [
-                np.broadcast_to(np.eye(dim)[c], (len(number), dim)) for c in range(dim) if axes[c] is not None
-            ]
-        for direction in directions:
-            rest = direction - np.einsum("kij,kj->ki", unknown[number], direction)
-            size = np.linalg.norm(rest, axis=1)
-            new = size > DEPENDENT
-            unit = rest[new] / size[new, None]
-            unknown[number[new]] += unit[:, :, None] * unit[:, None, :]
+    unknown = held_facets(problem, table)
+    unknown[table.interior] = np.eye(table.dim)
     return unknown

@@ -24,6 +24,7 @@ from hemivar.adapt.body_data import BodyData, body_data
 from hemivar.adapt.contact_traces import ContactTraces, contact_traces
 from hemivar.adapt.fenchel import FenchelGap, fenchel_gap
 from hemivar.adapt.hypotheses import unmet_hypotheses
+from hemivar.adapt.low_mode import confined_error, low_mode
 from hemivar.adapt.one_sided import one_sided_constants
 from hemivar.adapt.oscillation import Oscillation, oscillation
 from hemivar.adapt.patches import PatchKind
@@ -39,6 +40,8 @@ __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 
 #: Part of eta from which what nodes lack for equilibrium is more than rounding.
 _LARGE = 1e-6
+#: Softening c from which the softest mode is looked at by itself.
+_SOFT = 0.15
 #: Sweeps by default, in the plane and in space.
 SWEEPS: dict[int, tuple[PatchKind, ...]] = {
     2: (PatchKind.VERTEX,),
@@ -191,10 +194,6 @@ def _bound(
     reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
     reasons += unmet + _inexact(data)
     rest = oscillation(stress)
-    if rest.present and not rest.guaranteed:
-        reasons.append(
-            "loads oscillate within cells or facets, and the constants of that part are computed, not proved"
-        )
     eta, eta_all = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress, rest).sum()))
     algebraic = _algebraic(stress, constants)
     if algebraic > _LARGE * eta:
@@ -275,6 +274,7 @@ def _contact(
 ) -> _Choice:
     """The better of both theorems."""
     law = traces.law
+    corners = stress.data.table.mesh.points[nodes]
     forces = traces.forces(stress.tractions.moments)
     allowed = traces.allowed(forces)
     normal, tangential = traces.square(forces - allowed)
@@ -288,15 +288,21 @@ def _contact(
 
     near = one_sided_constants(traces, allowed)
     near_normal, near_tangential = (part.max(axis=1) for part in near)
-    c = constants.softening(nodes, near_normal, near_tangential) + coupling
+    c = constants.softening(corners, near_normal, near_tangential) + coupling
     rho = constants.distance(normal, tangential)
-    best = _Choice(_value(base + rho, 0.0, c), c, rho, 2, normal + tangential, np.zeros(len(normal)))
+    value = _value(base + rho, 0.0, c)
+    if constants.weighted is not None and _SOFT < c < np.inf and stress.data.problem.order == 1:
+        first, second = constants.weighted(corners, near_normal, near_tangential)
+        if second < first and first + coupling < 1.0:
+            theta, seen = low_mode(stress.data, traces, allowed, near_normal, near_tangential)
+            value = min(value, confined_error(base + rho, seen, theta, first, second, coupling))
+    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)))
 
     shape = traces.weights.shape
     alpha_normal = np.broadcast_to(law.normal.weak_convexity, shape[0] * shape[1]).reshape(shape)
     alpha_tangential = np.broadcast_to(law.tangential.weak_convexity, shape[0] * shape[1]).reshape(shape)
     if np.isfinite(alpha_normal).all() and np.isfinite(alpha_tangential).all():
-        c = constants.softening(nodes, alpha_normal.max(axis=1), alpha_tangential.max(axis=1)) + coupling
+        c = constants.softening(corners, alpha_normal.max(axis=1), alpha_tangential.max(axis=1)) + coupling
         gap = fenchel_gap(traces, forces)
         other = _with_gap(gap, normal, tangential, constants, base, c)
         if other.value < best.value:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.adapt.admissible_stress import AdmissibleStress
-from hemivar.adapt.trace_bounds import local_constants
 from hemivar.basics.types import Array
+from hemivar.certify.local_constants import local_constants
 from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.split_element import pairs_of
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
@@ -29,13 +29,10 @@ class Oscillation:
     cells : array, shape (M,)
     present : bool
         Whether loads vary at all.
-    guaranteed : bool
-        Whether the constants are proved.
     """
 
     cells: Array
     present: bool
-    guaranteed: bool
 
 
 def oscillation(stress: AdmissibleStress) -> Oscillation:
@@ -45,7 +42,7 @@ def oscillation(stress: AdmissibleStress) -> Oscillation:
     tractions = {name: value for name, value in problem.tractions.items() if _varies(value)}
     added = np.zeros(len(table.cells))
     if not (callable(problem.body_force) or tractions):
-        return Oscillation(added, False, True)
+        return Oscillation(added, False)
     constants = local_constants(table, _stiffness(stress))
     if callable(problem.body_force):
         added += constants.cell * np.sqrt(_body(stress))
@@ -68,7 +65,7 @@ def oscillation(stress: AdmissibleStress) -> Oscillation:
         cell = table.owners[facets, 0]
         local = np.argmax(table.cell_facets[cell] == facets[:, None], axis=1)
         np.add.at(added, cell, constants.facet[cell, local] * np.sqrt(square))
-    return Oscillation(added, True, constants.guaranteed)
+    return Oscillation(added, True)
 
 
 def _varies(traction: object) -> bool:

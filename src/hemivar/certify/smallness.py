@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound, friction_bound
+from hemivar.certify.lower_bounds import lower_bounds
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -28,6 +29,8 @@ from hemivar.systems.workspace import Workspace
 
 #: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
 _NEAR = 1e-6
+#: The energy of this material is the square of the norm of V.
+_NORM = Material.lame(0.0, 0.5)
 #: Roundings of an eigenvalue, in units of the condition number of K scaled to a unit diagonal.
 _HIDDEN = 16.0
 
@@ -72,9 +75,9 @@ class Smallness:
     trace_constant : float or None
         c_gamma on this mesh; :func:`trace_constants` gives its normal and tangential parts as well.
     survey_condition : bool or None
-        The survey's (H_s), ``m_A > (m_alpha + m_L) c_gamma^2``.
+        The survey's (H_s), ``m_A > (m_alpha + m_L) c_gamma^2``, with ``trace_bound`` if that is there.
     survey_margin : float or None
-        ``1 - (m_alpha + m_L) c_gamma^2 / m_A``; (H_s) holds if it is positive.
+        ``1 - (m_alpha + m_L) c_gamma^2 / m_A``, likewise; (H_s) holds if it is positive.
     constant : float
         c, largest eigenvalue of ``(B'W diag(alpha) B, K)``: the energy (for a state-dependent bound, frozen at any
         solution) is strictly convex if c < 1.
@@ -92,6 +95,10 @@ class Smallness:
     m_L_sampled : bool
         The same as ``alpha_sampled`` for m_L: the friction bound is a function, or a formula without a bound of its
         slope.
+    trace_bound : float or None
+        Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
+        (:func:`hemivar.certify.lower_bounds.lower_bounds`). It is computed for plane bodies whose laws soften; without
+        it (H_s) speaks of this mesh.
     """
 
     alpha_normal: float
@@ -110,6 +117,7 @@ class Smallness:
     contraction: float
     margin: float
     m_L_sampled: bool = False  # noqa: N815 - the survey's name
+    trace_bound: float | None = None
 
     @property
     def sampled(self) -> bool:
@@ -173,14 +181,28 @@ def with_survey(
         return replace(constants, m_A=m_a)
     trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
     needed = constants.m_alpha + constants.m_L
-    needed = 0.0 if needed == 0.0 else needed * trace**2
+    above = _trace_bound(problem.origin, workspace) if 0.0 < needed < np.inf else None
+    needed = 0.0 if needed == 0.0 else needed * (trace if above is None else above) ** 2
     return replace(
         constants,
         m_A=m_a,
         trace_constant=trace,
+        trace_bound=above,
         survey_condition=bool(m_a > needed),
         survey_margin=1.0 - needed / m_a,
     )
+
+
+def _trace_bound(statement: Statement, workspace: Workspace | None) -> float | None:
+    """Upper bound of the c_gamma of a plane body; None where there is none, or only at a price."""
+    if isinstance(statement, ScalarProblem) or statement.mesh.dim == 3:
+        return None
+    check_time()
+    try:
+        found = lower_bounds(replace(statement, material=_NORM), workspace=workspace)
+    except ProblemError:
+        return None
+    return float(found.both.lower**-0.5)
 
 
 def unknown_constants(problem: DiscreteProblem) -> Smallness:

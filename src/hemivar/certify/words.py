@@ -62,9 +62,16 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         if constants.m_A is not None:
             say("m_A", _text(constants.m_A))
         if constants.trace_constant is not None:
-            say("trace constant", f"{constants.trace_constant:.6g}")
+            above = (
+                ""
+                if constants.trace_bound is None
+                else f" on this mesh, of the body at most {constants.trace_bound:.6g}"
+            )
+            say("trace constant", f"{constants.trace_constant:.6g}{above}")
         if constants.survey_condition is not None and constants.survey_margin is not None:
             holds = "holds" if constants.survey_condition else "does not hold"
+            if constants.trace_bound is None and constants.m_alpha + constants.m_L > 0.0:
+                holds += " on this mesh"
             say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
         if constants.alpha_sampled:
             say("note", "a law knows its alpha from samples only: margin and distance are estimates")

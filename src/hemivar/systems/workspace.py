@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.discrete.problem import DiscreteProblem, quadratic
@@ -14,6 +18,8 @@ from hemivar.systems.condensed import CondensedProblem, condense
 __all__ = ["Workspace"]
 
 T = TypeVar("T")
+#: Kinds of things that are kept for each body by their content.
+_KINDS = 4
 _CONDENSATION, _FOR_MANY = "condensation", "condensation for many loads"
 
 
@@ -36,10 +42,12 @@ class Workspace:
         self._bodies = whole_number(bodies, "bodies of a workspace", 1)
         self._lock = threading.Lock()
         self._shelves: OrderedDict[tuple[int, ...], _Shelf] = OrderedDict()
+        self._contents: OrderedDict[bytes, _Shelf] = OrderedDict()
 
     def __repr__(self) -> str:
         with self._lock:
             kept = [f"{shelf.unknowns} unknowns: {', '.join(sorted(shelf.things))}" for shelf in self._shelves.values()]
+            kept += [name for shelf in self._contents.values() for name in sorted(shelf.things)]
         return f"Workspace({'; '.join(kept) or 'empty'})"
 
     def __reduce__(self) -> tuple[type[Workspace], tuple[int]]:
@@ -85,6 +93,35 @@ class Workspace:
                 shelf.things[what] = make()
             return cast(T, shelf.things[what])
 
+    def known(self, what: str, content: tuple[NDArray[Any], ...], make: Callable[[], T]) -> T:
+        """What depends on nothing but the numbers of some arrays, made on the first call.
+
+        So constants of a body are kept through meshes that are refined, and through problems that are stated anew.
+
+        Parameters
+        ----------
+        what : str
+            The name; it stands for one kind of thing.
+        content : tuple of arrays
+        make : function
+            Makes it. Other threads that ask for the same wait.
+        """
+        digest = hashlib.sha256(what.encode())
+        for array in content:
+            digest.update(repr((array.shape, array.dtype.str)).encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        key = digest.digest()
+        with self._lock:
+            shelf = self._contents.setdefault(key, _Shelf((), 0))
+            self._contents.move_to_end(key)
+            while len(self._contents) > _KINDS * self._bodies:
+                self._contents.popitem(last=False)
+            lock = shelf.locks.setdefault(what, threading.RLock())
+        with lock:
+            if what not in shelf.things:
+                shelf.things[what] = make()
+            return cast(T, shelf.things[what])
+
     def condensed(self, problem: DiscreteProblem, many: bool = False) -> CondensedProblem:
         """The body condensed onto its contact boundary, under the load, the gap and the law of the problem.
 
@@ -102,6 +139,7 @@ class Workspace:
         """Give all memory back."""
         with self._lock:
             self._shelves.clear()
+            self._contents.clear()
 
     def _shelf(self, problem: DiscreteProblem) -> _Shelf:
         contact = problem.contact

@@ -1,0 +1,108 @@
+"""A bound that softening along the softest mode alone does not spoil.
+
+``a(e, e) - <alpha e, e> <= R(e)`` for the error e, ``R(v) = L(v) - a(u, v) - <zeta, v>``, and ``|R(v)| <= H |v|_a``,
+which gives ``|e|_a <= H / (1 - c)``.  But what R does to a known field psi can be computed, and for one of the discrete
+space it is next to nothing, while the quotient ``<alpha v, v> / a(v, v)`` is near c along the softest mode alone.
+
+Let ``a(psi, psi) = 1``, ``theta = <alpha psi, psi>``, ``e = t psi + y w``, w of norm one, ``a(psi, w) = 0``.
+With upper bounds ``C1 >= C2`` of the first two eigenvalues, ``tau = <alpha w, w>`` and ``d = <alpha psi, w>``
+
+    tau <= C1 + C2 - theta  (Ky Fan: two orthogonal quotients are at most the sum),    d^2 <= (C1 - theta) (C1 - tau),
+
+so that ``(1 - theta) t^2 - 2 d |t| y + (1 - tau) y^2 <= |R(psi)| |t| + H y`` confines (t, y), and
+``|e|_a^2 = t^2 + y^2``.  If psi is the mode and R(psi) vanishes, the bound is ``H / (2 sqrt((C1 - C2) (1 - C1)))``, or
+``H / (1 - C2)`` where that is attained first, in place of ``H / (1 - C1)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.adapt.body_data import BodyData
+from hemivar.adapt.contact_traces import ContactTraces
+from hemivar.basics.types import Array
+from hemivar.certify.bare_body import bare_body
+from hemivar.certify.norms import energy_norm
+from hemivar.fem.discretize import discretize
+
+__all__ = ["confined_error", "low_mode"]
+
+#: Steps of inverse iteration: each makes the others smaller by the ratio of two eigenvalues.
+_STEPS = 6
+#: Angles between psi and the rest at which the bound is evaluated, and by how much it is raised for those between.
+_ANGLES = 4000
+_RAISED = 1e-5
+
+
+def low_mode(
+    data: BodyData, traces: ContactTraces, allowed: Array, normal: Array, tangential: Array
+) -> tuple[float, float]:
+    """``theta`` and ``|R(psi)|`` for the softest mode psi of the discrete space.
+
+    Parameters
+    ----------
+    data : BodyData
+    traces : ContactTraces
+    allowed : array
+        zeta, as ``traces.allowed`` gives it.
+    normal, tangential : arrays, shape (k,)
+        alpha on the contact facets.
+    """
+    table, dim = data.table, data.table.dim
+    mesh = table.mesh
+    body = discretize(bare_body(data.problem, coarsest=False), check_coercivity=False)
+    assert body.field is not None
+    basis, nodes = body.field.basis, table.facets[traces.facets]
+    normals, measures = table.normals[traces.facets], table.measures[traces.facets]
+    along = normals[:, :, None] * normals[:, None, :]
+    weight = normal[:, None, None] * along + tangential[:, None, None] * (np.eye(dim) - along)
+    mass = (np.eye(dim) + 1.0) / (dim * (dim + 1))
+    blocks = np.einsum("f,ab,fij->faibj", measures, mass, weight)
+    place = nodes[:, :, None] * dim + np.arange(dim)
+    rows = np.broadcast_to(place[:, :, :, None, None], blocks.shape)
+    columns = np.broadcast_to(place[:, None, None], blocks.shape)
+    size = mesh.number_of_nodes * dim
+    M = sp.csr_array(sp.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)))
+    M = sp.csr_array(basis.T @ M @ basis)
+    energy, K = energy_norm(body), body.linear.stiffness
+    x = np.random.default_rng(0).normal(size=M.shape[0])
+    for _ in range(_STEPS):
+        x = energy.riesz(M @ x)[0]
+        x /= np.sqrt(float(x @ (K @ x)))
+    field = np.asarray(basis @ x).reshape(-1, dim)
+    at = field[table.cells]
+    strain = np.einsum("mai,maj->mij", at, table.gradients)
+    work = float(np.einsum("mai,mai->", data.loads, at))
+    work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
+    work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
+    work -= float(np.einsum("fai,fai->", traces.moments(allowed), field[table.facets]))
+    return float(x @ (M @ x)), abs(work)
+
+
+def confined_error(total: float, seen: float, theta: float, first: float, second: float, coupling: float) -> float:
+    """The largest ``|e|_a`` that is left; inf if ``first + coupling`` is not below one.
+
+    Parameters
+    ----------
+    total : float
+        H.
+    seen : float
+        ``|R(psi)|``.
+    theta, first, second : float
+        theta, C1, C2.
+    coupling : float
+        What a friction bound that depends on the penetration adds to ``<alpha e, e> / a(e, e)``.
+    """
+    if not first + coupling < 1.0:
+        return np.inf
+    angle = np.linspace(0.0, 0.5 * np.pi, _ANGLES + 1)
+    t, y = np.cos(angle), np.sin(angle)
+    spare = max(first - theta, 0.0)
+    highest = min(first, second + spare)
+    # the sum of both terms is concave in tau, and largest where its derivative vanishes
+    steep = t / np.maximum(y, 1e-100)
+    tau = np.clip(first - spare * steep**2, 0.0, highest)
+    softened = theta * t**2 + 2.0 * np.sqrt(spare * np.maximum(first - tau, 0.0)) * t * y + tau * y**2
+    left = 1.0 - coupling - np.minimum(softened, first)
+    return float(((min(seen, total) * t + total * y) / left).max() * (1.0 + _RAISED))

@@ -1,0 +1,51 @@
+"""A body without loads and laws, on the coarsest mesh that is known of it: what constants of the body depend on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hemivar.errors import ProblemError
+from hemivar.laws import NoContact
+from hemivar.mechanics.conditions import Clamped, Prescribed
+from hemivar.mechanics.statement import Contact, ContactProblem
+
+__all__ = ["bare_body"]
+
+#: Cells of the coarsest mesh of a body beyond which the systems would be too large.
+_MOST = {2: 20_000, 3: 2_500}
+
+
+def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProblem:
+    """Supports at rest, no loads, contact boundaries without a law.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    coarsest : bool
+        On the mesh that the one of the problem stems from, and not on that itself.
+
+    Raises
+    ------
+    ProblemError
+        That mesh has too many cells for bounds of constants.
+    """
+    mesh = problem.mesh
+    while coarsest and mesh.parent is not None:
+        mesh = mesh.parent.mesh
+    if coarsest and mesh.number_of_cells > _MOST[mesh.dim]:
+        raise ProblemError(
+            f"the coarsest mesh of the body has {mesh.number_of_cells} cells; lower bounds of trace constants are "
+            f"computed on up to {_MOST[mesh.dim]}: begin with a coarser mesh and refine it"
+        )
+    supports = {
+        name: Clamped() if isinstance(support, Prescribed) else support for name, support in problem.supports.items()
+    }
+    return replace(
+        problem,
+        mesh=mesh,
+        supports=supports,
+        contact={name: Contact(NoContact()) for name in problem.contact},
+        tractions={},
+        body_force=(0.0,) * mesh.dim,
+        order=1,
+    )

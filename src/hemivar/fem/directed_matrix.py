@@ -1,0 +1,94 @@
+"""Matrices of element blocks in directions of every node, some of which are held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+
+__all__ = ["DirectedMatrix", "directed_matrix"]
+
+#: Eigenvalue of a sum of projections from which a direction is held.
+_HELD = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedMatrix:
+    """A symmetric matrix in the free components at nodes.
+
+    Attributes
+    ----------
+    matrix : sparse array, shape (n, n)
+    directions : array, shape (N, d, d)
+        Column c is the direction of component c of the node.
+    number : int array, shape (N, d)
+        Of the unknown that each component is, -1 for held ones.
+    """
+
+    matrix: sp.csc_array
+    directions: Array
+    number: IntArray
+
+    def factor(self) -> spla.SuperLU:
+        """Its factors."""
+        return spla.splu(
+            self.matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True, "Equil": False},
+        )
+
+    def rows(self, nodes: IntArray, weights: Array) -> sp.csr_array:
+        """The matrix (rows, n) of ``sum over q and i of weights[..., q, i] u_i(nodes[..., q])``.
+
+        Parameters
+        ----------
+        nodes : int array, shape (k, q)
+        weights : array, shape (k, r, q, d)
+            r rows for each of the k groups of nodes.
+        """
+        turned = np.einsum("krqi,kqij->krqj", weights, self.directions[nodes], optimize=True)
+        columns = np.broadcast_to(self.number[nodes][:, None], turned.shape)
+        count = turned.shape[0] * turned.shape[1]
+        rows = np.broadcast_to(np.arange(count).reshape(*turned.shape[:2], 1, 1), turned.shape)
+        keep = columns >= 0
+        shape = (count, self.matrix.shape[0])
+        return sp.csr_array(sp.coo_array((turned[keep], (rows[keep], columns[keep])), shape=shape))
+
+
+def directed_matrix(blocks: Array, nodes: IntArray, held: Array) -> DirectedMatrix:
+    """Sum up blocks.
+
+    Parameters
+    ----------
+    blocks : array, shape (M, k d, k d)
+        Symmetric, the d components of each node one after another.
+    nodes : int array, shape (M, k)
+    held : array, shape (N, d, d)
+        Sums of orthogonal projections on the directions that are held at each node.
+    """
+    count, dim = held.shape[:2]
+    touched: BoolArray = np.asarray(held.any(axis=(1, 2)))
+    directions = np.broadcast_to(np.eye(dim), held.shape).copy()
+    free = np.ones((count, dim), dtype=bool)
+    values, directions[touched] = np.linalg.eigh(held[touched])
+    free[touched] = values < _HELD
+    number = np.full((count, dim), -1, dtype=np.int64)
+    number[free] = np.arange(np.count_nonzero(free))
+    some = np.flatnonzero(touched[nodes].any(axis=1))
+    turn = directions[nodes[some]]
+    part = blocks[some].reshape(len(some), nodes.shape[1], dim, nodes.shape[1], dim)
+    part = np.einsum("maibj,maip,mbjq->mapbq", part, turn, turn, optimize=True)
+    blocks = blocks.copy()
+    blocks[some] = part.reshape(len(some), *blocks.shape[1:])
+    place = number[nodes].reshape(len(nodes), -1)
+    rows = np.broadcast_to(place[:, :, None], blocks.shape)
+    columns = np.broadcast_to(place[:, None, :], blocks.shape)
+    keep = (rows >= 0) & (columns >= 0)
+    n = int(np.count_nonzero(free))
+    matrix = sp.coo_array((blocks[keep], (rows[keep], columns[keep])), shape=(n, n))
+    return DirectedMatrix(sp.csc_array(matrix), directions, number)
