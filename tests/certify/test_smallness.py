@@ -199,8 +199,10 @@ def test_the_survey_condition_of_a_law_without_softening_holds_whatever_the_trac
     problem = square(1.5)
     softened = smallness(problem)
     assert softened.trace_constant is not None
+    assert softened.trace_bound is not None
+    assert softened.trace_constant < softened.trace_bound  # that of the body is larger than that of a mesh
     assert softened.m_A == pytest.approx(8.0)
-    assert softened.survey_margin == pytest.approx(1.0 - 1.5 * softened.trace_constant**2 / 8.0)
+    assert softened.survey_margin == pytest.approx(1.0 - 1.5 * softened.trace_bound**2 / 8.0)
     assert softened.survey_condition == (softened.survey_margin > 0.0)
     steep = smallness(square(20.0))
     assert steep.survey_condition is False

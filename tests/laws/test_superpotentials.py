@@ -257,3 +257,13 @@ def test_bad_parameters_are_named(make: object, words: list[str]) -> None:
         make()  # type: ignore[operator]
     for word in words:
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 3.0])
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e12])
+def test_a_force_on_a_spring_alone_has_its_place(exponent: float, size: float) -> None:
+    """The least of ``j(r) - b r``, with no other stiffness: ``c r^p = b``."""
+    law = Compliance(3.0 * size, exponent)
+    b = size * np.array([1e-6, 0.02, 0.3, 7.0, 1e4])
+    found = law.local_argmin(np.zeros(5), b)
+    np.testing.assert_allclose(found, (b / (3.0 * size)) ** (1.0 / exponent), rtol=1e-12)

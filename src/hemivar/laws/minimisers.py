@@ -252,7 +252,8 @@ def stationary_point(
     Safeguarded Newton iteration: every step stays inside a bracket that at least halves in two steps.
     """
     shape = np.broadcast_shapes(a.shape, low.shape)
-    step = np.maximum(np.maximum(np.abs(b), 1e-300) / np.maximum(a, 1e-300), 1e-300)
+    with np.errstate(over="ignore"):
+        step = np.maximum(np.maximum(np.abs(b), 1e-300) / np.maximum(a, 1e-300), 1e-300)
     low = np.broadcast_to(low, shape).copy()
     high = np.broadcast_to(high, shape).copy()
     admissible = np.broadcast_to(admissible, shape).copy()
@@ -276,6 +277,12 @@ def stationary_point(
                 if not open_end.any():
                     break
                 end = np.where(open_end, anchor + 4.0 * (end - anchor), end)
+            for _ in range(200 if (a == 0.0).any() else 0):  # the first end has no measure but |b| / a
+                nearer = anchor + (end - anchor) / 1024.0
+                beyond = endless & admissible & (a == 0.0) & (nearer != anchor) & (sign * psi(nearer) > 0.0)
+                if not beyond.any():
+                    break
+                end = np.where(beyond, nearer, end)
             admissible &= ~(endless & (open_end | ~np.isfinite(end)))
             if sign < 0:
                 low = np.where(endless, end, low)
