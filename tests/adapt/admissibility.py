@@ -10,7 +10,6 @@ from hemivar.adapt.admissible_stress import AdmissibleStress
 from hemivar.basics.types import Array
 from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
-from hemivar.fem.facet_table import facet_vertices
 from hemivar.fem.split_element import pairs_of
 from hemivar.fem.supports import stated_supports
 from hemivar.mechanics import ContactProblem
@@ -37,14 +36,14 @@ def imbalance(stress: AdmissibleStress, seed: int, order: int = 2) -> float:
 
     # stresses stand in the order of sorted vertices, fields in that of the mesh
     rank = np.argsort(np.argsort(mesh.cells, axis=1), axis=1)
-    barycentric, weights = quadrature_rule(dim, 3)
+    barycentric, weights = quadrature_rule(dim, 2 + data.order)
     work, size = 0.0, 0.0
     gradients = np.take_along_axis(table.gradients, rank[:, :, None], axis=1)
     for piece in range(dim + 1):
         corners = np.eye(dim + 1)
         corners[piece] = 1.0 / (dim + 1)
         for point, weight in zip(barycentric, weights, strict=True):
-            vector = np.einsum("a,map->mp", point, stress.stresses[:, piece])
+            vector = np.einsum("a,map->mp", shape_values(data.order, point), stress.stresses[:, piece])
             tensor = np.empty((len(vector), dim, dim))
             for component, (i, j) in enumerate(pairs_of(dim)):
                 tensor[:, i, j] = tensor[:, j, i] = vector[:, component]
@@ -56,7 +55,7 @@ def imbalance(stress: AdmissibleStress, seed: int, order: int = 2) -> float:
                 local = weight * table.volumes[cells] / (dim + 1) * np.einsum("mij,mij->m", tensor[cells], slope)
                 work, size = work + local.sum(), size + np.abs(local).sum()
     if order == 1:
-        work -= np.einsum("mac,mac->", data.loads + stress.tractions.defect, field[table.cells])
+        work -= np.einsum("mac,mac->", data.linear(data.loads + stress.tractions.defect), field[table.cells])
     else:
         force = (data.loads + stress.tractions.defect).sum(axis=1) / table.volumes[:, None]
         point, weights = quadrature_rule(dim, 2)
@@ -66,16 +65,15 @@ def imbalance(stress: AdmissibleStress, seed: int, order: int = 2) -> float:
     # on the boundary: tractions that are given, and what acts on contact facets; both are in the moments
     outer = np.flatnonzero(~table.interior)
     facets = table.facets[outer]
-    mass = table.measures[outer, None, None] * (np.eye(dim) + 1.0) / (dim * (dim + 1))
+    point, weights = quadrature_rule(dim - 1, 4)
+    shapes = shape_values(data.order, point)
+    mass = table.measures[outer, None, None] * np.einsum("q,qa,qb->ab", weights, shapes, shapes)
     traction = np.linalg.solve(mass, stress.tractions.moments[outer])
     loose = np.eye(dim) - data.unknown[outer]
     given = np.linalg.solve(mass, data.facet_loads[outer])
     prescribed = np.einsum("fij,faj->fai", loose, np.where((data.contact[outer] >= 0)[:, None, None], traction, given))
-    point, weights = quadrature_rule(dim - 1, 3)
-    shapes = shape_values(order, point)
-    values = np.einsum("ql,flc->fqc", shapes, field[mesh.facet_nodes(facets, order)])
+    values = np.einsum("ql,flc->fqc", shape_values(order, point), field[mesh.facet_nodes(facets, order)])
     values = np.einsum("fij,fqj->fqi", loose, values)
-    on = np.einsum("qa,fac->fqc", point, prescribed)
+    on = np.einsum("qa,fac->fqc", shapes, prescribed)
     local = np.einsum("q,f,fqc,fqc->f", weights, table.measures[outer], on, values)
-    assert facet_vertices(dim).shape == (dim + 1, dim)
     return float(abs(work - local.sum()) / (size + np.abs(local).sum()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -136,5 +137,12 @@ BODIES: dict[str, Callable[[], ContactProblem]] = {
     "turned in space": turned_in_space,
     "pulled cube": pulled_cube,
 }
+#: Those in the plane with quadratic elements.
+QUADRATIC: dict[str, Callable[[], ContactProblem]] = {
+    f"{name}, quadratic": lambda make=make: replace(make(), order=2)  # type: ignore[misc]
+    for name, make in BODIES.items()
+    if "cube" not in name and "space" not in name
+}
+BODIES |= QUADRATIC
 #: Those with loads that are not constant: their stresses balance against linear fields.
-VARYING = ("graded", "pulled cube")
+VARYING = ("graded", "graded, quadratic", "pulled cube")

@@ -9,7 +9,7 @@ import pytest
 
 from hemivar.adapt.body_data import body_data
 from hemivar.adapt.contact_traces import ContactTraces, contact_traces
-from hemivar.adapt.fenchel import fenchel_gap
+from hemivar.adapt.fenchel import fenchel_gap, following
 from hemivar.adapt.one_sided import one_sided
 from hemivar.basics.types import Array
 from hemivar.gallery.survey_problems import survey, survey_cube
@@ -162,29 +162,53 @@ def test_one_sided_constants_by_trying_all_points(name: str) -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("dim", [2, 3])
-def test_gap_against_a_search(name: str, dim: int) -> None:
-    """D is not negative, and the conjugate is what a search over many points finds."""
+@pytest.mark.parametrize("weight", [0.03, 1.0])
+def test_gap_against_a_search(name: str, dim: int, weight: float) -> None:
+    """The conjugate is what a search over many points finds, and no other multiplier costs less."""
     traces = traces_of(LAWS[name], dim, 2)
-    forces = 0.3 * np.random.default_rng(1).normal(size=traces.local.shape)
-    gap = fenchel_gap(traces, forces)
+    rng = np.random.default_rng(1)
+    forces = 0.3 * rng.normal(size=traces.local.shape)
+    gap = fenchel_gap(traces, forces, weight)
     law, r = traces.law, traces.local.reshape(-1, dim)
-    alpha = [float(np.max(part)) for part in law.weak_convexity]
-    scan = np.linspace(-6.0, 6.0, 24_001)
-    at = np.zeros(len(scan), dtype=np.int64)
-    xi = forces.reshape(-1, dim)
-    expected = np.zeros(len(r))
-    scalar = law.normal.take(at)
-    curve = scalar.value(scan) + 0.5 * alpha[0] * scan**2
-    low, high = -law.normal.recession(-np.ones(len(r))), law.normal.recession(np.ones(len(r)))
-    zeta = xi[:, 0] if alpha[0] > 0.0 else np.clip(xi[:, 0], low, high)
-    y = zeta + alpha[0] * r[:, 0]
-    conjugate = np.array([np.max(value * scan - curve) for value in y])
-    expected = law.normal.value(r[:, 0]) + 0.5 * alpha[0] * r[:, 0] ** 2 + conjugate - y * r[:, 0]
-    assert traces.integral(np.maximum(expected, 0.0).reshape(traces.weights.shape)) == pytest.approx(
-        gap.normal_gap, rel=2e-2, abs=2e-5
-    )
+    xi, zeta = forces.reshape(-1, dim), gap.multiplier.reshape(-1, dim)
+    alpha = float(np.max(law.normal.weak_convexity))
+    scan = np.linspace(-60.0, 60.0, 40_001)
+    scalar = law.normal.take(np.zeros(len(scan), dtype=np.int64))
+    curve = scalar.value(scan) + 0.5 * alpha * scan**2
+    own = law.normal.value(r[:, 0]) + 0.5 * alpha * r[:, 0] ** 2
+
+    def price(zeta: Array) -> Array:
+        y = zeta + alpha * r[:, 0]
+        return np.asarray(own + np.array([np.max(value * scan - curve) for value in y]) - y * r[:, 0])
+
+    found = price(zeta[:, 0])
+    total = traces.integral(np.maximum(found, 0.0).reshape(traces.weights.shape))
+    assert total == pytest.approx(gap.normal_gap, rel=2e-2, abs=2e-5)
+    cost = (xi[:, 0] - zeta[:, 0]) ** 2 / (2.0 * weight) + found
+    for _ in range(2):
+        other = zeta[:, 0] + 0.1 * rng.normal(size=len(r))
+        assert ((xi[:, 0] - other) ** 2 / (2.0 * weight) + price(other) > cost - 1e-5).all()
     assert (gap.tangential_gap >= 0.0).all()
     assert np.isfinite(gap.tangential_gap).all()
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_multipliers_between_the_force_and_the_law(name: str, dim: int) -> None:
+    """For a large weight the nearest one that the law allows, for a small one the force, as far as it can be one."""
+    traces = traces_of(LAWS[name], dim, 2)
+    forces = 0.05 * np.random.default_rng(5).normal(size=traces.local.shape)
+    assert fenchel_gap(traces, forces, 1e9).multiplier == pytest.approx(traces.allowed(forces), abs=1e-5)
+    slack = fenchel_gap(traces, forces, 1e-9)
+    if name in ("survey", "springs"):  # friction up to 0.4 and 0.2 bears all of it
+        assert slack.tangential == pytest.approx(0.0, abs=1e-12)
+    rates = following(forces, lambda xi: fenchel_gap(traces, xi, 0.3).multiplier)
+    moved = fenchel_gap(traces, 1.0001 * forces, 0.3).multiplier - fenchel_gap(traces, forces, 0.3).multiplier
+    if dim == 2:
+        clear = np.abs(forces) > 1e-3
+        expected = np.divide(moved, 0.0001 * forces, where=clear, out=rates.copy())
+        assert np.mean(np.abs(expected - rates) < 1e-3) > 0.97  # but where a kink lies between
+    assert ((rates >= 0.0) & (rates <= 1.0)).all()
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -192,7 +216,8 @@ def test_gap_against_a_search(name: str, dim: int) -> None:
 def test_a_multiplier_of_the_law_has_no_gap(name: str, dim: int) -> None:
     traces = traces_of(LAWS[name], dim, 2)
     allowed = traces.allowed(0.2 * np.random.default_rng(5).normal(size=traces.local.shape))
-    gap = fenchel_gap(traces, allowed)
+    gap = fenchel_gap(traces, allowed, 0.1)
     size = traces.weights.sum()
     for part in (gap.normal, gap.tangential, gap.normal_gap, gap.tangential_gap):
         assert np.abs(part).max() < 1e-12 * size
+    assert gap.multiplier == pytest.approx(allowed, abs=1e-12)

@@ -9,7 +9,12 @@ import pytest
 
 from hemivar.adapt.admissible_stress import admissible_stress
 from hemivar.adapt.body_data import body_data
+from hemivar.adapt.patches import PatchKind
+from hemivar.adapt.sweeps import Sweeper
 from hemivar.errors import ProblemError
+from hemivar.fem.assembly import quadrature_rule
+from hemivar.fem.elements import shape_derivatives, shape_values
+from hemivar.fem.facet_table import facet_vertices
 from hemivar.fem.reactions import nodal_contact_forces
 from hemivar.mechanics import Clamped, ContactProblem, Material
 from hemivar.mesh.mesh import Mesh
@@ -34,26 +39,27 @@ def test_stress_is_in_equilibrium(name: str) -> None:
 def test_every_field_has_a_stress_where_the_rest_is_a_load(name: str) -> None:
     """A displacement that is no solution: what its vertices lack becomes a load, and the balance holds with it."""
     problem = BODIES[name]()
-    u = np.random.default_rng(5).normal(size=problem.mesh.points.shape)
+    u = np.random.default_rng(5).normal(size=problem.mesh.nodes(problem.order).shape)
     stress = admissible_stress(body_data(problem, u))
     assert np.abs(stress.tractions.defect).max() > 1e-3
     assert imbalance(stress, 1, order=1) < 1e-13
 
 
-@pytest.mark.parametrize("name", ["survey", "turned", "cube", "pulled cube"])
+@pytest.mark.parametrize("name", ["survey", "turned", "cube", "pulled cube", "survey, quadratic", "turned, quadratic"])
 def test_contact_tractions_have_the_forces_of_the_nodes(name: str) -> None:
     problem = BODIES[name]()
     solution = solve(problem)
     stress = admissible_stress(body_data(problem, solution.displacement))
     data = stress.data
     touched = np.flatnonzero(data.contact >= 0)
-    forces = np.zeros(problem.mesh.points.shape)
+    forces = np.zeros(problem.mesh.nodes(problem.order).shape)
     loose = np.eye(problem.mesh.dim) - data.unknown[touched]
     acting = stress.tractions.moments[touched] - data.facet_loads[touched]
-    np.add.at(forces, data.table.facets[touched], np.einsum("fij,faj->fai", loose, acting))
+    np.add.at(forces, data.facet_nodes[touched], np.einsum("fij,faj->fai", loose, acting))
     expected = nodal_contact_forces(solution.problem, solution.multiplier)
-    held = np.unique(np.concatenate([problem.mesh.boundaries[support].ravel() for support in problem.supports]))
-    free = np.setdiff1d(np.unique(data.table.facets[touched]), held)
+    supported = np.concatenate([problem.mesh.boundaries[support] for support in problem.supports])
+    held = np.unique(problem.mesh.facet_nodes(supported, problem.order))
+    free = np.setdiff1d(np.unique(data.facet_nodes[touched]), held)
     assert forces[free] == pytest.approx(expected[free], abs=1e-8)
     assert np.abs(expected[free]).max() > 1e-3
 
@@ -114,9 +120,47 @@ def test_no_stress_where_cells_meet_at_a_vertex_only() -> None:
 def test_refusals() -> None:
     problem = BODIES["survey"]()
     u = np.zeros(problem.mesh.points.shape)
-    with pytest.raises(ProblemError, match="linear elements"):
+    with pytest.raises(ProblemError, match="linear elements in space"):
+        body_data(replace(BODIES["cube"](), order=2, contact={}), u)
+    with pytest.raises(ProblemError, match="a field of order 2"):
         body_data(replace(problem, order=2), u)
     with pytest.raises(ProblemError, match="without bedding"):
         body_data(replace(problem, bedding=1.0), u)
     with pytest.raises(ProblemError, match="the displacement has shape"):
         body_data(problem, u[:-1])
+
+
+@pytest.mark.parametrize("name", ["turned", "layered", "without contact"])
+def test_quadratic_stresses_balance_at_every_place(name: str) -> None:
+    """Constant loads: ``div s = -f0`` on all pieces, and one traction on both sides of every facet inside."""
+    problem = replace(BODIES[name](), order=2)
+    stress = admissible_stress(body_data(problem, solve(problem).displacement))
+    sweeper = Sweeper(stress)
+    sweeper.sweep(PatchKind.VERTEX)
+    for found in (stress, sweeper.stress):
+        table = found.data.table
+        size = np.abs(found.stresses).max()
+        corners = problem.mesh.points[table.cells]
+        at, _ = quadrature_rule(1, 4)
+        sides = np.zeros((2, len(table.facets), len(at), 2))
+        for piece in range(3):
+            own = corners.copy()
+            own[:, piece] = corners.mean(axis=1)
+            inverse = np.linalg.inv((own[:, 1:] - own[:, :1]).transpose(0, 2, 1))
+            slopes = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
+            tensors = found.stresses[:, piece][..., [[0, 2], [2, 1]]]
+            for point in (np.array([0.2, 0.7, 0.1]), np.array([0.3, 0.3, 0.4])):
+                derivatives = np.einsum("ab,mbj->maj", shape_derivatives(2, point), slopes)
+                divergence = np.einsum("maij,maj->mi", tensors, derivatives)
+                force = np.asarray(problem.body_force, dtype=float)
+                off = np.abs(divergence + force).max(axis=1) * np.sqrt(table.volumes)
+                assert off.max() < 1e-11 * size
+            members = facet_vertices(2)[piece]
+            inside = np.zeros((len(at), 3))
+            inside[:, members] = at
+            facets = table.cell_facets[:, piece]
+            traction = np.einsum("qa,maij,mj->mqi", shape_values(2, inside), tensors, table.normals[facets])
+            second = (table.signs[:, piece] < 0.0).astype(int)
+            sides[second, facets] = traction
+        inner = table.interior
+        assert np.abs(sides[0, inner] - sides[1, inner]).max() < 1e-11 * size

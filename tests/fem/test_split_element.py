@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule
+from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.facet_table import facet_table, facet_vertices
 from hemivar.fem.split_element import SplitElement, pairs_of, pulled_back, split_element, voigt
 from hemivar.mesh.build import box, rectangle
@@ -40,7 +42,7 @@ def piece_corners(corners: Array) -> Array:
 def mapped(element: SplitElement, corners: Array, degrees: Array) -> Array:
     """Stress tensors (pieces, vertices, d, d) on a simplex of the degrees of freedom on the reference simplex."""
     B = (corners[1:] - corners[0]).T
-    reference = tensors_of(element.at_vertices(degrees[None])[0], element.dim)
+    reference = tensors_of(element.at_nodes(degrees[None])[0], element.dim)
     return np.asarray(B @ reference @ B.T / abs(np.linalg.det(B)))
 
 
@@ -134,10 +136,10 @@ def test_energies_in_the_pulled_back_compliance(dim: int) -> None:
     vector = voigt(at)
     volume = size[0] / math.factorial(dim) / (dim + 1)
     direct = volume * np.einsum("q,pqi,ij,pqj->", weights, vector, compliance, vector)
-    assert element.energy(element.at_vertices(degrees[None]), back)[0] == pytest.approx(direct)
+    assert element.energy(element.at_nodes(degrees[None]), back)[0] == pytest.approx(direct)
 
     moments = rng.normal(size=element.moments)
-    stress = element.at_vertices((element.summing @ moments)[None])
+    stress = element.at_nodes((element.summing @ moments)[None])
     assert moments @ element.matrix(back)[0] @ moments == pytest.approx(element.energy(stress, back)[0])
     assert element.matrix(back)[0] @ moments == pytest.approx(element.slope(stress, back)[0])
 
@@ -163,3 +165,109 @@ def test_facets_of_a_mesh(mesh: Mesh) -> None:
     assert np.abs(outward.sum(axis=(1, 2))).max() < 1e-13
     expected = -np.einsum("m,mad,dc->mac", mesh.volumes, table.gradients, sigma)
     assert outward[:, :, 0] == pytest.approx(expected)
+
+
+# ---- degree 2 in the plane -----------------------------------------------------------------------------------------
+
+
+def quadratic_stress(corners: Array, seed: int) -> tuple[Array, Array, Array]:
+    """A stress (pieces, nodes, 2, 2) of random moments (facet, node, component) and a linear load in balance with them.
+
+    The load is given by its values (3, 2) at the corners.
+    """
+    rng = np.random.default_rng(seed)
+    B, centroid = (corners[1:] - corners[0]).T, corners.mean(axis=0)
+    back = np.linalg.inv(B)
+    moments, load = rng.normal(size=(3, 3, 2)), rng.normal(size=(3, 2))
+    mass = abs(np.linalg.det(B)) / 24.0 * (np.ones((3, 3)) + np.eye(3))
+    members = facet_vertices(2)
+    places = corners[members] - centroid
+    places = np.concatenate([places, places.mean(axis=1, keepdims=True)], axis=1)
+
+    def work(m: Array, f: Array) -> Array:
+        force = m.sum(axis=(0, 1)) + (mass @ f).sum(axis=0)
+        x, g = corners - centroid, mass @ f
+        turn = (places[..., 0] * m[..., 1] - places[..., 1] * m[..., 0]).sum()
+        return np.array([*force, turn + (x[:, 0] * g[:, 1] - x[:, 1] * g[:, 0]).sum()])
+
+    ways = [np.eye(6)[k].reshape(3, 2) for k in range(6)]
+    matrix = np.stack([work(0.0 * moments, way) for way in ways], axis=1)
+    fix, *_ = np.linalg.lstsq(matrix, -work(moments, load), rcond=None)
+    load = load + fix.reshape(3, 2)
+    assert np.abs(work(moments, load)).max() < 1e-12
+    element = split_element(2, 2)
+    degrees = np.concatenate([(moments @ back.T).ravel(), (mass @ load @ back.T).ravel(), rng.normal(size=3)])
+    reference = tensors_of(element.at_nodes(degrees[None])[0], 2)
+    return np.asarray(B @ reference @ B.T / abs(np.linalg.det(B))), moments, load
+
+
+def test_numbers_of_the_quadratic_element() -> None:
+    element = split_element(2, 2)
+    assert element.values.reshape(-1, element.values.shape[-1]).shape == (54, 27)
+    assert np.linalg.matrix_rank(element.values.reshape(54, 27)) == 24  # loads are put into balance: 18 + 3 + 3
+    assert element.ways.shape == (27, 21)
+    with pytest.raises(ProblemError, match="in the plane only"):
+        split_element(3, 2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_quadratic_stress_of_given_moments_and_load_on_any_triangle(seed: int) -> None:
+    """Continuous tractions inside, the moments of the edges and the divergence that were given, after the map."""
+    corners = simplex(2, seed + 3)
+    stress, moments, load = quadratic_stress(corners, seed)
+    centroid = corners.mean(axis=0)
+    rng = np.random.default_rng(seed)
+    for i, own in enumerate(piece_corners(corners)):
+        inverse = np.linalg.inv((own[1:] - own[0]).T)
+        slopes = np.vstack([-inverse.sum(axis=0), inverse])
+        for point in rng.dirichlet(np.ones(3), 4):
+            divergence = np.einsum("aij,aj->i", stress[i], shape_derivatives(2, point) @ slopes)
+            back = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), [*(point @ own), 1.0])
+            assert divergence == pytest.approx(-back @ load, abs=1e-9)
+        members = [a for a in range(3) if a != i]
+        along = corners[members[1]] - corners[members[0]]
+        normal = np.array([along[1], -along[0]])
+        normal *= np.sign(normal @ (corners[members[0]] - centroid))
+        at, weights = quadrature_rule(1, 4)
+        inside = np.zeros((len(at), 3))
+        inside[:, members] = at
+        traction = np.einsum("qa,aij,j->qi", shape_values(2, inside), stress[i], normal)
+        found = np.einsum("q,qa,qi->ai", weights, shape_values(2, at), traction)
+        assert found == pytest.approx(moments[i], abs=1e-9)
+        for a in members:  # the edge from vertex a to the centroid, seen from both pieces
+            other = next(b for b in members if b != a)
+            side = np.array([1.0, -1.0]) * (centroid - corners[a])[::-1]
+            values = []
+            for piece in (i, other):
+                on = np.zeros((len(at), 3))
+                on[:, a], on[:, piece] = at.T
+                values.append(np.einsum("qa,aij,j->qi", shape_values(2, on), stress[piece], side))
+            assert values[0] == pytest.approx(values[1], abs=1e-9)
+
+
+def test_settled_stresses_have_the_least_energy() -> None:
+    element = split_element(2, 2)
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(2, 3, 3))
+    compliance = np.eye(3) + root @ root.transpose(0, 2, 1)
+    degrees = rng.normal(size=(2, 27))
+
+    def energy(of: Array) -> Array:
+        return element.energy(element.at_nodes(of), compliance)
+
+    settled = element.settled(degrees, compliance)
+    assert np.array_equal(settled[:, :24], degrees[:, :24])
+    for _ in range(5):
+        other = settled + np.concatenate([np.zeros((2, 24)), rng.normal(size=(2, 3))], axis=1)
+        assert (energy(other) > energy(settled)).all()
+    # the energy of moments is that of settled stresses, its slope the derivative
+    moments = rng.normal(size=(2, 18))
+    lifted = element.settled(moments @ element.summing.T, compliance)
+    assert np.einsum("mp,mpq,mq->m", moments, element.matrix(compliance), moments) == pytest.approx(energy(lifted))
+    whole = element.settled(degrees + 1e-3 * moments @ element.summing.T, compliance)
+    less = element.settled(degrees - 1e-3 * moments @ element.summing.T, compliance)
+    slope = np.einsum("mp,mp->m", element.slope(element.at_nodes(degrees), compliance), moments)
+    assert slope == pytest.approx((energy(whole) - energy(less)) / 4e-3)
+    part = element.matrix_of((2, 0), compliance)
+    chosen = np.r_[12:18, 0:6]
+    assert part == pytest.approx(element.matrix(compliance)[:, chosen][:, :, chosen])

@@ -1,11 +1,12 @@
 """Stresses in equilibrium with the loads, lifted from tractions in equilibrium cell by cell.
 
-On a cell the moments of its tractions determine the stress s of the split element with them and with the mean
+On a cell the moments of its tractions determine the linear stress s of the split element with them and with the mean
 
     int s = sum of m (x) x + sum of (int f0 phi_a) (x) x_a,
 
 which makes ``int (div s + f0) . v`` vanish for all linear v on the cell. This is symmetric because the moments of the
-cell balance.
+cell balance. Of the quadratic stresses that is taken whose divergence is that of the linear part of ``-f0``, and of
+those that nearest to ``C eps``.
 """
 
 from __future__ import annotations
@@ -19,16 +20,11 @@ from hemivar.adapt.body_data import BodyData
 from hemivar.adapt.vertex_moments import Tractions, equilibrated
 from hemivar.basics.types import Array
 from hemivar.fem.assembly import quadrature_rule
-from hemivar.fem.facet_table import facet_vertices
+from hemivar.fem.elements import shape_values
 from hemivar.fem.split_element import SplitElement, split_element, voigt, voigt_map
+from hemivar.mesh.keys import EDGES
 
-__all__ = ["AdmissibleStress", "admissible_stress", "reference_corners"]
-
-
-def reference_corners(dim: int) -> Array:
-    """Corners (d + 1, d) of the reference simplex, from its centroid."""
-    corners = np.vstack([np.zeros(dim), np.eye(dim)])
-    return np.asarray(corners - corners.mean(axis=0))
+__all__ = ["AdmissibleStress", "admissible_stress"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,67 +44,79 @@ class AdmissibleStress:
     @property
     def element(self) -> SplitElement:
         """The element on each cell."""
-        return split_element(self.data.table.dim)
+        return split_element(self.data.table.dim, self.data.order)
 
     def with_moments(self, moments: Array) -> AdmissibleStress:
-        """The stress of other tractions in equilibrium, (F, d, d)."""
+        """The stress of other tractions in equilibrium, (F, k, d)."""
         return AdmissibleStress(self.data, replace(self.tractions, moments=moments))
 
     @cached_property
     def difference(self) -> Array:
-        """Degrees of freedom (M, n), on the reference simplex, of the difference to the mean of ``C eps`` on cells."""
-        table = self.data.table
-        dim = table.dim
-        moments = table.of_cells(self.tractions.moments) - self.data.cell_moments[:, :, None]
-        back = np.einsum("mij,mfaj->mfai", table.inverse, moments, optimize=True)
-        loads = np.einsum("mij,maj->mai", table.inverse, self.data.loads + self.tractions.defect, optimize=True)
-        x = reference_corners(dim)
-        integral = np.einsum("mfai,faj->mij", back, x[facet_vertices(dim)], optimize=True)
-        integral += np.einsum("mai,aj->mij", loads, x)
-        return np.concatenate([back.reshape(len(back), -1), voigt(integral)], axis=1)
+        """Degrees of freedom (M, n), on the reference simplex, of the difference to ``stresses`` of the data."""
+        data, table = self.data, self.data.table
+        moments = table.of_cells(self.tractions.moments) - data.cell_moments
+        # the divergence of the data's stresses is constant on cells: the balance with the moments brings it in
+        loads = data.linear(data.loads + self.tractions.defect)
+        both = np.concatenate([moments.reshape(len(moments), -1, table.dim), loads], axis=1)
+        back = np.einsum("mij,maj->mai", table.inverse, both, optimize=True).reshape(len(both), -1)
+        return self.element.settled(back @ self.element.loading.T, data.reference_compliance)
 
     @cached_property
     def misfit(self) -> Array:
         """``int_T (s - C eps) : C^-1 (s - C eps)`` of each cell, shape (M,), exact where C is constant on the cell.
 
-        Where it varies there it is integrated by a rule of degree 4 on the pieces of the cell.
+        Where it varies there it is integrated by a rule of degree 4 (6 for quadratic stresses) on the pieces of the
+        cell.
         """
         data = self.data
         if not data.varies:
-            stress = self.element.at_vertices(self.difference)
+            stress = self.element.at_nodes(self.difference)
             return self.element.energy(stress, data.reference_compliance)
         return self._varying_misfit()
 
     @cached_property
     def stresses(self) -> Array:
-        """The stress at the vertices of the pieces of each cell as vectors, shape (M, d + 1, d + 1, v)."""
-        table = self.data.table
+        """The stress at the nodes of the pieces of each cell as vectors, shape (M, d + 1, l, v)."""
+        data, table, dim = self.data, self.data.table, self.data.table.dim
         change = voigt_map(table.jacobian) / table.sizes[:, None, None]
-        difference = self.element.at_vertices(self.difference)
+        difference = self.element.at_nodes(self.difference)
         mapped = np.einsum("mpq,mbaq->mbap", change, difference, optimize=True)
-        return np.asarray(mapped + voigt(self.data.stress)[:, None, None])
+        own = voigt(data.stresses)
+        if data.order == 1:
+            return np.asarray(mapped + own[:, :1, None])
+        for piece in range(dim + 1):
+            mapped[:, piece] += np.einsum("av,mvp->map", _linear_at_nodes(piece, dim, data.order), own)
+        return np.asarray(mapped)
 
     def _varying_misfit(self) -> Array:
         data, dim = self.data, self.data.table.dim
         mesh, table = data.problem.mesh, data.table
-        barycentric, weights = quadrature_rule(dim, 4)
+        barycentric, weights = quadrature_rule(dim, 2 + 2 * data.order)
         corners = mesh.points[table.cells]
-        centroid = corners.mean(axis=1)
-        engineering = voigt(data.strain) * np.where(np.arange(data.compliance.shape[1]) < dim, 1.0, 2.0)
+        engineering = voigt(data.strains) * np.where(np.arange(data.compliance.shape[1]) < dim, 1.0, 2.0)
         misfit = np.zeros(len(corners))
         masks = {name: np.isin(np.arange(len(corners)), ids) for name, ids in mesh.regions.items()}
         for piece in range(dim + 1):
-            own = corners.copy()
-            own[:, piece] = centroid
+            to_cell = _linear_at_nodes(piece, dim, 1)
             for point, weight in zip(barycentric, weights, strict=True):
-                tensor = data.problem.material.stiffness_tensor(np.einsum("a,mad->md", point, own), masks)
-                stress = np.einsum("a,map->mp", point, self.stresses[:, piece])
+                place = point @ to_cell
+                tensor = data.problem.material.stiffness_tensor(np.einsum("a,mad->md", place, corners), masks)
+                stress = np.einsum("a,map->mp", shape_values(data.order, point), self.stresses[:, piece])
+                strain = np.einsum("a,map->mp", place, engineering)
                 off = stress - np.einsum(
-                    "mpq,mq->mp", np.broadcast_to(tensor, (len(own), *tensor.shape[1:])), engineering
+                    "mpq,mq->mp", np.broadcast_to(tensor, (len(stress), *tensor.shape[1:])), strain
                 )
                 strain = np.linalg.solve(tensor, off[:, :, None])[:, :, 0]
                 misfit += weight * table.volumes / (dim + 1) * np.einsum("mp,mp->m", off, strain)
         return misfit
+
+
+def _linear_at_nodes(piece: int, dim: int, order: int) -> Array:
+    """Barycentric coordinates (l, d + 1), in the cell, of the nodes of a piece."""
+    corners = np.eye(dim + 1)
+    corners[piece] = 1.0 / (dim + 1)
+    middle = [0.5 * (corners[a] + corners[b]) for a, b in EDGES[dim]] if order == 2 else []
+    return np.vstack([corners, *middle])
 
 
 def admissible_stress(data: BodyData, pressures: Array | None = None) -> AdmissibleStress:
@@ -117,7 +125,7 @@ def admissible_stress(data: BodyData, pressures: Array | None = None) -> Admissi
     Parameters
     ----------
     data : BodyData
-    pressures : array, shape (F, d, d), optional
+    pressures : array, shape (F, k, d), optional
         See :func:`hemivar.adapt.vertex_moments.equilibrated`; zero by default.
 
     Raises

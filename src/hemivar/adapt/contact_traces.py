@@ -1,7 +1,7 @@
 """Where the body may touch: its local displacement and the law, at the points of a rule on every contact facet.
 
-In the plane the rule is one of Gauss on the parts into which the kinks of the law cut a facet, and on quarters of
-them; in space facets are cut into sixteen. A local displacement that misses a kink by rounding is put there.
+In the plane the rule is one of Gauss on the parts into which the kinks of the law and a number of equal parts cut a
+facet; in space facets are cut into sixteen. A local displacement that misses a kink by rounding is put there.
 """
 
 from __future__ import annotations
@@ -14,14 +14,19 @@ import numpy as np
 from hemivar.adapt.body_data import BodyData
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.assembly import quadrature_rule
+from hemivar.fem.contact_points import shares
+from hemivar.fem.elements import shape_values
+from hemivar.fem.split_element import facet_mass
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.conditions import evaluate_scalar
 from hemivar.mechanics.obstacles import obstacle_contact
 
-__all__ = ["ContactTraces", "contact_traces", "radial_parts"]
+__all__ = ["ContactTraces", "contact_traces", "local_traces", "radial_parts"]
 
-#: Parts of an edge, and of each side of a triangle, besides those between kinks.
+#: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
+#: which the multiplier between force and law has kinks of its own.
 _PARTS = 4
+_MORE_PARTS = 32
 #: Distance to a kink, over the largest displacement or gap, that is rounding.
 _ROUNDING = 1e-11
 #: Gap, over the extent of the body, where its normal misses the obstacle.
@@ -39,8 +44,11 @@ class ContactTraces:
         Numbers of the facets.
     barycentric : array, shape (k, q, d)
         Coordinates of the points on each facet.
+    shapes : array, shape (k, q, l)
+        Values there of the functions of the nodes of the facet.
     weights : array, shape (k, q)
-        They sum to the measures of the facets, and are not negative; the corners of the facet are there with none.
+        They sum to the measures of the facets, and are not negative. The corners of the facet, and along quadratic
+        traces the places of extreme displacements, are there with none: constants of the law must hold there too.
     frames : array, shape (k, q, d, d)
         Normal and tangents at the points.
     local : array, shape (k, q, d)
@@ -54,6 +62,7 @@ class ContactTraces:
     data: BodyData
     facets: IntArray
     barycentric: Array
+    shapes: Array
     weights: Array
     frames: Array
     local: Array
@@ -70,42 +79,55 @@ class ContactTraces:
 
         Parameters
         ----------
-        moments : array, shape (F, d, d)
+        moments : array, shape (F, l, d)
             Of the tractions of an admissible stress.
         """
-        data, dim = self.data, self.data.table.dim
+        data = self.data
         left = data.facet_loads[self.facets] - moments[self.facets]
-        inverse = (np.eye(dim) - 1.0 / (dim + 1)) * dim * (dim + 1)
+        inverse = np.linalg.inv(facet_mass(data.table.dim, data.order))
         nodal = np.einsum("f,ab,fbi->fai", 1.0 / data.table.measures[self.facets], inverse, left)
-        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.barycentric, nodal, self.frames, optimize=True))
+        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.shapes, nodal, self.frames, optimize=True))
 
     def interpolated(self, moments: Array) -> Array:
         """Force of the foundation, reversed, interpolated between nodal values, in local components (k, q, d).
 
         Parameters
         ----------
-        moments : array, shape (F, d, d)
+        moments : array, shape (F, l, d)
             Of tractions that share the forces of the nodes among facets in proportion to their size. A node that the
             supports hold has no such force: it takes the mean of the others of its facet.
         """
-        data, dim = self.data, self.data.table.dim
-        left = (data.facet_loads[self.facets] - moments[self.facets]) * dim
-        nodal = left / data.table.measures[self.facets][:, None, None]
-        held = np.zeros(data.table.mesh.number_of_nodes, dtype=bool)
+        data = self.data
+        left = data.facet_loads[self.facets] - moments[self.facets]
+        share = shares(data.order, data.table.dim)[:, None] * data.table.measures[self.facets][:, None, None]
+        nodal = left / share
+        held = np.zeros(len(data.displacement), dtype=bool)
         outer = ~data.table.interior & (data.contact < 0) & data.unknown.any(axis=(1, 2))
-        held[data.table.facets[outer]] = True
-        known = ~held[data.table.facets[self.facets]]
+        held[data.facet_nodes[outer]] = True
+        known = ~held[data.facet_nodes[self.facets]]
         count = np.maximum(known.sum(axis=1), 1)[:, None]
         mean = np.einsum("fa,fai->fi", known.astype(float), nodal) / count
         nodal = np.where(known[:, :, None], nodal, mean[:, None])
-        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.barycentric, nodal, self.frames, optimize=True))
+        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.shapes, nodal, self.frames, optimize=True))
 
     def moments(self, forces: Array) -> Array:
-        """Moments (F, d, d) of forces in local components (k, q, d), in the coordinates of the mesh."""
+        """Moments (F, l, d) of forces in local components (k, q, d), in the coordinates of the mesh."""
         out = np.zeros(self.data.facet_loads.shape)
         out[self.facets] = np.einsum(
-            "fq,fqa,fqc,fqci->fai", self.weights, self.barycentric, forces, self.frames, optimize=True
+            "fq,fqa,fqc,fqci->fai", self.weights, self.shapes, forces, self.frames, optimize=True
         )
+        return out
+
+    def mass(self, parts: Array) -> Array:
+        """``int w phi_a phi_b`` (F, l, d, l, d) for parts w (k, q, 2) along the normal and along tangents."""
+        dim = self.data.table.dim
+        every = np.concatenate([parts[..., :1], np.repeat(parts[..., 1:], dim - 1, axis=2)], axis=2)
+        count = self.shapes.shape[2]
+        out = np.zeros((len(self.data.facet_nodes), count, dim, count, dim))
+        out[self.facets] = np.einsum(
+            "fq,fqc,fqa,fqb,fqci,fqcj->faibj",
+            self.weights, every, self.shapes, self.shapes, self.frames, self.frames, optimize=True,
+        )  # fmt: skip
         return out
 
     def allowed(self, forces: Array) -> Array:
@@ -156,20 +178,23 @@ def contact_traces(data: BodyData) -> ContactTraces | None:
             points, weights = _cut_triangle()
             barycentric = np.broadcast_to(points, (len(facets), *points.shape))
             share = np.broadcast_to(weights, (len(facets), len(weights)))
-        local, frames, places = _local(data, name, facets, barycentric)
+        local, frames, places = local_traces(data, name, facets, barycentric)
         law = data.problem.contact[name].law.at(places.reshape(-1, dim))
         parts.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
     width = max(part[1].shape[1] for part in parts)
     law = ContactLaw.concatenate([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in parts])
     facets = np.concatenate([part[0] for part in parts])
     barycentric = np.concatenate([_padded(part[1], width) for part in parts])
+    shapes = shape_values(data.order, barycentric)
     weights = np.concatenate([_padded(part[2], width, 0.0) for part in parts])
     frames = np.concatenate([_padded(part[3], width) for part in parts])
     local = np.concatenate([_padded(part[4], width) for part in parts])
     local, beyond = _snapped(law, local.reshape(-1, dim), _scale(data, local))
     if law.state_dependent:
         law = law.frozen_at(local)
-    return ContactTraces(data, facets, barycentric, weights, frames, local.reshape(frames.shape[:3]), law, beyond)
+    return ContactTraces(
+        data, facets, barycentric, shapes, weights, frames, local.reshape(frames.shape[:3]), law, beyond
+    )
 
 
 def _filled(part: tuple[IntArray, Array, Array, Array, Array, ContactLaw], width: int) -> IntArray:
@@ -198,13 +223,13 @@ def _extent(data: BodyData) -> float:
     return float((points.max(axis=0) - points.min(axis=0)).max())
 
 
-def _local(data: BodyData, name: str, facets: IntArray, barycentric: Array) -> tuple[Array, Array, Array]:
+def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array) -> tuple[Array, Array, Array]:
     """Penetration and slip (k, q, d), frames (k, q, d, d) and places (k, q, d) of points (k, q, d) on facets."""
     table, contact = data.table, data.problem.contact[name]
     dim = table.dim
-    corners = table.facets[facets]
-    places = np.einsum("fqa,fai->fqi", barycentric, table.mesh.points[corners])
-    moved = np.einsum("fqa,fai->fqi", barycentric, data.displacement[corners])
+    places = np.einsum("fqa,fai->fqi", barycentric, table.mesh.points[table.facets[facets]])
+    shapes = shape_values(data.order, barycentric)
+    moved = np.einsum("fqa,fai->fqi", shapes, data.displacement[data.facet_nodes[facets]])
     normals = np.broadcast_to(table.normals[facets][:, None], places.shape)
     flat = places.reshape(-1, dim)
     if contact.obstacle is None:
@@ -234,26 +259,44 @@ def _frames(normal: Array) -> Array:
 
 def _between_kinks(data: BodyData, name: str, facets: IntArray) -> tuple[Array, Array]:
     """Barycentric coordinates (k, q, 2) and shares (k, q) of points between the kinks on edges."""
-    ends, _, places = _local(data, name, facets, np.broadcast_to(np.eye(2), (len(facets), 2, 2)))
+    at_nodes = np.broadcast_to([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]], (len(facets), 3, 2))
+    ends, _, places = local_traces(data, name, facets, at_nodes)
     law = data.problem.contact[name].law.at(places.mean(axis=1))
-    cuts = [np.broadcast_to(np.arange(_PARTS + 1) / _PARTS, (len(facets), _PARTS + 1))]
+    parts = _PARTS if data.order == 1 else _MORE_PARTS
+    cuts = [np.broadcast_to(np.arange(parts + 1) / parts, (len(facets), parts + 1))]
     laws = [law.normal] if law.state_dependent else [law.normal, law.tangential]
     profiles = [law.friction.profile] if law.state_dependent else []
     for component, scalar in enumerate([*laws, *profiles]):
-        first, last = ends[:, 0, component], ends[:, 1, component]
+        first, last, middle = ends[..., component].T
         knots = np.broadcast_to(scalar.knots, (len(facets), scalar.knots.shape[-1]))
         both = knots if component == 0 else np.concatenate([knots, -knots], axis=1)
-        with np.errstate(all="ignore"):
-            at = (both - first[:, None]) / (last - first)[:, None]
-        cuts.append(np.where((at > 0.0) & (at < 1.0), at, 0.0))
+        bend = np.zeros(len(first)) if data.order == 1 else 2.0 * (first + last - 2.0 * middle)
+        for at in _crossings(bend[:, None], (last - first - bend)[:, None], first[:, None] - both):
+            cuts.append(np.where((at > 0.0) & (at < 1.0), at, 0.0))
     cut = np.sort(np.concatenate(cuts, axis=1), axis=1)
     point, weight = quadrature_rule(1, 5)
     length = np.diff(cut, axis=1)
     at = cut[:, :-1, None] + length[:, :, None] * point[:, 1]
     share = (length[:, :, None] * weight).reshape(len(facets), -1)
-    # the ends of the facet take no part in integrals, but constants must hold there too
     flat = np.hstack([at.reshape(len(facets), -1), np.broadcast_to([0.0, 1.0], (len(facets), 2))])
-    return np.stack([1.0 - flat, flat], axis=2), np.hstack([share, np.zeros((len(facets), 2))])
+    share = np.hstack([share, np.zeros((len(facets), 2))])
+    if data.order == 2:
+        first, last, middle = ends.transpose(1, 2, 0)
+        with np.errstate(all="ignore"):
+            turn = (0.75 * first + 0.25 * last - middle) / (first + last - 2.0 * middle)
+        turn = np.clip(np.where(np.isfinite(turn), turn, 0.0), 0.0, 1.0).T
+        flat = np.hstack([flat, turn])
+        share = np.hstack([share, np.zeros((len(facets), turn.shape[1]))])
+    return np.stack([1.0 - flat, flat], axis=2), share
+
+
+def _crossings(a: Array, b: Array, c: Array) -> list[Array]:
+    """Where ``a t^2 + b t + c`` vanishes: nan or any place beyond 0 to 1 if it does not."""
+    with np.errstate(all="ignore"):
+        if not a.any():
+            return [-c / b]
+        q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
+        return [q / a, c / q]
 
 
 def _cut_triangle() -> tuple[Array, Array]:

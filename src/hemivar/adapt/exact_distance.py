@@ -15,14 +15,15 @@ Proofs are in docs/bounds.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hemivar.adapt.admissible_stress import AdmissibleStress, admissible_stress
+from hemivar.adapt.admissible_trace import admissible_displacement
 from hemivar.adapt.body_data import BodyData, body_data
 from hemivar.adapt.contact_traces import ContactTraces, contact_traces
-from hemivar.adapt.fenchel import FenchelGap, fenchel_gap
+from hemivar.adapt.fenchel import FenchelGap, fenchel_gap, following
 from hemivar.adapt.hypotheses import unmet_hypotheses
 from hemivar.adapt.low_mode import confined_error, low_mode
 from hemivar.adapt.one_sided import one_sided_constants
@@ -42,11 +43,22 @@ __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 _LARGE = 1e-6
 #: Softening c from which the softest mode is looked at by itself.
 _SOFT = 0.15
-#: Sweeps by default, in the plane and in space.
+#: Weights of the gap, over Lambda, among which the best is looked for, as powers of ten; that of the first tractions.
+_POWERS = (-5, -4, -3, -2, -1, 0, 1)
+_FIRST = 0.01
+#: Largest price of contact tractions, over 1 / Lambda.
+_DEAREST = 30.0
+#: Least part of that price where the multiplier follows the force.
+_LEAST = 0.05
+#: Sweeps over the patches at the contact boundary alone that come before, with quadratic elements.
+_NEAR = 2
+#: Sweeps by default, in the plane and in space, with linear elements; with quadratic ones, which cost less in
+#: proportion.
 SWEEPS: dict[int, tuple[PatchKind, ...]] = {
     2: (PatchKind.VERTEX,),
     3: (PatchKind.EDGE,),
 }
+_MORE = (PatchKind.VERTEX, PatchKind.VERTEX)
 
 
 @dataclass(frozen=True)
@@ -65,6 +77,9 @@ class DistanceParts:
         What the loads add to eta that no linear field on a cell or facet sees.
     algebraic : float
         What the displacement lacks for equilibrium in the discrete space: rounding, or an unfinished solve.
+    correction : float
+        ``|w|_a`` of the w that brings a quadratic trace back into the domain of a rigid law between nodes; the other
+        parts are those of ``u_h + w``.
     """
 
     misfit: float
@@ -72,6 +87,7 @@ class DistanceParts:
     gap: float
     oscillation: float
     algebraic: float
+    correction: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +149,13 @@ def exact_distance(
     Parameters
     ----------
     problem : ContactProblem
-        With linear elements.
-    displacement : array, shape (N, d)
+        With linear elements, or quadratic ones in the plane.
+    displacement : array, shape (nodes, d)
         That of a solution of the discrete problem, or any other that fulfils the supports.
     constants : TraceBounds
         Of the body.
     sweeps : tuple of PatchKind, optional
-        By which the stress is improved; :data:`SWEEPS` by default.
+        By which the stress is improved; by default :data:`SWEEPS`, with quadratic elements two over vertices.
 
     Raises
     ------
@@ -152,25 +168,47 @@ def exact_distance(
     for kind in () if sweeps is None else expect(sweeps, tuple, "sweeps", "give a tuple such as (PatchKind.VERTEX,)"):
         expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
     data = body_data(problem, displacement)
-    traces = contact_traces(data)
-    stress = improved_stress(data, traces, constants, SWEEPS[problem.mesh.dim] if sweeps is None else sweeps)
-    return _bound(stress, traces, constants, unmet)
+    inside = admissible_displacement(data)
+    traces = contact_traces(data if np.array_equal(inside, data.displacement) else data.moved(inside))
+    usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
+    stress = improved_stress(data, traces, constants, usual if sweeps is None else sweeps)
+    return _bound(stress, data, traces, constants, unmet)
 
 
 def improved_stress(
     data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: tuple[PatchKind, ...]
 ) -> AdmissibleStress:
-    """An admissible stress, its contact tractions near to what the law allows, after sweeps over patches."""
+    """An admissible stress, its contact tractions near to what the law allows, after sweeps over patches.
+
+    It balances the forces of ``data`` and comes near to the stress of the displacement of the traces.
+    """
     pressures = None
     if traces is not None:
-        pressures = -traces.moments(traces.allowed(traces.interpolated(shared_forces(data))))
+        pressures = -traces.moments(_first_multiplier(data, traces, constants))
     stress = admissible_stress(data, pressures)
+    if traces is not None:
+        stress = replace(stress, data=traces.data)
     if not sweeps:
         return stress
     sweeper = Sweeper(stress)
+    if traces is not None and data.order == 2:
+        for _ in range(_NEAR):
+            sweeper.sweep(PatchKind.VERTEX, _price(sweeper, traces, constants), only_contact=True)
     for kind in sweeps:
         sweeper.sweep(kind, None if traces is None else _price(sweeper, traces, constants))
     return sweeper.stress
+
+
+def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBounds) -> Array:
+    """Near to the interpolated multiplier: in dj(r), or where quadratic traces overshoot in the domain of j*."""
+    between = traces.interpolated(shared_forces(data))
+    if data.order == 1 or not _weakly_convex(traces) or not 0.0 < constants.both < np.inf:
+        return traces.allowed(between)
+    return fenchel_gap(traces, between, _FIRST * constants.both).multiplier
+
+
+def _weakly_convex(traces: ContactTraces) -> bool:
+    return all(bool(np.isfinite(alpha).all()) for alpha in traces.law.weak_convexity)
 
 
 def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> ContactPrice | None:
@@ -179,18 +217,47 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
         return None
     stress = sweeper.stress
     forces = traces.forces(stress.tractions.moments)
-    allowed = traces.allowed(forces)
-    rho = np.sqrt(sum(part.sum() for part in traces.square(forces - allowed)) / constants.both)
-    eta = np.sqrt(stress.misfit.sum())
-    ratio = min(max(1.0, eta / rho), 1e6) if rho > 0.0 else 1e6
-    return ContactPrice(traces.moments(allowed), float(ratio / constants.both))
+    eta = float(np.sqrt(stress.misfit.sum()))
+    best = _chosen(traces, forces, replace(constants, weighted=None), eta)
+    weight = best.weight
+
+    def multiplier(forces: Array) -> Array:
+        return traces.allowed(forces) if weight is None else fenchel_gap(traces, forces, weight).multiplier
+
+    wanted = multiplier(forces)
+    mass = traces.mass(np.maximum(1.0 - following(forces, multiplier), _LEAST))
+    rho = np.sqrt(sum(part.sum() for part in traces.square(forces - wanted)) / constants.both)
+    ratio = min(max(1.0, eta / rho), _DEAREST) if rho > 0.0 else _DEAREST
+    return ContactPrice(traces.moments(wanted), float(ratio / constants.both), mass, stress.tractions.moments)
+
+
+def _best_gap(
+    traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, c: float
+) -> tuple[float, FenchelGap]:
+    """The least bound over the weights of the gap, and the gap of the best one."""
+
+    def of(power: float) -> tuple[float, FenchelGap]:
+        gap = fenchel_gap(traces, forces, 10.0**power * constants.both)
+        rho = constants.distance(gap.normal, gap.tangential)
+        return _value(base + rho, float(gap.normal_gap.sum() + gap.tangential_gap.sum()), c), gap
+
+    tried = {float(power): of(power) for power in _POWERS}
+    for step in (0.5, 0.25):
+        best = min(tried, key=lambda power: tried[power][0])
+        tried |= {power: of(power) for power in (best - step, best + step)}
+    return min(tried.values(), key=lambda pair: pair[0])
 
 
 def _bound(
-    stress: AdmissibleStress, traces: ContactTraces | None, constants: TraceBounds, unmet: list[str]
+    stress: AdmissibleStress,
+    data: BodyData,
+    traces: ContactTraces | None,
+    constants: TraceBounds,
+    unmet: list[str],
 ) -> ExactDistance:
-    data = stress.data
     table = data.table
+    change = stress.data.displacement - data.displacement
+    correction = float(np.sqrt(max(np.sum((stress.data.forces - data.forces) * change[data.cell_nodes]), 0.0)))
     reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
     reasons += unmet + _inexact(data)
     rest = oscillation(stress)
@@ -208,15 +275,22 @@ def _bound(
             reasons.append(
                 f"the displacement leaves the domain of the law by {traces.beyond:.3g}, which is not accounted for"
             )
-        found = _contact(stress, traces, constants, base, nodes, reasons)
+        reasons += _doubts(traces, constants)
+        found = _chosen(traces, traces.forces(stress.tractions.moments), constants, base)
+        if found.falls and not found.value < np.inf:
+            reasons.append(
+                f"the displacement passes a downward jump of the law on {found.falls} contact facets, where no "
+                "constant of the law is finite"
+            )
     if not found.value < np.inf:
         reasons.append(
             "there is no bound: the foundation softens too much for the body (c >= 1), or nothing but contact holds it"
         )
-    volume = np.einsum("m,mij,mij->", table.volumes, data.stress, data.strain)
-    parts = DistanceParts(eta, found.contact, float(found.facet_gap.sum()), eta_all - eta, algebraic)
+    parts = DistanceParts(
+        eta, found.contact, float(found.facet_gap.sum()), max(eta_all - eta, 0.0), algebraic, correction
+    )
     return ExactDistance(
-        found.value, float(np.sqrt(max(volume, 0.0))), parts, found.constant, found.theorem,
+        found.value + correction, float(np.sqrt(data.energy)), parts, found.constant, found.theorem,
         not reasons, tuple(reasons), stress, _cells(stress, rest), nodes, found.facet_contact, found.facet_gap,
     )  # fmt: skip
 
@@ -238,7 +312,8 @@ def _inexact(data: BodyData) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """The bound of one choice of zeta: value, c, rho, theorem, and what each facet adds."""
+    """The bound of one choice of zeta: value, c, rho, theorem, what each facet adds, the weight of the gap, and on how many facets
+    the displacement passes a downward jump of the law."""
 
     value: float
     constant: float
@@ -246,6 +321,8 @@ class _Choice:
     theorem: int
     facet_contact: Array
     facet_gap: Array
+    weight: float | None = None
+    falls: int = 0
 
 
 def _cells(stress: AdmissibleStress, rest: Oscillation) -> Array:
@@ -254,9 +331,10 @@ def _cells(stress: AdmissibleStress, rest: Oscillation) -> Array:
 
 def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
     """``|g| / sqrt(Lambda)`` over the body, g the linear field on each cell with the moments of the defect."""
-    table, defect = stress.data.table, stress.tractions.defect
-    if not defect.any():
+    table = stress.data.table
+    if not stress.tractions.defect.any():
         return 0.0
+    defect = stress.data.linear(stress.tractions.defect)
     corners = table.dim + 1
     scale = corners * (corners + 1) / table.volumes
     square = np.einsum("m,mac,mac->", scale, defect, defect)
@@ -264,56 +342,43 @@ def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
     return float(np.sqrt(max(square, 0.0) / constants.body)) if constants.body > 0.0 else np.inf
 
 
-def _contact(
-    stress: AdmissibleStress,
-    traces: ContactTraces,
-    constants: TraceBounds,
-    base: float,
-    nodes: IntArray,
-    reasons: list[str],
-) -> _Choice:
+def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
+    """What of the law is not known."""
+    law, coupling, found = traces.law, _coupling(traces, constants), []
+    if coupling == np.inf:
+        found.append("the friction bound depends on the pressure, or jumps with the penetration: there is no bound")
+    if law.normal.alpha_sampled or law.friction.profile.alpha_sampled:
+        found.append("a constant of the law is known from samples only")
+    if coupling > 0.0 and law.lipschitz_sampled:
+        found.append("how the friction bound depends on the penetration is known from samples only")
+    return found
+
+
+def _chosen(traces: ContactTraces, forces: Array, constants: TraceBounds, base: float) -> _Choice:
     """The better of both theorems."""
-    law = traces.law
-    corners = stress.data.table.mesh.points[nodes]
-    forces = traces.forces(stress.tractions.moments)
+    table, coupling = traces.data.table, _coupling(traces, constants)
+    corners = table.mesh.points[table.facets[traces.facets]]
     allowed = traces.allowed(forces)
     normal, tangential = traces.square(forces - allowed)
-    coupling = _coupling(traces, constants)
-    if coupling == np.inf:
-        reasons.append("the friction bound depends on the pressure, or jumps with the penetration: there is no bound")
-    if law.normal.alpha_sampled or law.friction.profile.alpha_sampled:
-        reasons.append("a constant of the law is known from samples only")
-    if coupling > 0.0 and law.lipschitz_sampled:
-        reasons.append("how the friction bound depends on the penetration is known from samples only")
-
-    near = one_sided_constants(traces, allowed)
-    near_normal, near_tangential = (part.max(axis=1) for part in near)
+    near_normal, near_tangential = (part.max(axis=1) for part in one_sided_constants(traces, allowed))
     c = constants.softening(corners, near_normal, near_tangential) + coupling
     rho = constants.distance(normal, tangential)
     value = _value(base + rho, 0.0, c)
-    if constants.weighted is not None and _SOFT < c < np.inf and stress.data.problem.order == 1:
+    if constants.weighted is not None and _SOFT < c < np.inf and traces.data.problem.order == 1:
         first, second = constants.weighted(corners, near_normal, near_tangential)
         if second < first and first + coupling < 1.0:
-            theta, seen = low_mode(stress.data, traces, allowed, near_normal, near_tangential)
+            theta, seen = low_mode(traces.data, traces, allowed, near_normal, near_tangential)
             value = min(value, confined_error(base + rho, seen, theta, first, second, coupling))
     best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)))
 
-    shape = traces.weights.shape
-    alpha_normal = np.broadcast_to(law.normal.weak_convexity, shape[0] * shape[1]).reshape(shape)
-    alpha_tangential = np.broadcast_to(law.tangential.weak_convexity, shape[0] * shape[1]).reshape(shape)
-    if np.isfinite(alpha_normal).all() and np.isfinite(alpha_tangential).all():
-        c = constants.softening(corners, alpha_normal.max(axis=1), alpha_tangential.max(axis=1)) + coupling
-        gap = fenchel_gap(traces, forces)
-        other = _with_gap(gap, normal, tangential, constants, base, c)
-        if other.value < best.value:
-            best = other
-    falls = int((np.isinf(near_normal) | np.isinf(near_tangential)).sum())
-    if falls and not best.value < np.inf:
-        reasons.append(
-            f"the displacement passes a downward jump of the law on {falls} contact facets, where no constant of the "
-            "law is finite"
-        )
-    return best
+    if _weakly_convex(traces) and 0.0 < constants.both < np.inf:
+        alpha = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
+        c = constants.softening(corners, *(part.reshape(traces.weights.shape).max(axis=1) for part in alpha)) + coupling
+        value, gap = _best_gap(traces, forces, constants, base, c)
+        if value < best.value:
+            rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
+            best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, gap.weight)
+    return replace(best, falls=int((np.isinf(near_normal) | np.isinf(near_tangential)).sum()))
 
 
 def _value(sum_: float, gap: float, c: float) -> float:
@@ -321,34 +386,6 @@ def _value(sum_: float, gap: float, c: float) -> float:
     if not c < 1.0:
         return np.inf
     return float((sum_ + np.sqrt(sum_**2 + 4.0 * (1.0 - c) * gap)) / (2.0 * (1.0 - c)))
-
-
-def _with_gap(
-    gap: FenchelGap, normal: Array, tangential: Array, constants: TraceBounds, base: float, c: float
-) -> _Choice:
-    """Facet by facet, and for both parts apart: the law's multiplier, or the clipped force at the price of its gap.
-
-    Those with the least gap for what they gain are chosen first; how many, that makes the bound smallest.
-    """
-    count = len(normal)
-    before = np.concatenate([normal, tangential])
-    after, price = np.concatenate([gap.normal, gap.tangential]), np.concatenate([gap.normal_gap, gap.tangential_gap])
-    gain = before - after
-    order = np.argsort(np.where(gain > 0.0, price / np.where(gain > 0.0, gain, 1.0), np.inf), kind="stable")
-    order = order[(gain[order] > 0.0) & np.isfinite(price[order])]
-    along = normal.sum() - np.concatenate([[0.0], np.cumsum(np.where(order < count, gain[order], 0.0))])
-    across = tangential.sum() - np.concatenate([[0.0], np.cumsum(np.where(order >= count, gain[order], 0.0))])
-    paid = np.concatenate([[0.0], np.cumsum(price[order])])
-    along, across = np.maximum(along, 0.0), np.maximum(across, 0.0)
-    values = [_value(base + constants.distance(a, b), float(g), c) for a, b, g in zip(along, across, paid, strict=True)]
-    chosen = int(np.argmin(values))
-    taken = np.zeros(2 * count, dtype=bool)
-    taken[order[:chosen]] = True
-    left, cost = np.where(taken, after, before), np.where(taken, price, 0.0)
-    rho = constants.distance(left[:count], left[count:])
-    return _Choice(
-        _value(base + rho, float(cost.sum()), c), c, rho, 1, left[:count] + left[count:], cost[:count] + cost[count:]
-    )
 
 
 def _coupling(traces: ContactTraces, constants: TraceBounds) -> float:

@@ -1,15 +1,20 @@
-"""The gap of Fenchel's inequality on contact facets, where the force itself, clipped, is taken for a multiplier.
+"""The gap of Fenchel's inequality on contact facets, where a multiplier near to the force itself is taken.
 
 With ``jh = j + alpha/2 |.|^2`` convex, ``y = zeta + alpha r`` and ``jh*`` its conjugate
 
     D = jh(r) + jh*(y) - y . r  >=  0,
 
-zero where zeta is in dj(r). The supremum in ``jh*(y) = sup_s (y . s - jh(s))`` is a local problem that laws solve
-exactly. Radial laws: that of the profile at ``|y|``.
+zero where zeta is in dj(r). Of all zeta that with the least ``|xi - zeta|^2 / (2 a) + D`` is, by Moreau,
+
+    zeta = xi + a (r - p),    p = argmin j(p) + (alpha + a)/2 |p|^2 - (xi + (alpha + a) r) . p,
+
+a local problem that laws solve exactly, and ``D = jh(r) - jh(p) - y . (r - p)`` because y is in djh(p). For small a
+zeta is xi, clipped to where the conjugate is finite; for large a it is the nearest element of dj(r).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,70 +23,82 @@ from hemivar.adapt.contact_traces import ContactTraces
 from hemivar.basics.types import Array
 from hemivar.laws import Superpotential
 
-__all__ = ["FenchelGap", "fenchel_gap"]
+__all__ = ["FenchelGap", "fenchel_gap", "following"]
 
-#: Slope, over that of the largest force at the largest displacement, that changes no minimum.
-_SLIGHT = 1e-12
+#: Change of the force, over the largest, by which it is seen whether the multiplier follows.
+_STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class FenchelGap:
-    """Contact facets with the clipped force for a multiplier, (k,) each.
+    """Contact facets with a multiplier that leaves dj(r) at a price.
 
     Attributes
     ----------
-    normal, tangential : arrays
-        Integrals of the squares of what clipping takes away.
-    normal_gap, tangential_gap : arrays
-        Integrals of D; inf where the conjugate is.
+    weight : float
+        a.
+    multiplier : array, shape (k, q, d)
+        zeta at the points, in local components.
+    normal, tangential : arrays, shape (k,)
+        Integrals of the squares of ``xi - zeta``.
+    normal_gap, tangential_gap : arrays, shape (k,)
+        Integrals of D.
     """
 
+    weight: float
+    multiplier: Array
     normal: Array
     tangential: Array
     normal_gap: Array
     tangential_gap: Array
 
 
-def fenchel_gap(traces: ContactTraces, forces: Array) -> FenchelGap:
-    """The gap of forces in local components (k, q, d) at the points of the contact facets."""
-    shape = traces.weights.shape
-    law = traces.law
+def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelGap:
+    """The gap of the multiplier nearest to forces in local components (k, q, d), at the points of the contact facets.
+
+    Parameters
+    ----------
+    traces : ContactTraces
+        Of a law with a finite weak convexity constant.
+    forces : array, shape (k, q, d)
+    weight : float
+        a, a positive stiffness per area.
+    """
+    law, shape = traces.law, traces.weights.shape
     r, xi = traces.local.reshape(-1, forces.shape[-1]), forces.reshape(-1, forces.shape[-1])
-    zeta = xi.copy()
-    every = np.ones(len(r))
-    points = traces.data.problem.mesh.points
-    extent = float((points.max(axis=0) - points.min(axis=0)).max())
-    alpha = np.broadcast_to(law.normal.weak_convexity, every.shape)
-    low = np.where(alpha > 0.0, -np.inf, -law.normal.recession(-every))
-    high = np.where(alpha > 0.0, np.inf, law.normal.recession(every))
-    zeta[:, 0] = np.clip(xi[:, 0], low, high)
-    y = zeta[:, 0] + alpha * r[:, 0]
-    normal = _gap(law.normal, alpha, r[:, 0], y, y * r[:, 0], extent)
-
-    scalar = law.tangential
-    alpha = np.broadcast_to(scalar.weak_convexity, every.shape)
-    size = np.sqrt(np.einsum("mi,mi->m", xi[:, 1:], xi[:, 1:]))
-    most = np.where(alpha > 0.0, np.inf, scalar.recession(every))
-    zeta[:, 1:] *= np.where(size > most, most / np.where(size > 0.0, size, 1.0), 1.0)[:, None]
-    vector = zeta[:, 1:] + alpha[:, None] * r[:, 1:]
-    slip = np.sqrt(np.einsum("mi,mi->m", r[:, 1:], r[:, 1:]))
-    strength = np.sqrt(np.einsum("mi,mi->m", vector, vector))
-    strength = np.where(alpha > 0.0, strength, np.minimum(strength, most))
-    tangential = _gap(scalar, alpha, slip, strength, np.einsum("mi,mi->m", vector, r[:, 1:]), extent)
-    off = traces.square(forces - zeta.reshape(forces.shape))
-    return FenchelGap(*off, traces.integral(normal.reshape(shape)), traces.integral(tangential.reshape(shape)))
+    alpha, every = _convexity(traces)
+    p = law.local_argmin(alpha + weight, xi + (every + weight) * r)
+    zeta = xi + weight * (r - p)
+    work = (zeta + every * r) * (r - p)
+    normal = _fall(law.normal, alpha[:, 0], r[:, 0], p[:, 0]) - work[:, 0]
+    sizes = (np.sqrt(np.einsum("mi,mi->m", part[:, 1:], part[:, 1:])) for part in (r, p))
+    tangential = _fall(law.tangential, alpha[:, 1], *sizes) - work[:, 1:].sum(axis=1)
+    zeta = zeta.reshape(forces.shape)
+    gaps = (traces.integral(np.maximum(part, 0.0).reshape(shape)) for part in (normal, tangential))
+    return FenchelGap(weight, zeta, *traces.square(forces - zeta), *gaps)
 
 
-def _gap(law: Superpotential, alpha: Array, r: Array, y: Array, product: Array, size: float) -> Array:
-    """``jh(r) - y . r`` less the least value of ``jh(s) - |y| s``; inf where there is none.
+def following(forces: Array, multiplier: Callable[[Array], Array]) -> Array:
+    """The part (k, q, 2) of a small change of forces (k, q, d), normal and tangential, that a multiplier follows.
 
-    ``size`` is the extent of the body, to tell what is far."""
-    # the search for a zero of a convex, curved j' alone needs a slope: a slight one, whose share is added to the gap
-    slight = _SLIGHT * np.abs(y).max(initial=0.0) / max(float(np.abs(r).max(initial=0.0)), size)
-    more = np.where(alpha == 0.0, 0.0 if law.straight else slight, 0.0)
-    s = law.local_argmin(alpha + more, y)
-    fine = np.isfinite(s) & (np.abs(s) < 1.0 / np.finfo(float).eps * size)
-    s = np.where(fine, s, 0.0)
-    least = law.value(s) + 0.5 * (alpha - more) * s**2 - y * s
-    gap = law.value(r) + 0.5 * alpha * r**2 - product - least
-    return np.where(fine, np.maximum(gap, 0.0), np.inf)
+    The tangential one is that along the force, which is the least.
+    """
+    size = np.sqrt(np.einsum("fqi,fqi->fq", forces[..., 1:], forces[..., 1:]))[..., None]
+    way = np.ones(forces.shape)
+    way[..., 1:] = np.where(size > 0.0, forces[..., 1:] / np.where(size > 0.0, size, 1.0), way[..., 1:])
+    step = _STEP * float(np.abs(forces).max(initial=0.0))
+    if step == 0.0:
+        return np.zeros((*forces.shape[:2], 2))
+    change = way * (multiplier(forces + step * way) - multiplier(forces - step * way)) / (2.0 * step)
+    return np.asarray(np.clip(np.stack([change[..., 0], change[..., 1:].sum(axis=2)], axis=2), 0.0, 1.0))
+
+
+def _convexity(traces: ContactTraces) -> tuple[Array, Array]:
+    """Weak convexity constants, of the normal and the tangential law (m, 2), and of all components (m, d)."""
+    alpha = np.column_stack([np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity])
+    return alpha, np.column_stack([alpha[:, :1], np.repeat(alpha[:, 1:], traces.local.shape[-1] - 1, axis=1)])
+
+
+def _fall(law: Superpotential, alpha: Array, r: Array, p: Array) -> Array:
+    """``jh(r) - jh(p)``."""
+    return np.asarray(law.value(r) - law.value(p) + 0.5 * alpha * (r - p) * (r + p))

@@ -14,7 +14,8 @@ from hemivar.adapt.admissible_stress import AdmissibleStress
 from hemivar.basics.types import Array
 from hemivar.certify.local_constants import local_constants
 from hemivar.fem.assembly import quadrature_rule
-from hemivar.fem.split_element import pairs_of
+from hemivar.fem.elements import shape_derivatives, shape_values
+from hemivar.fem.split_element import facet_mass, pairs_of
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
 
 __all__ = ["Oscillation", "oscillation"]
@@ -48,7 +49,7 @@ def oscillation(stress: AdmissibleStress) -> Oscillation:
         added += constants.cell * np.sqrt(_body(stress))
     dim = table.dim
     point, weight = quadrature_rule(dim - 1, 5)
-    inverse = (np.eye(dim) - 1.0 / (dim + 1)) * dim * (dim + 1)
+    shapes, inverse = shape_values(data.order, point), np.linalg.inv(facet_mass(dim, data.order))
     for name, traction in tractions.items():
         facets = np.unique(table.numbers(problem.mesh.boundaries[name]))
         places = np.einsum("qa,fai->fqi", point, table.mesh.points[table.facets[facets]])
@@ -59,9 +60,9 @@ def oscillation(stress: AdmissibleStress) -> Oscillation:
         else:
             values = evaluate_vector(traction, flat, what)
         values = values.reshape(places.shape)
-        moments = np.einsum("q,qa,fqi->fai", weight, point, values)
-        linear = np.einsum("qa,ab,fbi->fqi", point, inverse, moments)
-        square = table.measures[facets] * np.einsum("q,fqi->f", weight, (values - linear) ** 2)
+        moments = np.einsum("q,qa,fqi->fai", weight, shapes, values)
+        seen = np.einsum("qa,ab,fbi->fqi", shapes, inverse, moments)
+        square = table.measures[facets] * np.einsum("q,fqi->f", weight, (values - seen) ** 2)
         cell = table.owners[facets, 0]
         local = np.argmax(table.cell_facets[cell] == facets[:, None], axis=1)
         np.add.at(added, cell, constants.facet[cell, local] * np.sqrt(square))
@@ -94,14 +95,16 @@ def _body(stress: AdmissibleStress) -> Array:
         own[:, piece] = centroid
         inverse = np.linalg.inv((own[:, 1:] - own[:, :1]).transpose(0, 2, 1))
         gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
-        divergence = np.zeros((len(own), dim))
-        for component, (i, j) in enumerate(pairs_of(dim)):
-            slope = np.einsum("ma,mad->md", stress.stresses[:, piece, :, component], gradients)
-            divergence[:, i] += slope[:, j]
-            if i != j:
-                divergence[:, j] += slope[:, i]
+        divergence = np.zeros((len(own), len(weights), dim))
+        for q, point in enumerate(barycentric):
+            slopes = np.einsum("ab,mbd->mad", shape_derivatives(data.order, point), gradients)
+            for component, (i, j) in enumerate(pairs_of(dim)):
+                slope = np.einsum("ma,mad->md", stress.stresses[:, piece, :, component], slopes)
+                divergence[:, q, i] += slope[:, j]
+                if i != j:
+                    divergence[:, q, j] += slope[:, i]
         places = np.einsum("qa,mai->mqi", barycentric, own)
         force = evaluate_vector(data.problem.body_force, places.reshape(-1, dim), "body_force").reshape(places.shape)
-        size = np.einsum("q,mqi->m", weights, (force + divergence[:, None]) ** 2)
+        size = np.einsum("q,mqi->m", weights, (force + divergence) ** 2)
         square += table.volumes / (dim + 1) * size
     return square

@@ -2,7 +2,8 @@
 
 On a facet with vertices x_a the moments ``m_k = x_l - x_k = -m_l`` along each of its edges have neither force nor
 moment: one field on an edge, three on a triangle. With ``m_a = rho(x_a)``, rho a rigid motion, they make all moments of
-a facet, and any force and moment is that of one rho.
+a facet, and any force and moment is that of one rho. Quadratic tractions of an edge have two more such fields: equal
+moments at its ends, along the edge or across, and twice the opposite one at its midpoint.
 """
 
 from __future__ import annotations
@@ -17,20 +18,24 @@ from hemivar.mesh.keys import EDGES
 __all__ = ["flow_fields", "orientations", "self_balanced"]
 
 
-def self_balanced(corners: Array) -> Array:
-    """Moments (k, s, d, d) without force and moment, s = 1 or 3, of facets with these corners (k, d, d)."""
-    dim = corners.shape[-1]
+def self_balanced(nodes: Array) -> Array:
+    """Moments (k, s, l, d) without force and moment, s = 1 or 3, of facets with these nodes (k, l, d)."""
+    count, dim = nodes.shape[1:]
     pairs = ((0, 1),) if dim == 2 else EDGES[2]
-    fields = np.zeros((len(corners), len(pairs), dim, dim))
+    fields = np.zeros((len(nodes), len(pairs) + 2 * (count - dim), count, dim))
     for number, (k, m) in enumerate(pairs):
-        along = corners[:, m] - corners[:, k]
+        along = nodes[:, m] - nodes[:, k]
         fields[:, number, k], fields[:, number, m] = along, -along
+    if count > dim:
+        along = nodes[:, 1] - nodes[:, 0]
+        for number, way in ((1, along), (2, np.stack([-along[:, 1], along[:, 0]], axis=1))):
+            fields[:, number] = way[:, None] * np.array([0.5, 0.5, -1.0])[:, None]
     return fields
 
 
-def flow_fields(corners: Array) -> Array:
-    """Moments (k, r, d, d) of facets with these corners (k, d, d): each a unit force, or a moment about the origin."""
-    modes = rigid_modes(corners).transpose(0, 2, 1, 3)  # k, r, vertex, component
+def flow_fields(nodes: Array) -> Array:
+    """Moments (k, r, l, d) of facets with these nodes (k, l, d): each a unit force, or a moment about the origin."""
+    modes = rigid_modes(nodes).transpose(0, 2, 1, 3)  # k, r, node, component
     flat = modes.reshape(*modes.shape[:2], -1)
     fields = np.linalg.solve(flat @ flat.transpose(0, 2, 1), flat)
     return np.asarray(fields.reshape(modes.shape))

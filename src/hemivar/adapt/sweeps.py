@@ -14,6 +14,7 @@ contact tractions that leave what the law allows.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,30 +24,37 @@ from hemivar.adapt.admissible_stress import AdmissibleStress
 from hemivar.adapt.patches import Batch, PatchKind, patch_batches, rigid_modes
 from hemivar.adapt.self_balanced import flow_fields, orientations, self_balanced
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.facet_table import facet_vertices
+from hemivar.fem.split_element import facet_mass
 
 __all__ = ["ContactPrice", "Sweeper"]
 
 #: Part of the largest work on free facets below which a rigid motion does none.
 _FREE = 1e-10
-#: Numbers of the matrices that are held at a time.
-_ENTRIES = 1 << 22
+#: Numbers of the matrices that are held at a time; in the plane fewer, for they fit a cache.
+_ENTRIES = {2: 1 << 20, 3: 1 << 22}
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPrice:
-    """What tractions of contact facets pay: ``price |xi - zeta|^2`` on each.
+    """What tractions of contact facets pay: ``price |xi - zeta|^2`` on each, or less where zeta follows xi.
 
     Attributes
     ----------
-    wanted : array, shape (F, d, d)
+    wanted : array, shape (F, k, d)
         Moments of zeta, the force of the foundation per area as its law allows it (acting by ``-zeta``).
     price : float
         Of the square of the distance, in the units of a misfit.
+    mass : array, shape (F, k, d, k, d), optional
+        ``int w phi_a phi_b`` with the part w, in each direction, of a change of xi that zeta does not follow. The price
+        then has the slope of ``price |xi - zeta|^2`` at ``start`` and this curvature. By default w = 1.
+    start : array, shape (F, k, d), optional
+        Moments of tractions at which zeta was taken.
     """
 
     wanted: Array
     price: float
+    mass: Array | None = None
+    start: Array | None = None
 
 
 class Sweeper:
@@ -74,12 +82,11 @@ class Sweeper:
         return self._start.with_moments(self._moments.copy())
 
     @cached_property
-    def _members(self) -> Array:
-        """Places of the vertices of the facets of the cells, shape (M, d + 1, d, d)."""
-        table = self.data.table
-        return table.mesh.points[table.cells][:, facet_vertices(table.dim)]
+    def _places(self) -> Array:
+        """Places of the nodes of the facets, shape (F, k, d)."""
+        return np.asarray(self.data.problem.mesh.nodes(self.data.order)[self.data.facet_nodes])
 
-    def sweep(self, kind: PatchKind, contact: ContactPrice | None = None) -> None:
+    def sweep(self, kind: PatchKind, contact: ContactPrice | None = None, only_contact: bool = False) -> None:
         """Improve all patches of a kind once.
 
         Parameters
@@ -87,6 +94,8 @@ class Sweeper:
         kind : PatchKind
         contact : ContactPrice, optional
             Frees the tractions of contact facets at a price; None leaves them as they are.
+        only_contact : bool
+            Improve those patches alone that have a contact facet.
         """
         key = (kind, contact is not None)
         if key not in self._batches:
@@ -96,12 +105,15 @@ class Sweeper:
         partly = np.asarray((freed != np.eye(self.data.table.dim)).any(axis=(1, 2)))
         rings = kind is not PatchKind.VERTEX or self.data.table.dim == 2
         for whole in self._batches[key]:
+            if only_contact:
+                whole = whole.take(np.asarray((self.data.contact[whole.facets] >= 0).any(axis=1)))
             plain = np.zeros(len(whole.facets), dtype=bool)
             if rings and not self.general:
                 plain[:] = ~partly[whole.facets].any(axis=1)
             for batch, ring in ((whole.take(plain), True), (whole.take(~plain), False)):
-                size = batch.facets.shape[1] * self.data.table.dim**2
-                step = max(_ENTRIES // (size * size + batch.cells.shape[1] * self._start.element.moments**2), 1)
+                size = batch.facets.shape[1] * self._start.element.block
+                entries = _ENTRIES[self.data.table.dim]
+                step = max(entries // (size * size + batch.cells.shape[1] * self._start.element.moments**2), 1)
                 for start in range(0, len(batch.facets), step):
                     part = batch.take(slice(start, start + step))
                     if ring:
@@ -123,7 +135,8 @@ class Sweeper:
         dim = table.dim
         count, facets = batch.facets.shape
         cells = batch.cells.shape[1]
-        number, block = facets * dim * dim, dim * dim
+        block = element.block
+        number = facets * block
         flat = batch.cells.ravel()
 
         # in the moments of each cell, outward, then in those of the facets
@@ -133,7 +146,7 @@ class Sweeper:
         energy = element.matrix(compliance).reshape(len(flat), -1, dim)
         energy = (energy @ back).reshape(len(flat), element.moments, -1).transpose(0, 2, 1)
         energy = (energy.reshape(len(flat), -1, dim) @ back).reshape(len(flat), element.moments, -1)
-        slope = element.slope(element.at_vertices(self._difference[flat]), compliance)
+        slope = element.slope(element.at_nodes(self._difference[flat]), compliance)
         slope = (slope.reshape(len(flat), -1, dim) @ back).reshape(count, cells, dim + 1, block)
         slope *= sign[..., None]
         signs = np.repeat(sign, block, axis=2)
@@ -145,7 +158,7 @@ class Sweeper:
         modes = dim * (dim + 1) // 2
         C = np.zeros((count, cells * modes, number + 1))
         every = np.arange(count)
-        places = self._members[batch.cells]
+        places = self._places[table.cell_facets[batch.cells]]
         centre = places.mean(axis=(1, 2, 3))
         reach = np.abs(places - centre[:, None, None, None]).max(axis=(1, 2, 3, 4))
         rigid = rigid_modes((places - centre[:, None, None, None]) / reach[:, None, None, None, None])
@@ -178,9 +191,9 @@ class Sweeper:
         table, element = self.data.table, self._start.element
         dim = table.dim
         count, facets = batch.facets.shape
-        split = change.reshape(count, facets, dim, dim)
+        split = change.reshape(count, facets, -1, dim)
         self._moments[batch.facets] += split
-        padded = np.concatenate([split.reshape(count, facets, -1), np.zeros((count, 1, dim * dim))], axis=1)
+        padded = np.concatenate([split.reshape(count, facets, -1), np.zeros((count, 1, element.block))], axis=1)
         flat = batch.cells.ravel()
         on_cells = padded[np.arange(count)[:, None, None], batch.place] * table.signs[batch.cells][..., None]
         on_cells = on_cells.reshape(len(flat), -1, dim) @ table.inverse[flat].transpose(0, 2, 1)
@@ -197,17 +210,18 @@ class Sweeper:
         count, facets = batch.facets.shape
         sides = min(facets, 2)
         flow, flows = orientations(table, batch)
-        corners = table.mesh.points[table.facets[batch.facets]]
-        centre = corners.mean(axis=(1, 2))
-        x = corners - centre[:, None, None]
+        nodes = self._places[batch.facets]
+        centre = nodes.mean(axis=(1, 2))
+        x = nodes - centre[:, None, None]
         x /= np.abs(x).max(axis=(1, 2, 3))[:, None, None, None]
-        x = x.reshape(-1, dim, dim)
+        x = x.reshape(-1, *nodes.shape[2:])
         fields = self_balanced(x)
         if flows.any():
             fields = np.concatenate([fields, flow_fields(x) * flow.reshape(-1, 1, 1, 1)], axis=1)
-        own = dim * (dim - 1) // 2  # fields of a facet
+        block = element.block
+        own = block - dim * (dim + 1) // 2  # fields of a facet
         through = fields.shape[1] - own  # forces and moments
-        fields = fields.reshape(count, facets, own + through, dim * dim)
+        fields = fields.reshape(count, facets, own + through, block)
         number = facets * own + through
 
         H, b = np.zeros((count, number + 1, number + 1)), np.zeros((count, number + 1))
@@ -215,72 +229,81 @@ class Sweeper:
             :, :, :sides
         ]  # local facets of the patch first
         every = np.arange(count)
-        padded = np.concatenate([fields, np.zeros((count, 1, own + through, dim * dim))], axis=1)
+        padded = np.concatenate([fields, np.zeros((count, 1, own + through, block))], axis=1)
         last = facets * own + np.arange(through)
-        for c in range(batch.cells.shape[1]):
-            cells, local = batch.cells[:, c], places[:, c]
-            at = np.take_along_axis(batch.place[:, c], local, axis=1)
-            signed = padded[every[:, None], at] * table.signs[cells[:, None], local][:, :, None, None]
-            back = signed.reshape(count, -1, dim) @ table.inverse[cells].transpose(0, 2, 1)
-            back = back.reshape(count, sides, own + through, dim * dim)
-            wide = np.zeros((count, sides, dim * dim, sides * own + through))
-            for side in range(sides):
-                on = back[:, side].transpose(0, 2, 1)
-                wide[:, side, :, side * own : (side + 1) * own] = on[:, :, :own]
-                wide[:, side, :, sides * own :] = on[:, :, own:]
-            basis = wide.reshape(count, sides * dim * dim, -1)
-            compliance = self.data.reference_compliance[cells]
-            every_slope = element.slope(element.at_vertices(self._difference[cells]), compliance)
-            every_slope = every_slope.reshape(count, dim + 1, dim * dim)
-            slope = np.take_along_axis(every_slope, local[:, :, None], axis=1).reshape(count, -1)
-            energy = np.empty((count, sides * dim * dim, sides * dim * dim))
-            for chosen in np.unique(local, axis=0):
-                some = np.flatnonzero((local == chosen).all(axis=1))
-                energy[some] = element.matrix_of(tuple(chosen.tolist()), compliance[some])
-            matrix = basis.transpose(0, 2, 1) @ energy @ basis
-            force = np.einsum("kpn,kp->kn", basis, slope)
-            index = np.concatenate(
-                [(at[:, :, None] * own + np.arange(own)).reshape(count, -1), np.broadcast_to(last, (count, through))],
-                axis=1,
-            )
-            index[:, : sides * own] = np.where(np.repeat(at >= facets, own, axis=1), number, index[:, : sides * own])
-            H[every[:, None, None], index[:, :, None], index[:, None, :]] += matrix
-            b[every[:, None], index] += force
+        cells, local = batch.cells.ravel(), places.reshape(-1, sides)
+        at = np.take_along_axis(batch.place, places, axis=2).reshape(-1, sides)
+        patch = np.repeat(every, batch.cells.shape[1])
+        signed = padded[patch[:, None], at] * table.signs[cells[:, None], local][:, :, None, None]
+        back = signed.reshape(len(cells), -1, dim) @ table.inverse[cells].transpose(0, 2, 1)
+        back = back.reshape(len(cells), sides, own + through, block)
+        wide = np.zeros((len(cells), sides, block, sides * own + through))
+        for side in range(sides):
+            on = back[:, side].transpose(0, 2, 1)
+            wide[:, side, :, side * own : (side + 1) * own] = on[:, :, :own]
+            wide[:, side, :, sides * own :] = on[:, :, own:]
+        basis = wide.reshape(len(cells), sides * block, -1)
+        compliance = self.data.reference_compliance[cells]
+        every_slope = element.slope(element.at_nodes(self._difference[cells]), compliance)
+        every_slope = every_slope.reshape(len(cells), dim + 1, block)
+        slope = np.take_along_axis(every_slope, local[:, :, None], axis=1).reshape(len(cells), -1)
+        energy = np.empty((len(cells), sides * block, sides * block))
+        for chosen in itertools.permutations(range(dim + 1), sides):
+            some = np.flatnonzero((local == chosen).all(axis=1))
+            if some.size:
+                energy[some] = element.matrix_of(chosen, compliance[some])
+        matrix = basis.transpose(0, 2, 1) @ energy @ basis
+        force = np.einsum("kpn,kp->kn", basis, slope)
+        ends = np.broadcast_to(last, (len(cells), through))
+        index = np.concatenate([(at[:, :, None] * own + np.arange(own)).reshape(len(cells), -1), ends], axis=1)
+        index[:, : sides * own] = np.where(np.repeat(at >= facets, own, axis=1), number, index[:, : sides * own])
+        shape = (count, batch.cells.shape[1], index.shape[1])
+        index, force, matrix = index.reshape(shape), force.reshape(shape), matrix.reshape(*shape, shape[2])
+        for c in range(shape[1]):
+            H[every[:, None, None], index[:, c, :, None], index[:, c, None, :]] += matrix[:, c]
+            b[every[:, None], index[:, c]] += force[:, c]
         H, b = H[:, :number, :number], b[:, :number]
-        all_fields = np.zeros((count, facets, dim * dim, number))
+        all_fields = np.zeros((count, facets, block, number))
         for f in range(facets):
             all_fields[:, f, :, f * own : (f + 1) * own] = fields[:, f, :own].transpose(0, 2, 1)
             all_fields[:, f, :, facets * own :] = fields[:, f, own:].transpose(0, 2, 1)
         if contact is not None:
-            for patch, place, matrix, off in self._prices(batch, contact):
+            for patch, place, matrix, slope in self._prices(batch, contact):
                 on = all_fields[patch, place]
                 np.add.at(H, patch, on.transpose(0, 2, 1) @ matrix @ on)
-                np.add.at(b, patch, np.einsum("kpn,kpq,kq->kn", on, matrix, off))
+                np.add.at(b, patch, np.einsum("kpn,kp->kn", on, slope))
         H[np.flatnonzero(~flows)[:, None], last, last] = 1.0
         change = -np.linalg.solve(H, b[:, :, None])
         self._apply(batch, (all_fields.reshape(count, -1, number) @ change)[:, :, 0])
 
     def _prices(self, batch: Batch, contact: ContactPrice) -> list[tuple[IntArray, IntArray, Array, Array]]:
-        """Contact facets of patches, by patch and place, with the matrices of their price and their distance to it."""
+        """Contact facets of patches, by patch and place, with the matrices and half the slopes of their price."""
         data, dim = self.data, self.data.table.dim
         patch, place = np.nonzero(data.contact[batch.facets] >= 0)
         if not len(patch):
             return []
         facet = batch.facets[patch, place]
         loose = np.eye(dim) - data.unknown[facet]
-        inverse = np.eye(dim) - 1.0 / (dim + 1)
-        size = contact.price * dim * (dim + 1) / data.table.measures[facet]
-        matrix = np.einsum("f,ab,fij->faibj", size, inverse, loose).reshape(len(facet), dim * dim, dim * dim)
-        off = self._moments[facet] - data.facet_loads[facet] + contact.wanted[facet]
-        return [(patch, place, matrix, off.reshape(len(facet), -1))]
+        inverse = np.linalg.inv(facet_mass(dim, data.order))
+        size, block = contact.price / data.table.measures[facet], self._start.element.block
+        whole = np.einsum("f,ab,fij->faibj", size, inverse, loose).reshape(len(facet), block, block)
+        if contact.mass is None or contact.start is None:
+            off = self._moments[facet] - data.facet_loads[facet] + contact.wanted[facet]
+            return [(patch, place, whole, np.einsum("fpq,fq->fp", whole, off.reshape(len(facet), -1)))]
+        off = contact.start[facet] - data.facet_loads[facet] + contact.wanted[facet]
+        mass = contact.mass[facet].reshape(whole.shape) / contact.price
+        matrix = whole @ mass @ whole
+        moved = (self._moments[facet] - contact.start[facet]).reshape(len(facet), -1)
+        slope = np.einsum("fpq,fq->fp", whole, off.reshape(len(facet), -1)) + np.einsum("fpq,fq->fp", matrix, moved)
+        return [(patch, place, matrix, slope)]
 
     def _charge(self, batch: Batch, contact: ContactPrice, H: Array, b: Array) -> None:
         """Add the price of contact tractions to the misfit of patches, in place."""
-        block = self.data.table.dim**2
-        for patch, place, matrix, off in self._prices(batch, contact):
+        block = self._start.element.block
+        for patch, place, matrix, slope in self._prices(batch, contact):
             at = place[:, None] * block + np.arange(block)
             H[patch[:, None, None], at[:, :, None], at[:, None, :]] += matrix
-            b[patch[:, None], at] += np.einsum("fpq,fq->fp", matrix, off)
+            b[patch[:, None], at] += slope
 
     def _confine(
         self, batch: Batch, freed: Array, partly: BoolArray, H: Array, b: Array, C: Array, centre: Array, reach: Array
@@ -299,7 +322,7 @@ class Sweeper:
         if not len(patch):
             return loose
         facet = batch.facets[patch, place]
-        x = (table.mesh.points[table.facets[facet]] - centre[patch, None]) / reach[patch, None, None]
+        x = (self._places[facet] - centre[patch, None]) / reach[patch, None, None]
         rigid = np.einsum("fij,farj->frai", freed[facet], rigid_modes(x)).reshape(len(facet), modes, -1)
         gram = np.zeros(loose.shape)
         np.add.at(gram, patch, rigid @ rigid.transpose(0, 2, 1))
@@ -310,8 +333,8 @@ class Sweeper:
         shut = partly[facet]
         patch, place, facet = patch[shut], place[shut], facet[shut]
         scale = np.trace(H, axis1=1, axis2=2) / H.shape[1]
-        for a in range(dim):  # facets of one patch one after the other, for each is only there once
-            at = place[:, None] * dim * dim + a * dim + np.arange(dim)
+        for a in range(x.shape[1]):  # facets of one patch one after the other, for each is only there once
+            at = place[:, None] * self._start.element.block + a * dim + np.arange(dim)
             for turn in range(int(np.bincount(patch).max(initial=0))):
                 now = _turn(patch) == turn
                 p, rows, D = patch[now], at[now], freed[facet[now]]
@@ -329,7 +352,7 @@ class Sweeper:
         if not partly[batch.facets].any():
             return change
         dim = self.data.table.dim
-        split = change.reshape(*batch.facets.shape, dim, dim)
+        split = change.reshape(*batch.facets.shape, -1, dim)
         return np.asarray(np.einsum("kfij,kfaj->kfai", freed[batch.facets], split).reshape(change.shape))
 
 

@@ -9,7 +9,7 @@ bounds: what rests on them is an estimate.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,6 +22,8 @@ from hemivar.certify.lower_bounds import lower_bounds
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
+from hemivar.fem.discretize import discretize
+from hemivar.fem.facet_table import FacetTable
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
 
@@ -91,7 +93,8 @@ class TraceBounds:
 def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None = None) -> TraceBounds:
     """The constants of a discrete problem, which are no bounds of the continuous ones.
 
-    Traces are lumped at the nodes (or taken at midpoints), as the discretisation does.
+    Traces are lumped at the nodes (or taken at midpoints), as the discretisation does. Of quadratic elements they are
+    those of linear ones on the same mesh: constants belong to the body.
 
     Parameters
     ----------
@@ -100,6 +103,9 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
     workspace : Workspace, optional
         Keeps them for other loads and laws of the body.
     """
+    origin = problem.origin
+    if isinstance(origin, ContactProblem) and origin.order != 1:
+        problem = discretize(replace(origin, order=1), check_coercivity=False)
     kept = Workspace.given(workspace)
     energy = energy_norm(problem, kept)
     source = "from the discrete problem: no bounds of the continuous one"

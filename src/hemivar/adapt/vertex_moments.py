@@ -1,14 +1,15 @@
 """Tractions in equilibrium with a discrete solution, vertex by vertex (element equilibration).
 
-The tractions of an admissible stress are linear on facets and known by their moments ``m_{F,a} = int_F s nu phi_a``. On
-every cell T and at every vertex a of it they shall fulfil
+The tractions of an admissible stress are of the degree of the displacement on facets and known by their moments
+``m_{F,a} = int_F s nu phi_a``. On every cell T and at every node a of it they shall fulfil
 
     sum of m_{F,a} over the facets F of T at a, outward  =  int_T s_h grad phi_a - int_T f0 phi_a,
 
-which makes them work like ``s_h = C eps(u_h)`` against every linear field on T: forces and moments of the cell balance.
-Equations of different vertices have no moment in common. Those of one vertex, for the moments nearest to the mean of
-``s_h nu`` from both sides, are a graph Laplacian on the cells around it. In a direction in which no facet at the vertex
-may take up a force it is singular, and solvable because the vertex is in equilibrium.
+which makes them work like ``s_h = C eps(u_h)`` against every field of that degree on T: forces and moments of the cell
+balance. Equations of different nodes have no moment in common. At a midpoint there is one facet, whose moment is known
+by that. Those of a vertex, for the moments nearest to the mean of ``s_h nu`` from both sides, are a graph Laplacian on
+the cells around it. In a direction in which no facet at the node may take up a force they are solvable because the node
+is in equilibrium.
 
 P. Ladeveze and D. Leguillon, SIAM J. Numer. Anal. 20 (1983); compared with others in arXiv 1704.06680.
 """
@@ -39,10 +40,10 @@ class Tractions:
 
     Attributes
     ----------
-    moments : array, shape (F, d, d)
-        Facet, vertex, component; of the outward normal of the first cell.
-    defect : array, shape (M, d + 1, d)
-        Loads ``int_T g phi_a`` that had to be added to those of the body: what vertices without contact lack for
+    moments : array, shape (F, k, d)
+        Facet, node, component; of the outward normal of the first cell.
+    defect : array, shape (M, l, d)
+        Loads ``int_T g phi_a`` that had to be added to those of the body: what nodes without contact lack for
         equilibrium, rounding or an unfinished solve.
     """
 
@@ -51,42 +52,46 @@ class Tractions:
 
 
 def equilibrated(data: BodyData, pressures: Array) -> Tractions:
-    """Tractions in equilibrium on every cell and at every vertex of it.
+    """Tractions in equilibrium on every cell and at every node of it.
 
     Parameters
     ----------
     data : BodyData
-    pressures : array, shape (F, d, d)
+    pressures : array, shape (F, k, d)
         Moments of the tractions by which the foundation acts, to start with; zero away from contact boundaries. What a
-        vertex of the contact boundary lacks for its equilibrium is added to its facets in proportion to their size.
+        node of the contact boundary lacks for its equilibrium is added to its facets in proportion to their size.
 
     Raises
     ------
     ProblemError
         Cells around a vertex are joined there through no facet.
     """
-    table = data.table
-    members = facet_vertices(table.dim)
+    table, dim = data.table, data.table.dim
+    members = facet_vertices(dim)
     stars = _Stars.of(data)
     start = _started(data, pressures, stars)
     local = _sides(data)
-    potential = stars.solve(start.lack.reshape(-1, table.dim)).reshape(start.lack.shape)
+    lack = start.lack[:, : dim + 1]
+    potential = stars.solve(lack.reshape(-1, dim)).reshape(lack.shape)
     moments = start.moments
     for side, sign in ((0, 1.0), (1, -1.0)):
         chosen = np.flatnonzero(table.owners[:, side] >= 0)
         values = potential[table.owners[chosen, side][:, None], members[local[chosen, side]]]
-        moments[chosen] += sign * np.einsum("fij,faj->fai", data.unknown[chosen], values)
+        moments[chosen, :dim] += sign * np.einsum("fij,faj->fai", data.unknown[chosen], values)
+    if data.order == 2:
+        first, middle = table.owners[:, 0], facet_vertices(dim, 2)[local[:, 0], dim]
+        moments[:, dim] += np.einsum("fij,fj->fi", data.unknown, start.lack[first, middle])
     return Tractions(moments, start.defect)
 
 
 def shared_forces(data: BodyData) -> Array:
-    """Moments (F, d, d) of tractions on contact facets that share the forces of the nodes in proportion to size."""
+    """Moments (F, k, d) of tractions on contact facets that share the forces of the nodes in proportion to size."""
     return _started(data, np.zeros(data.facet_loads.shape), _Stars.of(data)).moments
 
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """Moments (F, d, d) near to those of the displacement, what pairs lack with them (M, d + 1, d), and the defect."""
+    """Moments (F, k, d) near to those of the displacement, what pairs lack with them (M, l, d), and the defect."""
 
     moments: Array
     lack: Array
@@ -95,46 +100,57 @@ class _Start:
 
 def _started(data: BodyData, pressures: Array, stars: _Stars) -> _Start:
     table = data.table
-    dim, corners = table.dim, table.dim + 1
-    own = data.cell_moments  # of the mean stress of each cell, outward
+    dim = table.dim
+    own = data.cell_moments  # of the stress of each cell, outward
     first, second = table.owners.T
     local = _sides(data)
     mean = own[first, local[:, 0]]
     inside = table.interior
     mean[inside] = 0.5 * (mean[inside] - own[second[inside], local[inside, 1]])
-    start = np.repeat(np.einsum("fij,fj->fi", data.unknown, mean)[:, None], dim, axis=1)
+    start = np.einsum("fij,faj->fai", data.unknown, mean)
     outer = np.flatnonzero(~inside)
     given = data.facet_loads[outer] + pressures[outer]
     start[outer] += given - np.einsum("fij,faj->fai", data.unknown[outer], given)
 
-    right = np.einsum("m,mij,maj->mai", table.volumes, data.stress, table.gradients, optimize=True) - data.loads
     outward = table.of_cells(start)
-    lack = right.copy()
-    members = facet_vertices(dim)
-    for facet in range(corners):
+    lack = data.forces - data.loads
+    members = facet_vertices(dim, data.order)
+    for facet in range(dim + 1):
         lack[:, members[facet]] -= outward[:, facet]
 
-    # what is missing along directions that no facet at the vertex takes up
-    total = np.zeros((table.mesh.number_of_nodes, dim))
+    # what is missing along directions that no facet at the node takes up
+    nodes, free = data.cell_nodes, _free_directions(data, stars)
+    total = np.zeros((len(free), dim))
     for c in range(dim):
-        total[:, c] = np.bincount(table.cells.ravel(), weights=lack[:, :, c].ravel(), minlength=len(total))
-    total = np.einsum("nij,nj->ni", stars.free, total)
+        total[:, c] = np.bincount(nodes.ravel(), weights=lack[:, :, c].ravel(), minlength=len(total))
+    total = np.einsum("nij,nj->ni", free, total)
     touched = np.flatnonzero(data.contact >= 0)
-    size = np.bincount(table.facets[touched].ravel(), weights=np.repeat(table.measures[touched], dim),
-                       minlength=len(total))  # fmt: skip
-    at = table.facets[touched]
+    at = data.facet_nodes[touched]
+    size = np.bincount(at.ravel(), weights=np.repeat(table.measures[touched], at.shape[1]), minlength=len(total))
     share = table.measures[touched, None] / size[at]
     more = share[:, :, None] * total[at]
     start[touched] += more
     cell, side = first[touched], local[touched, 0]
-    for a in range(dim):
+    for a in range(at.shape[1]):
         lack[cell, members[side, a]] -= more[:, a]
     total[size > 0.0] = 0.0
-    around = np.bincount(table.cells.ravel(), weights=np.repeat(table.volumes, corners), minlength=len(total))
-    defect = total[table.cells] * (table.volumes[:, None] / around[table.cells])[:, :, None]
+    around = np.bincount(nodes.ravel(), weights=np.repeat(table.volumes, nodes.shape[1]), minlength=len(total))
+    defect = total[nodes] * (table.volumes[:, None] / around[nodes])[:, :, None]
     lack -= defect
 
     return _Start(start, lack, defect)
+
+
+def _free_directions(data: BodyData, stars: _Stars) -> Array:
+    """Projections (nodes, d, d) on the directions along which no facet at the node takes up a force."""
+    if data.order == 1:
+        return stars.free
+    dim, table = data.table.dim, data.table
+    middle = np.zeros((len(data.displacement) - len(stars.free), dim, dim))
+    loose = np.eye(dim) - data.unknown
+    loose[table.interior] = np.eye(dim)  # both sides know the moment: their sum has to vanish
+    middle[data.facet_nodes[:, dim] - len(stars.free)] = loose
+    return np.concatenate([stars.free, middle])
 
 
 def _sides(data: BodyData) -> IntArray:

@@ -13,16 +13,22 @@ from functools import cached_property
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.mesh.keys import facet_keys
+from hemivar.mesh.keys import EDGES, facet_keys
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FacetTable", "facet_table", "facet_vertices"]
 
 
-def facet_vertices(dim: int) -> IntArray:
-    """Local vertices (d + 1, d) of the facets of a cell: facet i has all but vertex i."""
+def facet_vertices(dim: int, order: int = 1) -> IntArray:
+    """Local vertices (d + 1, d) of the facets of a cell: facet i has all but vertex i.
+
+    For order 2, in the plane, with their midpoints behind them, (3, 3), as the local nodes of a cell stand.
+    """
     every = range(dim + 1)
-    return np.array([[a for a in every if a != i] for i in every])
+    members = [[a for a in every if a != i] for i in every]
+    if order == 2:
+        members = [[*ends, dim + 1 + EDGES[dim].index((ends[0], ends[1]))] for ends in members]
+    return np.array(members)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +113,7 @@ class FacetTable:
         return np.asarray(np.searchsorted(self._keys, facet_keys(facets, self.mesh.number_of_nodes)))
 
     def of_cells(self, moments: Array) -> Array:
-        """Moments on the facets of the cells, outward, (M, d + 1, d, d), of those on the facets (F, d, d)."""
+        """Moments on the facets of the cells, outward, (M, d + 1, l, d), of those on the facets (F, l, d)."""
         return np.asarray(self.signs[:, :, None, None] * moments[self.cell_facets])
 
 

@@ -1,29 +1,39 @@
-"""The stress element of Johnson, Krizek and Mercier: symmetric, linear on the Alfeld split, with continuous tractions.
+"""Symmetric stress elements on the Alfeld split with continuous tractions: linear, and in the plane quadratic.
 
-A simplex is cut into d + 1 pieces that join its centroid to its facets. A stress of the element is symmetric and linear
-on every piece, and its tractions are continuous between the pieces. The moments of the tractions on the facets of the
-simplex, and the integral of the stress, determine it: 15 numbers in the plane, 42 in space.
+A simplex is cut into d + 1 pieces that join its centroid to its facets. A stress of the element is symmetric and a
+polynomial of degree 1 or 2 on every piece, and its tractions are continuous between the pieces.
+
+Of degree 1 (Johnson, Krizek and Mercier) the moments of the tractions on the facets of the simplex, and the integral of
+the stress, determine it: 15 numbers in the plane, 42 in space. Of degree 2 in the plane there are 36: the tractions
+(18 moments against the quadratic functions of the edges), the divergence on the pieces (18, but for the balance of
+forces and of the moment, 3), and 3 stresses without either, those of Airy functions that are C1, of degree 4 on the
+pieces and vanish with their slope on the edges. The divergence is taken linear on the whole triangle here.
 
 Everything is computed once on the reference simplex (origin and unit vectors) and mapped: with ``x = B x^ + b`` and
 ``J = |det B|`` the stress ``s = B s^ B' / J`` has divergence ``B div^ s^ / J``, moments ``m = B m^`` and the integral
 ``int s = B (int s^) B'``.
 
 References: C. Johnson and B. Mercier, Numer. Math. 30 (1978); M. Krizek, Numer. Math. 41 (1983);
-J. Gopalakrishnan, J. Guzman and J. J. Lee, arXiv 2403.13189 (any dimension).
+J. Gopalakrishnan, J. Guzman and J. J. Lee, arXiv 2403.13189 (any dimension); arXiv 2501.02691 (any degree).
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import quadrature_rule
+from hemivar.fem.elements import shape_derivatives, shape_values
+from hemivar.mesh.keys import EDGES
 
-__all__ = ["SplitElement", "pairs_of", "pulled_back", "split_element", "voigt", "voigt_map"]
+__all__ = ["SplitElement", "facet_mass", "pairs_of", "pulled_back", "split_element", "voigt", "voigt_map"]
 
 
 def pairs_of(dim: int) -> tuple[tuple[int, int], ...]:
@@ -73,43 +83,62 @@ def pulled_back(compliance: Array, jacobian: Array, size: Array) -> Array:
 class SplitElement:
     """The element on the reference simplex.
 
-    Facet i of the simplex is opposite to vertex i, its vertices are the others in their order. Piece i joins facet i to
-    the centroid: its vertices are those of the simplex with the centroid in the place of vertex i.
+    Facet i of the simplex is opposite to vertex i, its vertices are the others in their order, and its midpoint, for
+    degree 2, stands behind them. Piece i joins facet i to the centroid: its vertices are those of the simplex with the
+    centroid in the place of vertex i, its midpoints those of the edges in the order of ``hemivar.mesh.keys.EDGES``.
 
     Attributes
     ----------
     dim : int
-    values : array, shape (d + 1, d + 1, v, n)
-        Stress at the vertices of the pieces (piece, vertex, component) for each of the n degrees of freedom: the
-        moments ``int s nu phi_a`` (facet i, vertex, component c), then ``int s``. n is 15 or 42.
-    mass : array, shape (d + 1, d + 1)
-        That of linear functions on a piece of the reference simplex.
-    summing : array, shape (n, k)
-        Takes the k = d d (d + 1) moments to the degrees of freedom of a stress that has no divergence:
-        ``int s = sum of m (x) x``, symmetric part, x from the centroid.
-    energies : array, shape (v (v + 1) / 2, k, k)
-        ``int s : D s`` of these stresses in the moments, for each entry ``D_pq`` of the upper triangle of a symmetric
-        D; that off the diagonal counts D_pq and D_qp.
+    order : int
+        Degree of the stress on the pieces.
+    values : array, shape (d + 1, l, v, n)
+        Stress at the nodes of the pieces (piece, node, component) for each of the n degrees of freedom. Those are the
+        moments ``int s nu phi_a`` (facet i, node, component c), then for degree 1 ``int s``, for degree 2 the load
+        ``int f phi_a`` (vertex, component) with ``div s = -f``, f linear, and what has neither.
+    mass : array, shape (l, l)
+        That of the functions of the nodes on a piece of the reference simplex.
+    loading : array, shape (n, k + (d + 1) d)
+        Takes the k moments, and those of a load f against the functions of the vertices, to the degrees of freedom of a
+        stress whose work against linear fields is theirs.
+    ways : array, shape (n, k + i)
+        Takes moments to the degrees of freedom of a stress that has no divergence, and i numbers to those of a stress
+        without tractions as well.
+    energies : array, shape (v (v + 1) / 2, k + i, k + i)
+        ``int s : D s`` of these stresses, for each entry ``D_pq`` of the upper triangle of a symmetric D; that off the
+        diagonal counts D_pq and D_qp.
     """
 
     dim: int
+    order: int
     values: Array
     mass: Array
-    summing: Array
+    loading: Array
+    ways: Array
     energies: Array
 
     @property
     def moments(self) -> int:
         """Number k of moments."""
-        return self.dim**2 * (self.dim + 1)
+        return int(self.loading.shape[1]) - self.dim * (self.dim + 1)
 
     @property
+    def block(self) -> int:
+        """Number of moments on a facet."""
+        return self.moments // (self.dim + 1)
+
+    @property
+    def summing(self) -> Array:
+        """Takes moments to the degrees of freedom of a stress without divergence, shape (n, k)."""
+        return self.ways[:, : self.moments]
+
+    @cached_property
     def upper(self) -> tuple[IntArray, IntArray]:
         """Rows and columns of the entries of D that ``energies`` belong to."""
         return np.triu_indices(self.values.shape[2])
 
-    def at_vertices(self, degrees: Array) -> Array:
-        """Stresses (M, pieces, vertices, v) of degrees of freedom (M, n)."""
+    def at_nodes(self, degrees: Array) -> Array:
+        """Stresses (M, pieces, nodes, v) of degrees of freedom (M, n)."""
         flat = degrees @ self.values.reshape(-1, self.values.shape[-1]).T
         return np.asarray(flat.reshape(len(degrees), *self.values.shape[:3]))
 
@@ -118,97 +147,212 @@ class SplitElement:
 
         Parameters
         ----------
-        stress : array, shape (M, pieces, vertices, v)
+        stress : array, shape (M, pieces, nodes, v)
         compliance : array, shape (M, v, v)
             D, pulled back to the reference simplex.
         """
         strain = np.einsum("mpq,mbaq->mbap", compliance, stress, optimize=True)
         return np.asarray(np.einsum("mbap,ac,mbcp->m", strain, self.mass, stress, optimize=True))
 
+    def settled(self, degrees: Array, compliance: Array) -> Array:
+        """The degrees of freedom (M, n) that have the least energy with the same tractions and divergence."""
+        inner = self.ways.shape[1] - self.moments
+        if inner == 0:
+            return degrees
+        slope = self._slopes(self.at_nodes(degrees), compliance)[:, self.moments :]
+        found = np.linalg.solve(self._inner(compliance)[:, :, self.moments :], slope[:, :, None])[:, :, 0]
+        return degrees - found @ self.ways[:, self.moments :].T
+
     def slope(self, stress: Array, compliance: Array) -> Array:
-        """Half the derivative of the energy by the moments of stresses without divergence, shape (M, k)."""
+        """Half the derivative of the least energy by the moments of stresses without divergence, shape (M, k).
+
+        The least one is that over what has no tractions; where this stands in the stress does not matter.
+        """
+        slopes, k = self._slopes(stress, compliance), self.moments
+        if slopes.shape[1] == k:
+            return slopes
+        inner = self._inner(compliance)
+        found = np.linalg.solve(inner[:, :, k:], slopes[:, k:, None])
+        return np.asarray(slopes[:, :k] - (inner[:, :, :k].transpose(0, 2, 1) @ found)[:, :, 0])
+
+    def _slopes(self, stress: Array, compliance: Array) -> Array:
         strain = np.einsum("mpq,mbaq->mbap", compliance, stress, optimize=True)
         force = np.einsum("ac,mbcp->mbap", self.mass, strain, optimize=True).reshape(len(stress), -1)
-        return np.asarray(force @ (self.values.reshape(force.shape[1], -1) @ self.summing))
+        return np.asarray(force @ (self.values.reshape(force.shape[1], -1) @ self.ways))
+
+    def _inner(self, compliance: Array) -> Array:
+        """The rows (M, i, k + i) of the energy matrices that belong to stresses without tractions."""
+        rows, columns = self.upper
+        inner = self.energies[:, self.moments :]
+        flat = compliance[:, rows, columns] @ inner.reshape(len(rows), -1)
+        return np.asarray(flat.reshape(len(compliance), *inner.shape[1:]))
 
     def matrix(self, compliance: Array) -> Array:
-        """Energy matrices in the moments of stresses without divergence, shape (M, k, k)."""
-        rows, columns = self.upper
-        flat = compliance[:, rows, columns] @ self.energies.reshape(len(rows), -1)
-        return np.asarray(flat.reshape(len(compliance), self.moments, self.moments))
+        """Least energy matrices in the moments of stresses without divergence, shape (M, k, k)."""
+        return self.matrix_of(tuple(range(self.dim + 1)), compliance)
 
     def matrix_of(self, facets: tuple[int, ...], compliance: Array) -> Array:
         """The same in the moments of some facets of the cells alone, in that order."""
         rows, columns = self.upper
         energies = _energies_of(self, facets)
-        size = len(facets) * self.dim**2
-        return np.asarray((compliance[:, rows, columns] @ energies).reshape(len(compliance), size, size))
+        k = len(facets) * self.block
+        size = k + self.ways.shape[1] - self.moments
+        whole = (compliance[:, rows, columns] @ energies).reshape(len(compliance), size, size)
+        if size == k:
+            return np.asarray(whole)
+        return np.asarray(whole[:, :k, :k] - whole[:, :k, k:] @ np.linalg.solve(whole[:, k:, k:], whole[:, k:, :k]))
 
 
 @cache
 def _energies_of(element: SplitElement, facets: tuple[int, ...]) -> Array:
-    """Rows and columns of ``energies`` that belong to some facets, flat."""
-    block = element.dim**2
-    chosen = np.concatenate([i * block + np.arange(block) for i in facets])
+    """Rows and columns of ``energies`` that belong to some facets and to what has no tractions, flat."""
+    block, size = element.block, element.energies.shape[1]
+    chosen = np.concatenate([*(i * block + np.arange(block) for i in facets), np.arange(element.moments, size)])
     return np.ascontiguousarray(element.energies[:, chosen][:, :, chosen]).reshape(len(element.energies), -1)
 
 
+def facet_mass(dim: int, order: int) -> Array:
+    """Mass matrix of the functions of the nodes of a facet of measure 1: d vertices, and the midpoint for order 2."""
+    if order == 1:
+        return np.asarray((np.ones((dim, dim)) + np.eye(dim)) / (dim * (dim + 1)))
+    return np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30.0
+
+
 @cache
-def split_element(dim: int) -> SplitElement:
-    """The element in the plane (``dim = 2``) or in space (3)."""
+def split_element(dim: int, order: int = 1) -> SplitElement:
+    """The element of degree 1 in the plane (``dim = 2``) or in space (3), or of degree 2 in the plane."""
+    if order == 2 and dim != 2:
+        raise ProblemError("stress elements of degree 2 are there in the plane only; take order = 1")
     corners = np.vstack([np.zeros(dim), np.eye(dim)])
     centroid = corners.mean(axis=0)
     pairs = pairs_of(dim)
     pieces, number = dim + 1, len(pairs)
-    unknowns = pieces * pieces * number
+    edges = EDGES[dim] if order == 2 else ()
+    middle = {frozenset(pair): pieces + e for e, pair in enumerate(edges)}
+    nodes = pieces + len(edges)
+    unknowns = pieces * nodes * number
 
-    def place(piece: int, vertex: int, component: int) -> int:
-        return (piece * pieces + vertex) * number + component
+    def place(piece: int, node: int, component: int) -> int:
+        return (piece * nodes + node) * number + component
 
-    def traction(piece: int, vertex: int, normal: Array) -> Array:
+    def traction(piece: int, node: int, normal: Array) -> Array:
         """Rows (d, unknowns) of the traction there."""
         row = np.zeros((dim, unknowns))
         for component, (i, j) in enumerate(pairs):
-            row[i, place(piece, vertex, component)] += normal[j]
+            row[i, place(piece, node, component)] += normal[j]
             if i != j:
-                row[j, place(piece, vertex, component)] += normal[i]
+                row[j, place(piece, node, component)] += normal[i]
         return row
+
+    def on_facet(members: list[int]) -> list[int]:
+        """Its nodes: vertices, then midpoints."""
+        return members + [middle[frozenset(pair)] for pair in itertools.combinations(members, 2) if order == 2]
 
     conditions: list[Array] = []
     for i, j in itertools.combinations(range(pieces), 2):  # pieces i and j share the centroid and the other vertices
         others = [a for a in range(pieces) if a not in (i, j)]
         normal = np.linalg.svd(corners[others] - centroid)[2][-1]  # orthogonal to the facet between them
-        conditions += [traction(i, a, normal) - traction(j, a, normal) for a in others]
-        conditions.append(traction(i, i, normal) - traction(j, j, normal))
-    facet_mass = (np.ones((dim, dim)) + np.eye(dim)) / (dim * (dim + 1))
+        for one, two in zip(on_facet([*others, i]), on_facet([*others, j]), strict=True):
+            conditions.append(traction(i, one, normal) - traction(j, two, normal))
+    continuous = sum(len(rows) for rows in conditions)
+    mass = facet_mass(dim, order)
     gradients = np.vstack([-np.ones(dim), np.eye(dim)])
     for i in range(pieces):
         outward = -gradients[i] / math.factorial(dim - 1)  # normal times measure, |F| nu = -d |T| grad
-        members = [a for a in range(pieces) if a != i]
-        tractions = [traction(i, a, outward) for a in members]
-        conditions += [sum(facet_mass[a, b] * tractions[b] for b in range(dim)) for a in range(dim)]  # type: ignore[misc]
+        tractions = [traction(i, a, outward) for a in on_facet([a for a in range(pieces) if a != i])]
+        conditions += [sum(mass[a, b] * row for b, row in enumerate(tractions)) for a in range(len(mass))]  # type: ignore[misc]
+    moments = dim * pieces * len(mass)
+    if order == 1:
+        values, loading = _by_integral(conditions, moments, number, corners)
+        ways = loading[:, :moments]
+    else:
+        values, loading, ways = _by_divergence(conditions, continuous, moments, place, corners)
+    values = np.asarray(values.reshape(pieces, nodes, number, -1), dtype=float)
+    point, weight = quadrature_rule(dim, 2 * order)
+    shapes = shape_values(order, point)
     volume = 1.0 / math.factorial(dim) / pieces
-    for component in range(number):
-        row = np.zeros((1, unknowns))
-        for piece, vertex in itertools.product(range(pieces), repeat=2):
-            row[0, place(piece, vertex, component)] = volume / pieces
-        conditions.append(row)
-    matrix = np.vstack(conditions)
-    moments = dim * dim * pieces
-    wanted = np.zeros((unknowns, moments + number))
-    wanted[unknowns - moments - number :] = np.eye(moments + number)
-    solved = np.linalg.solve(matrix, wanted)
-    solved[np.abs(solved) < 1e-13 * np.abs(solved).max()] = 0.0
-    values: Array = np.asarray(solved.reshape(pieces, pieces, number, -1), dtype=float)
-    mass = volume * (np.ones((pieces, pieces)) + np.eye(pieces)) / ((dim + 1) * (dim + 2))
-
-    summing = np.zeros((moments + number, moments))
-    summing[:moments] = np.eye(moments)
-    for column, (i, a, c) in enumerate(itertools.product(range(pieces), range(dim), range(dim))):
-        x = corners[[b for b in range(pieces) if b != i][a]] - centroid
-        summing[moments:, column] = voigt(np.outer(np.eye(dim)[c], x))
-    at = values @ summing  # piece, vertex, component, moment
+    mass = volume * np.einsum("q,qa,qb->ab", weight, shapes, shapes)
+    at = values @ ways  # piece, node, component, way
     products = np.einsum("bapk,ac,bcql->pqkl", at, mass, at)
     p, q = np.triu_indices(number)
     energies = np.where((p == q)[:, None, None], 1.0, 2.0) * 0.5 * (products[p, q] + products[p, q].transpose(0, 2, 1))
-    return SplitElement(dim, values, mass, summing, energies)
+    return SplitElement(dim, order, values, mass, loading, ways, energies)
+
+
+def _clean(values: Array) -> Array:
+    values[np.abs(values) < 1e-13 * np.abs(values).max()] = 0.0
+    return values
+
+
+def _by_integral(conditions: list[Array], moments: int, number: int, corners: Array) -> tuple[Array, Array]:
+    """Degree 1: values by moments and the integral, and these degrees of freedom by moments and loads."""
+    dim, pieces = corners.shape[1], len(corners)
+    volume = 1.0 / math.factorial(dim) / pieces
+    integral = np.zeros((number, pieces * pieces * number))
+    for component in range(number):
+        integral[component, component::number] = volume / pieces
+    matrix = np.vstack([*conditions, integral])
+    wanted = np.zeros((len(matrix), moments + number))
+    wanted[len(matrix) - moments - number :] = np.eye(moments + number)
+    values = _clean(np.asarray(np.linalg.solve(matrix, wanted), dtype=float))
+    loading = np.zeros((moments + number, moments + pieces * dim))
+    loading[:moments, :moments] = np.eye(moments)
+    x = corners - corners.mean(axis=0)
+    facets = [(i, b) for i in range(pieces) for b in range(pieces) if b != i]
+    for column, ((_, b), c) in enumerate(itertools.product(facets, range(dim))):
+        loading[moments:, column] = voigt(np.outer(np.eye(dim)[c], x[b]))
+    for column, (b, c) in enumerate(itertools.product(range(pieces), range(dim))):
+        loading[moments:, moments + column] = voigt(np.outer(np.eye(dim)[c], x[b]))
+    return values, loading
+
+
+def _by_divergence(
+    conditions: list[Array], continuous: int, moments: int, place: Callable[[int, int, int], int], corners: Array
+) -> tuple[Array, Array, Array]:
+    """Degree 2: values by moments, loads and what has neither. Loads out of balance are first put into it, least."""
+    dim, pieces = corners.shape[1], len(corners)
+    centroid = corners.mean(axis=0)
+    unknowns = conditions[0].shape[1]
+    nodes = unknowns // (pieces * len(pairs_of(dim)))
+    divergence, load = np.zeros((pieces * pieces * dim, unknowns)), np.zeros((pieces * pieces * dim, pieces * dim))
+    linear = np.linalg.inv((np.ones((pieces, pieces)) + np.eye(pieces)) / (math.factorial(dim) * pieces * (pieces + 1)))
+    row = 0
+    for i in range(pieces):
+        own = corners.copy()
+        own[i] = centroid
+        inverse = np.linalg.inv((own[1:] - own[0]).T)
+        slopes = np.vstack([-inverse.sum(axis=0), inverse])
+        for a in range(pieces):
+            derivative = shape_derivatives(2, np.eye(pieces)[a]) @ slopes
+            coordinates = np.concatenate([[1.0 - own[a].sum()], own[a]])
+            for node in range(nodes):
+                for component, (j, k) in enumerate(pairs_of(dim)):
+                    divergence[row + j, place(i, node, component)] += derivative[node, k]
+                    if j != k:
+                        divergence[row + k, place(i, node, component)] += derivative[node, j]
+            for c in range(dim):
+                load[row + c, c::dim] = -coordinates @ linear  # div s = -f, f of these moments
+            row += dim
+    matrix = np.vstack([*conditions, divergence])
+    inverse = np.linalg.pinv(matrix, rcond=1e-10)
+    kernel = np.linalg.svd(matrix)[2][np.linalg.matrix_rank(matrix, tol=1e-10) :]
+
+    # rigid motions (3, ...) at the nodes of the facets, and at the vertices
+    def rigid(x: Array) -> Array:
+        turn = np.stack([-x[..., 1], x[..., 0]], axis=-1)
+        return np.stack([np.broadcast_to(np.eye(2)[0], x.shape), np.broadcast_to(np.eye(2)[1], x.shape), turn])
+
+    members = np.array([[b for b in range(pieces) if b != i] for i in range(pieces)])
+    ends = (corners - centroid)[members]
+    on_facets = rigid(np.concatenate([ends, ends.mean(axis=1, keepdims=True)], axis=1)).reshape(3, -1)
+    at_corners = rigid(corners - centroid).reshape(3, -1)
+    back = np.linalg.pinv(at_corners)
+    balanced = np.hstack([-back @ on_facets, np.eye(pieces * dim) - back @ at_corners])
+    given = inverse[:, continuous : continuous + moments]
+    pushed = inverse[:, continuous + moments :] @ load
+    by_moments = np.hstack([given, np.zeros((unknowns, pieces * dim))]) + pushed @ balanced
+    values = _clean(np.hstack([by_moments, kernel.T]))
+    count = values.shape[1]
+    loading = np.eye(count)[:, : moments + pieces * dim]
+    ways = np.hstack([loading[:, :moments], np.eye(count)[:, moments + pieces * dim :]])
+    return values, loading, ways
