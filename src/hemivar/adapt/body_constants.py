@@ -14,7 +14,7 @@ __all__ = ["body_constants"]
 
 
 def body_constants(problem: DiscreteProblem, workspace: Workspace) -> TraceBounds:
-    """Guaranteed constants of the contact boundary; where there are none those of the discrete problem, with the reason.
+    """Guaranteed constants of the contact boundary; where there are none those of the discrete problem, and why.
 
     Parameters
     ----------

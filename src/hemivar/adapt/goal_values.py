@@ -9,9 +9,10 @@ law, ``|q| <= c0 + c1 |r|``, on the few facets where omega is not zero. For a me
 ``a(z, v) + <A z, v> = a(w, v)``. Then ``Q(u) - Q(u_h)`` is the residual of u_h at z up to terms of higher order, and
 with equilibrated stresses s of u_h and t of z - w
 
-    Q(u_h) + R(z_h) + 1/2 int (s - C eps(u_h)) : C^-1 (t - C eps(z_h - w))    is off by  1/2 eta eta_z + rho eta_z,
+    Q(u_h) + R(z_h) + 1/2 int (s - C eps(u_h)) : C^-1 (t - C eps(z_h - w))    is off by  1/2 eta eta_z + rho eta_z,  or by the sum of the products of every cell where that is less,
 
-and by as much again as ``<zeta, omega>`` near the ends of contact boundaries, where solutions are singular. For a linear problem this is the bound of the hypercircle. Otherwise it holds only as long as no contact point of the
+and by as much again as ``<zeta, omega>`` near the ends of contact boundaries, where solutions are singular. For a
+linear problem this is the bound of the hypercircle. Otherwise it holds only as long as no contact point of the
 exact solution is on another piece of its law, which an energy norm cannot show: it is called an estimate always.
 """
 
@@ -32,7 +33,7 @@ from hemivar.adapt.goals import Goal
 from hemivar.adapt.sweeps import Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.adapt.vertex_moments import shared_forces
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.certify.bound import snap
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -243,7 +244,7 @@ def _dependence(traces: ContactTraces) -> Array:
 # ---- stresses of fields that answer ---------------------------------------------------------------------------------
 
 
-def _answering(data: BodyData, field: Array, tractions: Array, contact: Array) -> BodyData:
+def _answering(data: BodyData, field: Array, tractions: Array, contact: IntArray) -> BodyData:
     """The data of a field without loads but tractions, on contact facets that are given."""
     strain, stress = strained(data, field)
     return replace(
@@ -305,12 +306,12 @@ class _Dual:
         cross = _product(self._stress, answer)
         eta_z = np.sqrt(np.maximum(answer.misfit, 0.0))
         size = float(np.linalg.norm(eta_z))
-        spread = (0.5 * float(np.linalg.norm(self._eta)) + self._size) * size + float(np.abs(ends).sum())
+        whole = (0.5 * float(np.linalg.norm(self._eta)) + self._size) * size + float(np.abs(ends).sum())
         cells = self._eta * eta_z
         if traces is not None and 0.0 < self._both < math.inf:
             owner = data.table.owners[traces.facets, 0]
             np.add.at(cells, owner, np.sqrt(self._rho / self._both) * eta_z[owner] + np.abs(ends))
-        return value + 0.5 * cross, spread, cells
+        return value + 0.5 * cross, min(whole, float(cells.sum())), cells
 
     def _work(self, traces: ContactTraces, nodal: Array) -> Array:
         """``int zeta . v``, (k,), of values (F, d, d) at the nodes of the facets."""
