@@ -15,6 +15,7 @@ import math
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["AdaptiveLevel", "AdaptiveSolution", "solve_adaptive", "solving_adaptive"]
 
 #: Bytes for each cell at the peak of bounding the distance, measured and rounded upwards.
-_BYTES = {2: 6e3, 3: 8e4}
+_BYTES = {2: 6e3, 3: 3e4}
 #: Cells of the first mesh that is refined where it is asked to, at least: coarser ones are refined everywhere.
 _FEW = {2: 32, 3: 48}
 
@@ -176,6 +177,23 @@ class AdaptiveSolution:
         With a goal also, for each component, its value, interval, corrected value and the spread of that.
         """
         return [level.row() for level in self.levels]
+
+    def record(self) -> dict[str, Any]:
+        """Plain numbers and strings for JSON: how it ended, every mesh and the goal; what is not finite is null."""
+
+        def finite(row: dict[str, float]) -> dict[str, float | None]:
+            return {name: value if math.isfinite(value) else None for name, value in row.items()}
+
+        return {
+            "ended": self.ended.value,
+            "remedy": self.remedy,
+            "rtol": self.rtol,
+            "guaranteed": self.levels[-1].guaranteed,
+            "reasons": list(self.distance.reasons if self.goal is None else self.goal.reasons),
+            "rate": self.rate if math.isfinite(self.rate) else None,
+            "levels": [finite(row) for row in self.rows()],
+            "goal": None if self.goal is None else self.goal.record(),
+        }
 
     def __repr__(self) -> str:
         last = self.levels[-1]

@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from hemivar.adapt.body_constants import body_constants
-from hemivar.adapt.exact_distance import exact_distance
+from hemivar.adapt.exact_distance import ExactDistance, exact_distance
 from hemivar.basics.types import Array
 from hemivar.certify.distance_to_exact import DistanceToExact
 from hemivar.discrete.problem import DiscreteProblem
@@ -17,7 +17,7 @@ from hemivar.fem.discretize import discretize
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["distance_to_exact"]
+__all__ = ["distance_to_exact", "statement_of"]
 
 #: Part of its size by which a load or an offset may differ from the stated one, by rounding.
 _SAME = 1e-9
@@ -63,6 +63,11 @@ def distance_to_exact(
         return nothing(str(error))
     except MemoryError:
         return nothing("the memory did not suffice")
+    return statement_of(found, time.perf_counter() - began)
+
+
+def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
+    """A distance as a certificate states it."""
     parts = found.parts
     return DistanceToExact(
         bound=found.distance,
@@ -75,7 +80,7 @@ def distance_to_exact(
         algebraic=parts.algebraic,
         gap=parts.gap,
         constant=found.constant,
-        seconds=time.perf_counter() - began,
+        seconds=seconds,
     )
 
 

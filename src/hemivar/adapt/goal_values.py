@@ -6,14 +6,15 @@ law, ``|q| <= c0 + c1 |r|``, on the few facets where omega is not zero. For a me
 ``|z|_a^2 <= |z_h|_a^2 + |t - C eps(z_h)|^2`` with any stress t in equilibrium with the unit traction.
 
 *Second order, an estimate.* With A the second derivative of the law at u_h, and points that stick held, let z solve
-``a(z, v) + <A z, v> = a(w, v)``. Then ``Q(u) - Q(u_h)`` is the residual of u_h at z up to terms of higher order, and
+``a(z, v) + <A z, v> = a(w, v)``. Then ``Q(u) - Q(u_h)`` is the residual R of u_h at z up to terms of higher order, and
 with equilibrated stresses s of u_h and t of z - w
 
-    Q(u_h) + R(z_h) + 1/2 int (s - C eps(u_h)) : C^-1 (t - C eps(z_h - w))    is off by  1/2 eta eta_z + rho eta_z,  or by the sum of the products of every cell where that is less,
+    Q(u_h) + R(z_h) + 1/2 int (s - C eps(u_h)) : C^-1 (t - C eps(z_h - w))
 
-and by as much again as ``<zeta, omega>`` near the ends of contact boundaries, where solutions are singular. For a
-linear problem this is the bound of the hypercircle. Otherwise it holds only as long as no contact point of the
-exact solution is on another piece of its law, which an energy norm cannot show: it is called an estimate always.
+is off by ``1/2 eta eta_z + rho eta_z``, or by the sum of the products of every cell where that is less, and by as much
+again as ``<zeta, omega>`` near the ends of contact boundaries, where solutions are singular. For a linear problem the
+first is the bound of the hypercircle. Otherwise it holds only as long as no contact point of the exact solution is on
+another piece of its law, which an energy norm cannot show: it is called an estimate always.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from hemivar.adapt.goals import Goal
 from hemivar.adapt.sweeps import Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.adapt.vertex_moments import shared_forces
+from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, IntArray
 from hemivar.certify.bound import snap
 from hemivar.discrete.problem import DiscreteProblem
@@ -97,9 +99,13 @@ class GoalValue:
             name = self.goal.name if len(self.goal.axes) == 1 else f"{self.goal.name}.{label}"
             kind = "guaranteed" if self.guaranteed else "an estimate, no bound"
             low, high = self.lower[axis], self.upper[axis]
-            interval = f"between {low:.6g} and {high:.6g} ({kind})" if np.isfinite(high - low) else "in no known bounds"
-            found.append(f"{name} = {self.computed[axis]:.6g}, of the exact solution {interval}")
-            found.append(f"  by dual weights {self.corrected[axis]:.6g} +- {self.spread[axis]:.2g}, an estimate")
+            if math.isfinite(high - low):
+                where = f"between {rounded_down(low, 6)} and {rounded_up(high, 6)} ({kind})"
+            else:
+                where = "within no known bounds"
+            off = f"{self.corrected[axis]:.6g} +- {rounded_up(self.spread[axis], 2)}"
+            found.append(f"{name} = {self.computed[axis]:.6g}; that of the exact solution is {where}")
+            found.append(f"by dual weights about {off}: an estimate")
         return found
 
     def record(self) -> dict[str, object]:
@@ -196,9 +202,7 @@ def _mean_and_norm(
     return value, math.sqrt(max(energy, 0.0) + float(stress.misfit.sum()))
 
 
-def _rest(
-    part: Functional, traces: ContactTraces | None, distance: float, constants: TraceBounds
-) -> tuple[float, str]:
+def _rest(part: Functional, traces: ContactTraces | None, distance: float, constants: TraceBounds) -> tuple[float, str]:
     """Bound of ``|<q, omega>|`` by the growth of the law, and why it is no proof."""
     if traces is None or not part.rest.any():
         return 0.0, ""

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from hemivar.basics.rounding import rounded_up
+
 __all__ = ["DistanceToExact"]
 
 
@@ -69,18 +71,19 @@ class DistanceToExact:
         blank = " " * len(label)
         if not self.known:
             return [f"{label}no bound of the distance: {self.why or 'its numbers are not finite'}"]
-        size = f"{self.bound:.3g}, relative {_percent(self.relative)}"
+        size = f"{rounded_up(self.bound)} away, relative {_percent(self.relative)}"
         parts = [
-            f"{name} {_percent(part * self.relative / self.bound if self.bound > 0.0 else 0.0)}"
+            f"{name} {_percent(part / self.bound * self.relative if self.bound > 0.0 else 0.0)}"
             for name, part in self.parts.items()
-            if part > 0.0 or name in ("misfit", "contact")
+            if part > 1e-6 * self.bound or name in ("misfit", "contact")
         ]
         if self.constant > 0.0:
             parts.append(f"c = {self.constant:.3g}")
-        made = f"{blank}of it {', '.join(parts)}; in {self.seconds:.2g} s"
+        took = f"; in {self.seconds:.2g} s" if self.seconds > 0.0 else ""
+        made = f"{blank}made of {', '.join(parts)}{took}"
         if self.guaranteed:
-            return [f"{label}at most {size}, away: guaranteed up to rounding and rules of integration", made]
-        return [f"{label}about {size}, away: an estimate, no bound", made, f"{blank}because {self.why}"]
+            return [f"{label}at most {size}: guaranteed up to rounding and rules of integration", made]
+        return [f"{label}about {size}: an estimate, no bound", made, f"{blank}because {self.why}"]
 
     @property
     def parts(self) -> dict[str, float]:
@@ -97,5 +100,5 @@ class DistanceToExact:
 
 
 def _percent(ratio: float) -> str:
-    """A part of a whole, in words."""
-    return f"{100.0 * ratio:.3g} %" if ratio >= 1e-4 else f"{ratio:.1e}"
+    """A part of a whole, in words, rounded up."""
+    return f"{rounded_up(100.0 * ratio)} %"
