@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -31,5 +33,5 @@ def body_constants(problem: DiscreteProblem, workspace: Workspace) -> TraceBound
         return known
     try:
         return guaranteed_trace_bounds(problem, workspace)
-    except ProblemError as error:
+    except (ProblemError, np.linalg.LinAlgError, RuntimeError) as error:  # ARPACK raises the last
         return replace(known, source=f"{known.source} ({error})")

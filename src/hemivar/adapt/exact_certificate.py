@@ -63,6 +63,9 @@ def distance_to_exact(
         return nothing(str(error))
     except MemoryError:
         return nothing("the memory did not suffice")
+    except (np.linalg.LinAlgError, ArithmeticError, RuntimeError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        return nothing(f"the numbers of the problem are beyond what its computation bears ({reason})")
     return statement_of(found, time.perf_counter() - began)
 
 
@@ -72,7 +75,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
     return DistanceToExact(
         bound=found.distance,
         relative=found.relative,
-        guaranteed=found.guaranteed,
+        guaranteed=found.guaranteed and math.isfinite(found.distance),
         reasons=found.reasons,
         misfit=parts.misfit,
         contact=parts.contact,

@@ -213,13 +213,14 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
     total, square, why = 0.0, np.zeros(shape), ""
     pairs = ((law.normal, along, np.abs(traces.local[..., 0])), (law.tangential, across, slip))
     for scalar, weight, size in pairs:
-        c0, c1 = (np.broadcast_to(c, shape[0] * shape[1]).reshape(shape) for c in scalar.growth)
+        c0, c1 = (np.broadcast_to(np.nan_to_num(c, nan=np.inf, posinf=np.inf), shape[0] * shape[1]).reshape(shape)
+                  for c in scalar.growth)  # fmt: skip
         on = weight > 0.0
         if scalar.growth_sampled and on.any():
             why = "how the law grows is known from samples only"
-        weight = np.where(on, weight, 1.0)
-        total += float(traces.integral(np.where(on, (c0 + c1 * size) * weight, 0.0)).sum())
-        square += np.where(on, c1 * weight, 0.0) ** 2
+        grown = np.where(size > 0.0, c1, 0.0) * size
+        total += float(traces.integral((np.where(on, c0, 0.0) + np.where(on, grown, 0.0)) * weight).sum())
+        square += (np.where(on, c1, 0.0) * weight) ** 2
     if across.any():
         square += (_dependence(traces) * across) ** 2
     moved = math.sqrt(float(traces.integral(square).sum()))

@@ -21,4 +21,8 @@ def rounded_down(value: float, digits: int = 3) -> str:
 def _rounded(value: float, digits: int, way: str) -> str:
     if not math.isfinite(value) or value == 0.0:
         return f"{value:g}"
+    nearest = f"{value:.{digits}g}"
+    off = float(nearest) - value
+    if off == 0.0 or (off > 0.0) == (way == ROUND_CEILING):
+        return nearest
     return f"{float(Context(prec=digits, rounding=way).create_decimal(value)):.{digits}g}"
