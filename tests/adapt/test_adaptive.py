@@ -9,13 +9,29 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.adapt import AdaptiveSolution, solve_adaptive, solving_adaptive
+from hemivar.adapt import AdaptiveSolution, LowerBounds, solve_adaptive, solving_adaptive, trace_bounds
 from hemivar.adapt import adaptive as loop
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate
 from hemivar.gallery import survey, weighted_block
 from hemivar.mesh import rectangle
+
+_KNOWN: dict[str, LowerBounds] = {}
+
+
+@pytest.fixture(autouse=True)
+def _once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trace constants of a body are computed once."""
+    compute = trace_bounds.lower_bounds
+
+    def kept(problem: hv.ContactProblem) -> LowerBounds:
+        key = f"{problem.supports} {problem.material} {list(problem.contact)}"
+        if key not in _KNOWN:
+            _KNOWN[key] = compute(problem)
+        return _KNOWN[key]
+
+    monkeypatch.setattr(trace_bounds, "lower_bounds", kept)
 
 
 @pytest.fixture(scope="module")

@@ -95,38 +95,39 @@ def some_laws(count: int) -> list[hv.Contact]:
     return [hv.Contact(normal(), frictions[k % 4](), gap=float(rng.choice([0.0, 0.01]))) for k in range(count)]
 
 
-def check_intervals(laws: list[hv.Contact], times: int, loads: np.random.Generator) -> None:
+def check_intervals(laws: list[hv.Contact], names: tuple[str, ...], times: int, seed: int) -> None:
+    loads = np.random.default_rng(seed)
     right = 0
     for law in laws:
         problem = square(contact={"bottom": law}, body_force=tuple(loads.uniform(-1.0, 0.5, 2)))
-        fine = overkill(problem, NAMES, times)
-        for name, found in zip(NAMES, valued(problem, *NAMES), strict=True):
+        fine = overkill(problem, names, times)
+        for name, found in zip(names, valued(problem, *names), strict=True):
             assert found.guaranteed, found.reasons
             assert np.isfinite(found.upper - found.lower).all()
             assert (found.lower <= fine[name]).all(), name
             assert (fine[name] <= found.upper).all(), name
             right += int((np.abs(found.corrected - fine[name]) <= found.spread + 1e-8).sum())
-    assert right >= 0.9 * 2 * len(NAMES) * len(laws)  # estimates
+    assert right >= 0.9 * 2 * len(names) * len(laws)  # estimates
 
 
 def test_intervals_hold_values_of_a_finer_mesh() -> None:
-    check_intervals(some_laws(4), 3, np.random.default_rng(9))
+    check_intervals(some_laws(4)[::3], NAMES[:3], 3, 9)
 
 
 @pytest.mark.slow
 def test_intervals_hold_values_of_a_much_finer_mesh() -> None:
-    check_intervals(some_laws(24), 5, np.random.default_rng(10))
+    check_intervals(some_laws(24), NAMES, 5, 10)
 
 
 def test_second_order() -> None:
     """The corrected value is off by its spread at most, which falls like h^2; the interval like h."""
     fine = overkill(square(), NAMES, 4)
     name = "boundary.right.displacement"
-    coarse, finer = (valued(square(n), name)[0] for n in (4, 16))
+    coarse, finer = (valued(square(n), name)[0] for n in (4, 12))
     for found in (coarse, finer):
         assert (np.abs(found.corrected - fine[name]) <= found.spread).all()
-    assert (finer.spread < coarse.spread / 8.0).all()  # 10, for the corners of the body
-    assert (finer.upper - finer.lower > (coarse.upper - coarse.lower) / 5.0).all()
+    assert (finer.spread < coarse.spread / 5.0).all()  # 9 without the corners of the body
+    assert (finer.upper - finer.lower > (coarse.upper - coarse.lower) / 3.5).all()
     # nearer than the mesh itself by far, where the singular end plays no part
     (force,) = valued(square(8), "contact.bottom.force")
     off, own = (np.abs(value - fine["contact.bottom.force"]) for value in (force.corrected, force.computed))
@@ -248,6 +249,7 @@ def test_names() -> None:
     assert goal_named(dotted, "boundary.a.force.x.displacement.x").boundary == "a.force.x"
 
 
+@pytest.mark.slow
 def test_a_goal_decides_where_the_mesh_is_fine() -> None:
     """For the mean displacement of the right side few cells are spent where the energy needs them; the estimate is met
     with fewer unknowns than by bounding the whole solution."""

@@ -98,7 +98,8 @@ def _is_stated(problem: DiscreteProblem, stated: ContactProblem, u: Array) -> bo
     size = float(np.abs(r).max(initial=0.0))
     for factor in (1.0, 0.5, 2.0):  # laws are told apart by what they allow
         at = own.law.admissible(factor * r + (factor - 1.0) * size)
-        pairs.append((own.law.nearest_multiplier(at, at), problem.law.nearest_multiplier(at, at)))
+        laws = (own.law.frozen_at(at), problem.law.frozen_at(at))
+        pairs.append((laws[0].nearest_multiplier(at, at), laws[1].nearest_multiplier(at, at)))
     for one, other in pairs:
         if one.shape != other.shape or np.abs(one - other).max(initial=0.0) > _SAME * np.abs(one).max(initial=0.0):
             return False
