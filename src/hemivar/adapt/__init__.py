@@ -2,7 +2,7 @@
 
 from hemivar.adapt.adaptive import AdaptiveLevel, AdaptiveSolution, solve_adaptive, solving_adaptive
 from hemivar.adapt.body_constants import body_constants
-from hemivar.adapt.ending import AdaptiveEnd
+from hemivar.adapt.adaptive_end import AdaptiveEnd
 from hemivar.adapt.exact_certificate import distance_to_exact
 from hemivar.adapt.exact_distance import DistanceParts, ExactDistance, exact_distance
 from hemivar.adapt.goal_values import GoalValue, goal_value
