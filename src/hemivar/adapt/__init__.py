@@ -1,8 +1,8 @@
 """The distance of a computed displacement to the exact one, meshes that adapt to it, and quantities of interest."""
 
 from hemivar.adapt.adaptive import AdaptiveLevel, AdaptiveSolution, solve_adaptive, solving_adaptive
-from hemivar.adapt.body_constants import body_constants
 from hemivar.adapt.adaptive_end import AdaptiveEnd
+from hemivar.adapt.body_constants import body_constants
 from hemivar.adapt.exact_certificate import distance_to_exact
 from hemivar.adapt.exact_distance import DistanceParts, ExactDistance, exact_distance
 from hemivar.adapt.goal_values import GoalValue, goal_value

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.adapt.body_constants import body_constants
 from hemivar.adapt.adaptive_end import AdaptiveEnd
+from hemivar.adapt.body_constants import body_constants
 from hemivar.adapt.exact_distance import ExactDistance, exact_distance
 from hemivar.adapt.goal_values import GoalValue, goal_value
 from hemivar.adapt.goals import Goal, goal_named
