@@ -217,6 +217,19 @@ def test_fields_of_least_energy_have_the_trace_that_is_asked_for() -> None:
     assert np.count_nonzero(part.rest.any(axis=(1, 2))) == 1  # the facet at the clamped end
 
 
+def test_what_the_field_misses_at_the_clamped_end_is_bounded_by_the_law() -> None:
+    """With no distance at all an interval is as long as friction of 0.5 on the last facet, where w falls from 1 to 0."""
+    problem = square()
+    solution, known = hv.solve(problem), as_if_proved(square())
+    distance = replace(exact_distance(problem, solution.displacement, known), distance=0.0)
+    along = goal_value(goal_named(problem, "contact.bottom.force.x"), solution, distance, known)
+    assert along.upper[0] - along.lower[0] == pytest.approx(2.0 * 0.5 * 0.25 / 2.0)
+    across = goal_value(goal_named(problem, "contact.bottom.force.y"), solution, distance, known)
+    deepest = np.abs(solution.on("bottom").penetration[0])
+    least, most = (2.0 * 0.125 * (0.3 + 2.0 * r) for r in (0.0, deepest))
+    assert least < across.upper[0] - across.lower[0] < most
+
+
 def test_units_do_not_matter() -> None:
     """Lengths in mm, stresses in MPa instead of m and Pa: forces per depth change as they must."""
     (small,) = valued(square(), "contact.bottom.force", constants=as_if_proved(square()))
