@@ -190,11 +190,13 @@ def test_where_nothing_bounds_a_force() -> None:
     (found,) = valued(two, "support.left.force", constants=as_if_proved(two))
     assert not found.guaranteed
     assert any("meets another one" in reason for reason in found.reasons)
+    assert np.isinf(found.upper).all()
 
     held = square(supports={"left": hv.Clamped(), "bottom": hv.Fixed(x=0.0)})
     across, along = valued(held, "contact.bottom.force.y", "contact.bottom.force.x", constants=as_if_proved(held))
     assert across.guaranteed
     assert any("where force of both is one" in reason for reason in along.reasons)
+    assert np.isinf(along.upper).all()
 
 
 def test_an_estimated_distance_gives_an_estimated_interval() -> None:
@@ -218,7 +220,7 @@ def test_fields_of_least_energy_have_the_trace_that_is_asked_for() -> None:
 
 
 def test_what_the_field_misses_at_the_clamped_end_is_bounded_by_the_law() -> None:
-    """With no distance at all an interval is as long as friction of 0.5 on the last facet, where w falls from 1 to 0."""
+    """Without distance an interval is as long as friction of 0.5 on the last facet, where w falls from 1 to 0."""
     problem = square()
     solution, known = hv.solve(problem), as_if_proved(square())
     distance = replace(exact_distance(problem, solution.displacement, known), distance=0.0)
