@@ -86,3 +86,5 @@ def test_words_of_an_estimate() -> None:
     assert lines[1].strip() == "made of misfit 12 %, contact 6 %, oscillation 2 %, c = 0.25; in 1 s"
     assert lines[2].strip() == "because it is so; and so"
     assert "no bound" in DistanceToExact.none("nothing is known").lines()[0]
+    nothing = DistanceToExact.none("there is no bound: the foundation softens too much")
+    assert nothing.lines() == ["exact solution    no bound of the distance: the foundation softens too much"]

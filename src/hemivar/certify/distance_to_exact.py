@@ -10,6 +10,9 @@ from hemivar.basics.rounding import rounded_up
 
 __all__ = ["DistanceToExact"]
 
+#: What a reason may begin with, and the line says already.
+_NONE = "there is no bound: "
+
 
 @dataclass(frozen=True)
 class DistanceToExact:
@@ -70,7 +73,8 @@ class DistanceToExact:
         label = f"{'exact solution':<18}"
         blank = " " * len(label)
         if not self.known:
-            return [f"{label}no bound of the distance: {self.why or 'its numbers are not finite'}"]
+            why = self.why.replace(_NONE, "") or "its numbers are not finite"
+            return [f"{label}no bound of the distance: {why}"]
         size = f"{rounded_up(self.bound)} away, relative {_percent(self.relative)}"
         parts = [
             f"{name} {_percent(part / self.bound * self.relative if self.bound > 0.0 else 0.0)}"
