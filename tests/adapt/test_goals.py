@@ -116,7 +116,7 @@ def test_intervals_hold_values_of_a_finer_mesh() -> None:
 
 @pytest.mark.slow
 def test_intervals_hold_values_of_a_much_finer_mesh() -> None:
-    check_intervals(some_laws(24), NAMES, 5, 10)
+    check_intervals(some_laws(12), NAMES, 4, 10)
 
 
 def test_second_order() -> None:

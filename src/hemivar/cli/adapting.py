@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["AdaptRun", "AdaptView"]
 
 _GIB = 2.0**30
+#: Parts of the whole that are rounding.
+_ROUNDING = 1e-12
 
 
 class AdaptView:
@@ -191,4 +193,6 @@ def _check(asked: Mapping[str, Any]) -> None:
 
 
 def _percent(ratio: float) -> str:
-    return f"{rounded_up(100.0 * ratio)} %" if math.isfinite(ratio) else "-"
+    if not math.isfinite(ratio):
+        return "-"
+    return f"{rounded_up(100.0 * ratio) if ratio > _ROUNDING else '0'} %"
