@@ -102,7 +102,7 @@ def run(
             known.forget()
         yield Found(solution)
         controls = options.controls
-        certificate = certificate_of(solution, controls.rtol, controls.max_time, known, exact=options.exact)
+        certificate = certificate_of(solution, controls.rtol, controls.max_time, known, options.exact)
         if certificate is not None:
             yield Certified(certificate)
     except MemoryError:
@@ -145,7 +145,6 @@ def certificate_of(
     rtol: float = 0.0,
     max_time: float = math.inf,
     workspace: Workspace | None = None,
-    *,
     exact: bool = False,
 ) -> Certificate | None:
     """The certificate of a solve to ``rtol``, in its own time; None if it ended with numbers that are not finite.
