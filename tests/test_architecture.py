@@ -44,6 +44,7 @@ RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 #: Methods that hand a value on to a room above, loaded when called: module, method and room.
 HANDED_ON = {
     ("solvers.solution", "certify"): "certify",
+    ("certify.certificate", "certify"): "adapt",
     ("basics.display", "_repr_html_"): "report",
     ("solvers.solution", "to_dict"): "files",
     ("solvers.solution", "to_json"): "files",

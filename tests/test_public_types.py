@@ -33,6 +33,8 @@ def examples() -> dict[str, list[object]]:
     solution = hv.solve(discrete)
     certificate = hv.certify(discrete, solution.unknowns, solution.multiplier)
     path = hv.follow_path(discrete, (0.5, 1.0))
+    adaptive = hv.solve_adaptive(problem, goal="contact.bottom.force", max_unknowns=1)
+    assert adaptive.goal is not None
     steel, vector = hv.Material.young(210e3, 0.3, "stress"), (0.1, -0.2)
     regions = dataclasses.replace(rectangle(), regions={"all": np.arange(128)})
     plane_law = hv.PiecewiseQuadratic([0.0, 1.0], [0.0, 2.0, 1.0], [0.5, -0.25], 0.1, upper=1.0, name="own")
@@ -71,6 +73,8 @@ def examples() -> dict[str, list[object]]:
         hv.March(1.0, step=0.1, stops=(0.5,), events=(hv.Touch(),), jump="global"), hv.Touch("stop"), hv.Release(),
         hv.HeatContact(2.0, Formula("x + t"), 0.5), hv.HeatContact(exchange=hv.Compliance(2.0)),
         hv.Heat(1.0, {"all": 2.0}, expansion=0.1, temperature=Formula("x"), contact={"bottom": hv.HeatContact(1.0)}),
+        adaptive, adaptive.levels[0], adaptive.distance, adaptive.goal, adaptive.goal.goal,
+        hv.certify(solution, exact=True).exact,
         hv.Slip(rate=0.1), hv.BondBroken(below=0.1), hv.MarginLost(), hv.When(function=abs, label="own"),
     ]  # fmt: skip
     made: dict[str, list[object]] = {}

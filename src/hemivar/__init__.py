@@ -116,7 +116,21 @@ _EXPORTS = {
         "solve_nested",
     ),
     "hemivar.branches": ("Path", "SolutionSet", "find_solutions", "follow_path"),
-    "hemivar.certify": ("Certificate", "Smallness", "certify", "smallness"),
+    "hemivar.certify": ("Certificate", "DistanceToExact", "Smallness", "certify", "smallness"),
+    "hemivar.adapt": (
+        "AdaptiveEnd",
+        "AdaptiveLevel",
+        "AdaptiveSolution",
+        "ExactDistance",
+        "Goal",
+        "GoalValue",
+        "exact_distance",
+        "goal_named",
+        "goal_value",
+        "known_goals",
+        "lower_bounds",
+        "solve_adaptive",
+    ),
     "hemivar.evolution": (
         "AdaptiveStep",
         "BondBroken",
@@ -173,8 +187,22 @@ sys.modules[__name__].__class__ = _Package
 
 if TYPE_CHECKING:
     import hemivar.workflows as workflows
+    from hemivar.adapt import (
+        AdaptiveEnd,
+        AdaptiveLevel,
+        AdaptiveSolution,
+        ExactDistance,
+        Goal,
+        GoalValue,
+        exact_distance,
+        goal_named,
+        goal_value,
+        known_goals,
+        lower_bounds,
+        solve_adaptive,
+    )
     from hemivar.branches import Path, SolutionSet, find_solutions, follow_path
-    from hemivar.certify import Certificate, Smallness, certify, smallness
+    from hemivar.certify import Certificate, DistanceToExact, Smallness, certify, smallness
     from hemivar.discrete import DiscreteProblem, residual
     from hemivar.errors import HemivarError, MethodError, ProblemError
     from hemivar.evolution import (

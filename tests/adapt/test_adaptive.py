@@ -9,12 +9,29 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.adapt import AdaptiveSolution, solve_adaptive, solving_adaptive
+from hemivar.adapt import AdaptiveSolution, LowerBounds, solve_adaptive, solving_adaptive, trace_bounds
+from hemivar.adapt import adaptive as loop
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate
 from hemivar.gallery import survey, survey_cube, weighted_block
 from hemivar.mesh import rectangle
+
+_KNOWN: dict[str, LowerBounds] = {}
+
+
+@pytest.fixture(autouse=True)
+def _once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trace constants of a body are computed once."""
+    compute = trace_bounds.lower_bounds
+
+    def kept(problem: hv.ContactProblem) -> LowerBounds:
+        key = f"{problem.supports} {problem.material} {list(problem.contact)}"
+        if key not in _KNOWN:
+            _KNOWN[key] = compute(problem)
+        return _KNOWN[key]
+
+    monkeypatch.setattr(trace_bounds, "lower_bounds", kept)
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +175,9 @@ def test_a_body_without_margin_has_no_bound() -> None:
         ({"share": 2.0}, "a number up to 1"),
         ({"share": 0.0}, "share = 0.0; give a positive number"),
         ({"max_time": float("nan")}, "give a positive number"),
+        ({"max_memory": 0.0}, "max_memory = 0.0; give a positive number"),
+        ({"max_unknowns": 0}, "max_unknowns = 0; give a positive number"),
+        ({"goal": "force"}, "goal 'force' is not known"),
         ({"rtol": "small"}, "rtol"),
     ],
 )
@@ -171,3 +191,58 @@ def test_quadratic_elements_and_other_things_are_refused() -> None:
         solve_adaptive(replace(survey_cube("5.1", 2), order=2, contact={}))
     with pytest.raises(ProblemError, match="give a ContactProblem"):
         solve_adaptive(hv.discretize(survey("5.1", 4)))  # type: ignore[arg-type]
+
+
+def test_an_interruption_keeps_what_was_finished(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, calls = loop.solve, []
+
+    def interrupted(*args: object, **options: object) -> hv.Solution:
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return whole(*args, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(loop, "solve", interrupted)
+    found = solve_adaptive(survey("5.1", 4), rtol=1e-3)
+    assert found.ended == "interrupted"
+    assert len(found.levels) == 2
+    calls[:] = [1, 1]
+    with pytest.raises(KeyboardInterrupt):  # there is nothing to keep
+        solve_adaptive(survey("5.1", 4), rtol=1e-3)
+
+
+def test_memory_that_does_not_suffice_is_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = solve_adaptive(survey("5.1", 4), rtol=1e-3, max_memory=1e5)
+    assert found.ended == "max_memory"
+    assert "the next mesh needs about" in found.remedy
+    monkeypatch.setattr(loop, "available_bytes", lambda: 1e5)
+    assert solve_adaptive(survey("5.1", 4), rtol=1e-3).ended == "max_memory"
+    whole, calls = loop.exact_distance, []
+
+    def greedy(*args: object, **options: object) -> object:
+        calls.append(1)
+        if len(calls) == 2:
+            raise MemoryError
+        return whole(*args, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(loop, "available_bytes", lambda: None)
+    monkeypatch.setattr(loop, "exact_distance", greedy)
+    found = solve_adaptive(survey("5.1", 4), rtol=1e-3)
+    assert (found.ended, len(found.levels)) == ("max_memory", 1)
+
+
+def test_what_is_only_estimated_is_not_called_reached() -> None:
+    problem = replace(survey("5.1", 4), body_force=lambda x: np.column_stack([0.0 * x[:, 0], -x[:, 0]]))
+    found = solve_adaptive(problem, rtol=0.3)
+    assert found.ended == "estimated"
+    assert not found.reached
+    assert found.distance.relative <= 0.3
+    assert "not guaranteed" in found.remedy
+    assert not found.record()["guaranteed"]
+    assert "oscillate" in found.record()["reasons"][0]
+
+
+def test_a_solve_that_does_not_converge_ends_it() -> None:
+    found = solve_adaptive(survey("5.1", 4), rtol=1e-3, controls=hv.Controls(max_steps=1))
+    assert found.ended == "not converged"
+    assert "max_steps" in found.remedy

@@ -5,7 +5,8 @@ the mesh before.  Cells are marked by Doerfler's rule: the fewest that hold a sh
 
     eta_T^2 + |xi - zeta|_F^2 / Lambda + G_F,
 
-what a cell and its contact facets add to the bound (:mod:`hemivar.adapt.exact_distance`).
+what a cell and its contact facets add to the bound (:mod:`hemivar.adapt.exact_distance`). With a goal the share is one
+of what cells add to the error of that quantity (:mod:`hemivar.adapt.goal_values`).
 """
 
 from __future__ import annotations
@@ -14,13 +15,19 @@ import math
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from hemivar.adapt.adaptive_end import AdaptiveEnd
+from hemivar.adapt.body_constants import body_constants
 from hemivar.adapt.exact_distance import ExactDistance, exact_distance
-from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
+from hemivar.adapt.goal_values import GoalValue, goal_value
+from hemivar.adapt.goals import Goal, goal_named
+from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.generators import result_of
+from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -32,6 +39,8 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["AdaptiveLevel", "AdaptiveSolution", "solve_adaptive", "solving_adaptive"]
 
+#: Bytes for each cell at the peak of bounding the distance, measured and rounded upwards.
+_BYTES = {2: 6e3, 3: 3e4}
 #: Cells of the first mesh that is refined where it is asked to, at least: coarser ones are refined everywhere.
 _FEW = {2: 32, 3: 48}
 
@@ -46,15 +55,18 @@ class AdaptiveLevel:
     distance : ExactDistance
         To every solution of the continuous problem.
     indicator : array, shape (M,)
-        What each cell adds to the square of the bound, in units of energy.
+        What each cell adds to the square of the bound, in units of energy; with a goal to its error, in its units.
     seconds : float
         Since the beginning.
+    goal : GoalValue or None
+        The quantity of interest.
     """
 
     solution: Solution
     distance: ExactDistance
     indicator: Array
     seconds: float
+    goal: GoalValue | None = None
 
     @property
     def problem(self) -> DiscreteProblem:
@@ -66,6 +78,38 @@ class AdaptiveLevel:
         """Number of unknowns n."""
         return self.solution.problem.unknowns
 
+    @property
+    def guaranteed(self) -> bool:
+        """Whether what is asked for is bounded on this mesh, and not estimated."""
+        return self.distance.guaranteed if self.goal is None else self.goal.guaranteed
+
+    @property
+    def relative(self) -> float:
+        """Relative bound of the distance; with a goal half its interval over its value."""
+        return self.distance.relative if self.goal is None else self.goal.relative
+
+    def row(self) -> dict[str, float]:
+        """Numbers of the mesh, see :meth:`AdaptiveSolution.rows`."""
+        distance, goal = self.distance, self.goal
+        size = distance.energy_norm
+        row = {
+            "unknowns": self.unknowns,
+            "cells": len(distance.cells),
+            "energy": self.solution.energy,
+            "relative_bound": distance.relative,
+            "guaranteed": float(distance.guaranteed),
+            **{
+                name: getattr(distance.parts, name) / size if size > 0.0 else math.inf
+                for name in ("misfit", "contact", "oscillation", "algebraic")
+            },
+            "c": distance.constant,
+        }
+        if goal is not None:
+            for number, label in enumerate(goal.goal.labels):
+                for name in ("computed", "lower", "upper", "corrected", "spread"):
+                    row[f"{name}_{label}"] = float(getattr(goal, name)[number])
+        return {**row, "seconds": self.seconds}
+
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveSolution:
@@ -74,17 +118,19 @@ class AdaptiveSolution:
     Attributes
     ----------
     levels : tuple of AdaptiveLevel
-        From the first mesh to the last.
+        From the first mesh to the last that was finished.
     rtol : float
-        The relative distance that was asked for.
-    ended : str
-        ``"reached"``, or why it was not: ``"max_unknowns"``, ``"max_time"``, ``"no bound"``, ``"stopped"``, or the
-        status of a solve that did not converge.
+        The relative distance that was asked for; with a goal its relative error.
+    ended : AdaptiveEnd
+        ``"reached"``, or how else it ended.
+    note : str
+        More about the end.
     """
 
     levels: tuple[AdaptiveLevel, ...]
     rtol: float
-    ended: str
+    ended: AdaptiveEnd
+    note: str = ""
 
     @property
     def solution(self) -> Solution:
@@ -97,44 +143,65 @@ class AdaptiveSolution:
         return self.levels[-1].distance
 
     @property
+    def goal(self) -> GoalValue | None:
+        """The quantity of interest on the last mesh."""
+        return self.levels[-1].goal
+
+    @property
     def reached(self) -> bool:
-        """Whether the distance is what was asked for."""
-        return self.ended == "reached"
+        """Whether what was asked for is guaranteed, up to rounding and the rules of integration."""
+        return self.ended is AdaptiveEnd.REACHED
+
+    @property
+    def remedy(self) -> str:
+        """What the end means, and what to try."""
+        return f"{self.ended.remedy}{f' ({self.note})' if self.note else ''}"
 
     @property
     def rate(self) -> float:
-        """Order of the bound in the number of unknowns, by a fit over the second half of the meshes; nan for one."""
+        """Order of the bound in the number of unknowns, by a fit over the second half of the meshes; nan for one.
+
+        With a goal that of the spread of its estimate."""
         last = self.levels[len(self.levels) // 2 :]
         n = np.log([level.unknowns for level in last])
-        bound = np.array([level.distance.distance for level in last])
+        off = [level.distance.distance if level.goal is None else float(np.hypot.reduce(level.goal.spread))
+               for level in last]  # fmt: skip
+        bound = np.array(off)
         if len(last) < 2 or not np.isfinite(bound).all() or not bound.all():
             return math.nan
         return float(-np.polyfit(n, np.log(bound), 1)[0])
 
     def rows(self) -> list[dict[str, float]]:
-        """A row for each mesh: unknowns, energy, relative bound and its parts (in units of ``|u|_a``), c, seconds."""
-        return [
-            {
-                "unknowns": level.unknowns,
-                "cells": len(level.distance.cells),
-                "energy": level.solution.energy,
-                "relative_bound": level.distance.relative,
-                **{
-                    name: getattr(level.distance.parts, name) / level.distance.energy_norm
-                    for name in ("misfit", "contact", "oscillation", "algebraic")
-                },
-                "c": level.distance.constant,
-                "seconds": level.seconds,
-            }
-            for level in self.levels
-        ]
+        """A row for each mesh: unknowns, energy, relative bound and its parts (in units of ``|u|_a``), c, seconds.
+
+        With a goal also, for each component, its value, interval, corrected value and the spread of that.
+        """
+        return [level.row() for level in self.levels]
+
+    def record(self) -> dict[str, Any]:
+        """Plain numbers and strings for JSON: how it ended, every mesh and the goal; what is not finite is null."""
+
+        def finite(row: dict[str, float]) -> dict[str, float | None]:
+            return {name: value if math.isfinite(value) else None for name, value in row.items()}
+
+        return {
+            "ended": self.ended.value,
+            "remedy": self.remedy,
+            "rtol": self.rtol,
+            "guaranteed": self.levels[-1].guaranteed,
+            "reasons": list(self.distance.reasons if self.goal is None else self.goal.reasons),
+            "rate": self.rate if math.isfinite(self.rate) else None,
+            "levels": [finite(row) for row in self.rows()],
+            "goal": None if self.goal is None else self.goal.record(),
+        }
 
     def __repr__(self) -> str:
         last = self.levels[-1]
         kind = "bound" if last.distance.guaranteed else "estimate"
+        what = "" if last.goal is None else f", {last.goal.goal} within {last.goal.relative:.3g}"
         return (
             f"AdaptiveSolution({self.ended} after {len(self.levels)} meshes, {last.unknowns} unknowns, relative {kind} "
-            f"of the distance {last.distance.relative:.3g}, asked for {self.rtol:g})"
+            f"of the distance {last.distance.relative:.3g}{what}, asked for {self.rtol:g})"
         )
 
 
@@ -146,19 +213,20 @@ def solve_adaptive(problem: ContactProblem, *, rtol: float = 0.01, **options: ob
     problem : ContactProblem
         With linear elements, or quadratic ones in the plane, on the mesh to begin with.
     rtol : float
-        Relative distance in the energy norm to the exact solution, ``|u - u_h|_a <= rtol |u_h|_a``.
+        Relative distance in the energy norm to the exact solution, ``|u - u_h|_a <= rtol |u_h|_a``; with a goal its
+        relative error.
     **options
         Those of :func:`solving_adaptive`.
 
     Returns
     -------
     AdaptiveSolution
-        Always; ``ended`` says whether the distance was reached.
+        Always; ``ended`` says whether it was reached, ``remedy`` what to do where it was not.
 
     Raises
     ------
     ProblemError
-        Elements are quadratic in space, or no distance to an exact solution is known for the problem.
+        Elements are quadratic in space, no distance to an exact solution is known for the problem, or it has no such goal.
     """
     return result_of(solving_adaptive(problem, rtol=rtol, **options))  # type: ignore[arg-type]
 
@@ -167,87 +235,149 @@ def solving_adaptive(
     problem: ContactProblem,
     *,
     rtol: float = 0.01,
+    goal: Goal | str | None = None,
     share: float = 0.5,
     max_unknowns: int = 300_000,
     max_time: float = math.inf,
+    max_memory: float = math.inf,
     solver: Solver | None = None,
     controls: Controls | None = None,
 ) -> Generator[AdaptiveLevel, bool | None, AdaptiveSolution]:
     """:func:`solve_adaptive` mesh by mesh: yields each, ends after it if it is sent True.
 
+    An interruption ends it with the meshes that were finished, if there are any.
+
     Parameters
     ----------
     problem : ContactProblem
     rtol : float
+    goal : Goal or str, optional
+        A quantity of interest, such as ``"contact.bottom.force"`` (:func:`hemivar.adapt.goal_named`): cells are marked
+        by what they add to its error, and it ends where the error of this quantity is at most rtol times its size.
     share : float
         Part of the sum of the indicators that the marked cells hold.
     max_unknowns : int
         No finer mesh is made beyond.
     max_time : float
-        Seconds; the mesh at hand is finished.
+        Seconds; the mesh at hand is finished, and none is begun that would not be ready in time, as far as the one
+        before tells.
+    max_memory : float
+        Bytes; no mesh is begun that is predicted to need more, or more than is free.
     solver : Solver, optional
         For every mesh; chosen by its size by default.
     controls : Controls, optional
+        Of every solve.
     """
     began = time.perf_counter()
+    problem, wanted = _checked(problem, rtol, share, max_unknowns, max_time, max_memory, goal)
+    levels: list[AdaptiveLevel] = []
+    constants: TraceBounds | None = None
+    refused = ""
+    while True:
+        try:
+            started = time.perf_counter()
+            discrete, workspace = discretize(problem), Workspace()
+            if constants is None:
+                constants = body_constants(discrete, workspace)
+                started = time.perf_counter()
+            initial = None if not levels else _initial(levels[-1].solution, discrete)
+            solution = solve(discrete, solver, controls, initial=initial, workspace=workspace)
+            workspace.forget()
+            if levels and solution.status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
+                ended = AdaptiveEnd.of(solution.status)
+                break
+            distance = exact_distance(problem, solution.displacement, constants)
+            value = None if wanted is None else goal_value(wanted, solution, distance, constants)
+            indicator = _indicator(distance, constants) if value is None else value.indicator
+            now = time.perf_counter()
+            levels.append(AdaptiveLevel(solution, distance, indicator, now - began, value))
+            told = yield levels[-1]
+            last = _ended(levels[-1], rtol, told, max_unknowns)
+            if last is not None:
+                ended = last
+                break
+            mesh = problem.mesh.refined_where(_marked(levels[-1].indicator, share))
+            grown = mesh.number_of_cells / problem.mesh.number_of_cells
+            if time.perf_counter() - began + grown * (now - started) > max_time:
+                ended = AdaptiveEnd.MAX_TIME
+                break
+            needed = _BYTES[mesh.dim] * mesh.number_of_cells * (1.0 if wanted is None else 2.0)
+            if refused := _too_large(needed, max_memory):
+                ended = AdaptiveEnd.MAX_MEMORY
+                break
+            problem = replace(problem, mesh=mesh)
+        except KeyboardInterrupt:
+            if not levels:
+                raise
+            ended = AdaptiveEnd.INTERRUPTED
+            break
+        except MemoryError:
+            if not levels:
+                raise
+            ended, refused = AdaptiveEnd.MAX_MEMORY, "it gave out on the next mesh"
+            break
+    status = levels[-1].solution.status
+    note = refused if status is Status.CONVERGED else f"{status.value}: {status.remedy}"
+    return AdaptiveSolution(tuple(levels), rtol, ended, note)
+
+
+def _checked(
+    problem: ContactProblem,
+    rtol: float,
+    share: float,
+    max_unknowns: int,
+    max_time: float,
+    max_memory: float,
+    goal: Goal | str | None,
+) -> tuple[ContactProblem, Goal | None]:
+    """The problem on a mesh that is fine enough to begin with, and the goal."""
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
     expect(problem, ContactProblem, "what to solve adaptively", remedy)
-    for name, value, least in (("rtol", rtol, 0.0), ("share", share, 0.0), ("max_time", max_time, 0.0)):
-        if not number(value, name, "give a positive number") > least:
+    limits = (("rtol", rtol), ("share", share), ("max_time", max_time), ("max_memory", max_memory))
+    for name, value in (*limits, ("max_unknowns", max_unknowns)):
+        if not number(value, name, "give a positive number") > 0.0:
             raise ProblemError(f"{name} = {value}; give a positive number")
     if share > 1.0:
         raise ProblemError(f"share = {share}; the marked cells hold a part of the whole: give a number up to 1")
     if problem.order != 1 and problem.mesh.dim != 2:
         raise ProblemError("distances to the exact solution are bounded for linear elements in space; take order = 1")
+    wanted = goal_named(problem, goal) if isinstance(goal, str) else goal
+    if wanted is not None:
+        remedy = "name it as in 'contact.bottom.force'"
+        wanted = goal_named(problem, expect(wanted, Goal, "a goal", remedy).name)
+        if problem.order != 1:
+            raise ProblemError("quantities of interest are bounded for linear elements; take order = 1, or no goal")
     while problem.mesh.number_of_cells < _FEW[problem.mesh.dim]:
         problem = replace(problem, mesh=problem.mesh.refined())
-    levels: list[AdaptiveLevel] = []
-    constants: TraceBounds | None = None
-    while True:
-        discrete, workspace = discretize(problem), Workspace()
-        if constants is None:
-            constants = _constants(problem, discrete, workspace)
-        initial = None if not levels else _started(levels[-1].solution, discrete)
-        solution = solve(discrete, solver, controls, initial=initial, workspace=workspace)
-        distance = exact_distance(problem, solution.displacement, constants)
-        seconds = time.perf_counter() - began
-        levels.append(AdaptiveLevel(solution, distance, _indicator(distance, constants), seconds))
-        told = yield levels[-1]
-        ended = _ended(levels[-1], rtol, told, max_unknowns, max_time)
-        if ended is not None:
-            return AdaptiveSolution(tuple(levels), rtol, ended)
-        problem = replace(problem, mesh=problem.mesh.refined_where(_marked(levels[-1].indicator, share)))
+    return problem, wanted
 
 
-def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: int, max_time: float) -> str | None:
+def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: int) -> AdaptiveEnd | None:
     """Why this mesh is the last, if it is."""
+    goal = level.goal
     if level.solution.status is not Status.CONVERGED:
-        return str(level.solution.status.value)
-    if level.distance.relative <= rtol:
-        return "reached"
+        return AdaptiveEnd.of(level.solution.status)
+    if level.relative <= rtol:
+        return AdaptiveEnd.REACHED if level.guaranteed else AdaptiveEnd.ESTIMATED
+    if goal is not None and goal.estimated <= rtol:
+        return AdaptiveEnd.ESTIMATED
     if told:
-        return "stopped"
-    if not math.isfinite(level.distance.distance):
-        return "no bound"
-    if level.seconds > max_time:
-        return "max_time"
-    return "max_unknowns" if level.unknowns > max_unknowns else None
+        return AdaptiveEnd.STOPPED
+    if not math.isfinite(level.distance.distance) and goal is None:
+        return AdaptiveEnd.NO_BOUND
+    return AdaptiveEnd.MAX_UNKNOWNS if level.unknowns > max_unknowns else None
 
 
-def _constants(problem: ContactProblem, discrete: DiscreteProblem, workspace: Workspace) -> TraceBounds:
-    """Guaranteed constants of the contact boundary; where there are none those of the discrete problem."""
-    known = discrete_trace_bounds(discrete, workspace)
-    if not problem.contact:
-        return replace(known, guaranteed=True)
-    if known.both == 0.0:
-        return known
-    try:
-        return guaranteed_trace_bounds(discrete, workspace)
-    except ProblemError as error:
-        return replace(known, source=f"{known.source} ({error})")
+def _too_large(needed: float, most: float) -> str:
+    """What a mesh needs, in words, where that is too much; empty where it is not."""
+    free = available_bytes()
+    limit = min(most, math.inf if free is None else free)
+    if needed <= limit:
+        return ""
+    return f"the next mesh needs about {size_in_words(needed)}, and {size_in_words(limit)} may be taken"
 
 
-def _started(solution: Solution, finer: DiscreteProblem) -> Array:
+def _initial(solution: Solution, finer: DiscreteProblem) -> Array:
     """Unknowns of the displacement on the mesh before."""
     before, after = solution.problem.field, finer.field
     assert before is not None

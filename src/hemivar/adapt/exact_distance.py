@@ -312,8 +312,10 @@ def _inexact(data: BodyData) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """The bound of one choice of zeta: value, c, rho, theorem, what each facet adds, the weight of the gap, and on how many facets
-    the displacement passes a downward jump of the law."""
+    """The bound of one choice of zeta: value, c, rho, theorem, what each facet adds, the weight of the gap.
+
+    ``falls`` counts the facets on which the displacement passes a downward jump of the law.
+    """
 
     value: float
     constant: float

@@ -23,7 +23,6 @@ from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.fem.facet_table import FacetTable
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.systems.workspace import Workspace
 

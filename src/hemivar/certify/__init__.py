@@ -2,12 +2,14 @@
 
 from hemivar.certify.bound import equilibrium_multiplier, trace_force
 from hemivar.certify.certificate import Certificate, certify
+from hemivar.certify.distance_to_exact import DistanceToExact
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm, factorises
 from hemivar.certify.smallness import Smallness, TraceConstants, ellipticity, one_solution, smallness, trace_constants
 from hemivar.discrete.point_kind import PointKind
 
 __all__ = [
     "Certificate",
+    "DistanceToExact",
     "EnergyNorm",
     "MultigridNorm",
     "PointKind",

@@ -50,6 +50,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("distance", "no bound, for lack of time")
     else:
         say("distance", "no bound, for the margin is not positive")
+    if certificate.exact is not None:
+        lines += certificate.exact.lines()
     if certificate.left_out:
         say("left out", f"{', '.join(certificate.left_out)}: the time limit was reached")
     for warning in certificate.warnings:

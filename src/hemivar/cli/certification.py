@@ -15,6 +15,9 @@ from hemivar.errors import ProblemError
 
 __all__ = ["certify"]
 
+#: Cells up to which the distance to the exact solution is bounded unless that is refused: half a minute.
+_CELLS = {2: 300_000, 3: 60_000}
+
 
 def certify(
     problem: ProblemPath,
@@ -26,8 +29,12 @@ def certify(
         float, typer.Option(metavar="X", help="Residual, relative to the load, up to which it is a solution.")
     ] = 1e-8,
     max_time: MaxTime = None,
+    exact: Annotated[
+        bool | None,
+        typer.Option("--exact/--no-exact", help="Bound the distance to the exact solution (unless the mesh is large)."),
+    ] = None,
 ) -> int:
-    """Certify a solution: residuals, uniqueness, a guaranteed error bound, what kind of point it is.
+    """Certify a solution: residuals, uniqueness, guaranteed distances to the discrete and to the exact solution, kind.
 
     Exit code 0 if the residual is below the tolerance, 1 if not.
     """
@@ -44,7 +51,8 @@ def certify(
         from hemivar.files import read_solution
 
         unknowns, multiplier = read_solution(solution, discrete)
-    options = CertifyOptions(rtol, controls, session.method)
+    wanted = _affordable(session) if exact is None else exact
+    options = CertifyOptions(rtol, controls, session.method, wanted)
     certificate = result_of(certified(discrete, unknowns, multiplier, options), view)
     if view.solution is not None:
         print(f"solution          solved here by {view.solution.method} ({view.solution.status.value})")
@@ -53,6 +61,8 @@ def certify(
         print(f"multiplier        {'recomputed from equilibrium' if multiplier is None else 'read from the file'}")
     for line in certificate.lines(whole=True):
         print(line)
+    if exact is None and not wanted:
+        print("exact solution    its distance is left out, for the mesh is large; --exact computes it")
     record = {
         "problem": session.stated.name,
         "solution": None if solution is None else str(solution),
@@ -62,6 +72,12 @@ def certify(
     session.writer.write_record(json, record)
     session.writer.tell()
     return session.writer.ended(Exit.CONVERGED if certificate.stationary else Exit.NOT_CONVERGED)
+
+
+def _affordable(session: Session) -> bool:
+    """Whether the distance to the exact solution costs little time and memory."""
+    mesh = session.stated.problem.mesh
+    return mesh.number_of_cells <= _CELLS[mesh.dim]
 
 
 def _checked(path: Path | None) -> Path | None:

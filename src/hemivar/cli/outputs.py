@@ -42,6 +42,8 @@ _SUFFIXES = {
     "--vtu": (".vtu",),
     "--plot": FIGURES,
     "--plot-contact": FIGURES,
+    "--plot-error": FIGURES,
+    "--plot-meshes": FIGURES,
     "--render": (".png",),
 }
 

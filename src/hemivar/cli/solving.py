@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hemivar.files.problem_file import ProblemFile
     from hemivar.solvers import Solution
 
-__all__ = ["solve"]
+__all__ = ["check_drawable", "draw", "solve"]
 
 
 def solve(
@@ -63,17 +63,56 @@ def solve(
     restart: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Go on from a checkpoint (engine petsc).")
     ] = None,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="Bound the distance to the exact solution, too (see 'hemivar certify').")
+    ] = False,
+    adaptive: Annotated[
+        bool,
+        typer.Option("--adaptive", help="Refine the mesh until the distance to the exact solution is at most --rtol."),
+    ] = False,
+    goal: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Refine for a quantity: contact.bottom.force, support.left.force ..."),
+    ] = None,
+    max_unknowns: Annotated[
+        int | None, typer.Option(metavar="N", help="No finer mesh beyond so many unknowns (300000, adaptive).")
+    ] = None,
+    max_memory: Annotated[
+        float | None, typer.Option(metavar="GIB", help="No mesh that needs more (what is free, adaptive).")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write a row for each mesh (adaptive).")] = None,
+    plot_error: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the error against the unknowns (adaptive).")
+    ] = None,
+    plot_meshes: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the meshes, coarse to fine (adaptive).")
+    ] = None,
 ) -> int:
     """Solve a contact problem."""
     limits = rtol, max_time, max_steps
     pictures = {"--plot": plot, "--plot-contact": plot_contact, "--render": render}
     check_engine(engine)
+    own = {"--csv": csv, "--plot-error": plot_error, "--plot-meshes": plot_meshes}
+    if adaptive:
+        _refuse({"--checkpoint": checkpoint, "--restart": restart}, "petsc")
+        if warm_start or engine != ENGINES[0]:
+            other = "--warm-start" if warm_start else f"--engine {engine}"
+            raise ProblemError(f"--adaptive and {other} exclude one another; leave one of the two out")
+        from hemivar.cli.adapting import AdaptRun
+
+        asked = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
+        asked |= {"max_memory": max_memory, "max_steps": max_steps}
+        run_adaptive = AdaptRun(problem, {"--json": json, "--vtu": vtu, **own, **pictures}, method, asked)
+        return run_adaptive.solve(quiet)
+    for option, value in {"--goal": goal, "--max-unknowns": max_unknowns, "--max-memory": max_memory, **own}.items():
+        if value is not None:
+            raise ProblemError(f"{option} goes with --adaptive; give both, or leave it out")
     if engine == "petsc":
         outputs = {"--json": json, "--vtu": vtu, "--checkpoint": checkpoint}
         from hemivar.cli.on_ranks import run_on_ranks
 
         def check() -> None:
-            _refuse({"--method": method, **pictures}, "scipy")
+            _refuse({"--method": method, "--exact": exact or None, **pictures}, "scipy")
             check_outputs(outputs, problem)
             check_limits(*limits)
 
@@ -82,7 +121,7 @@ def solve(
     named = None if method is None else method_named(method)
     session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits)
     stated, writer = session.stated, session.writer
-    _check_drawable(stated, plot_contact, render)
+    check_drawable(stated, plot_contact, render)
     controls = session.controls
     meshes = stated.coarser_meshes() if warm_start else []
     if warm_start and not meshes:
@@ -97,7 +136,7 @@ def solve(
     view = SolveView(quiet)
     interrupted, certificate = False, None
     try:
-        found = result_of(run(discrete, RunOptions(named or session.method, controls, coarser)), view)
+        found = result_of(run(discrete, RunOptions(named or session.method, controls, coarser, exact)), view)
         interrupted, certificate = found.interrupted, found.certificate
         if found.complaint and not found.interrupted:
             writer.failed.append(f"the solution could not be certified: {found.complaint}")
@@ -121,7 +160,7 @@ def _refuse(options: Mapping[str, object], engine: str) -> None:
             raise ProblemError(f"{option} goes with --engine {engine}; leave one of the two out")
 
 
-def _check_drawable(stated: ProblemFile, plot_contact: Path | None, render: Path | None) -> None:
+def check_drawable(stated: ProblemFile, plot_contact: Path | None, render: Path | None) -> None:
     """Refuse pictures that this problem has not."""
     if plot_contact is not None and not (stated.problem.contact or getattr(stated.problem, "areas", {})):
         raise ProblemError(f"{stated.name}: --plot-contact draws contact boundaries, and there is none; take --plot")
@@ -145,9 +184,15 @@ def _write(session: Session, solution: Solution, certificate: Certificate | None
     """Write what was asked for, data before pictures, and what may end the process last."""
     from hemivar.files import write_json, write_vtu
 
-    writer, outputs, title = session.writer, session.outputs, session.title
+    writer, outputs = session.writer, session.outputs
     writer.write("--json", outputs["--json"], lambda path: write_json(solution, path, certificate))
     writer.write("--vtu", outputs["--vtu"], lambda path: write_vtu(solution, path))
+    draw(session, solution)
+
+
+def draw(session: Session, solution: Solution) -> None:
+    """Draw the pictures of a solution that were asked for."""
+    writer, outputs, title = session.writer, session.outputs, session.title
     if not any(outputs[option] for option in ("--plot", "--plot-contact", "--render")):
         return
     from hemivar.report import plot_contact, plot_solution, render_solution, save
@@ -158,5 +203,5 @@ def _write(session: Session, solution: Solution, certificate: Certificate | None
         "--plot-contact": lambda path: save(plot_contact(solution, title=title), path),
         "--render": lambda path: render_solution(solution, path, scale="auto", title=plain),
     }
-    for option, draw in pictures.items():
-        writer.write(option, outputs[option], draw, picture=True)
+    for option, task in pictures.items():
+        writer.write(option, outputs[option], task, picture=True)

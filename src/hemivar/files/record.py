@@ -173,10 +173,17 @@ def plain(value: Any) -> Any:
     return value
 
 
-def write_json(solution: Solution, path: str | Path, certificate: Certificate | None = None) -> Path:
-    """Write :func:`solution_record` to a JSON file; returns its path."""
+def write_json(
+    solution: Solution,
+    path: str | Path,
+    certificate: Certificate | None = None,
+    more: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write :func:`solution_record`, and ``more`` keys, to a JSON file; returns its path."""
     path = prepared(path, ".json")
     record = solution_record(solution, certificate)
+    record |= {key: plain(value) for key, value in ({} if more is None else more).items()}
+    record["displacement"] = record.pop("displacement")
     # the displacement comes last and on one line, for it is long
     displacement = json.dumps(record.pop("displacement"), allow_nan=False)
     head = json.dumps(record, indent=1, allow_nan=False)

@@ -41,7 +41,9 @@ CELL_TYPES = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): 
 _FACET_TYPES = {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle", (3, 2): "triangle6"}
 
 
-def write_vtu(solution: Solution | Snapshot, path: str | Path) -> tuple[Path, Path | None]:
+def write_vtu(
+    solution: Solution | Snapshot, path: str | Path, cell_values: Mapping[str, Array] | None = None
+) -> tuple[Path, Path | None]:
     """Write the body as ``path`` and its contact boundaries as ``*_contact.vtu``, for ParaView and the like.
 
     Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
@@ -67,6 +69,8 @@ def write_vtu(solution: Solution | Snapshot, path: str | Path) -> tuple[Path, Pa
         Of a problem with a mesh.
     path : str or Path
         Must end in ``.vtu``.
+    cell_values : mapping of name to array, shape (M,) or (M, k), optional
+        More data of the cells, such as the indicator of an adaptive solve.
 
     Returns
     -------
@@ -90,7 +94,7 @@ def write_vtu(solution: Solution | Snapshot, path: str | Path) -> tuple[Path, Pa
             for data in scalar_fields(solution)
         )
         kind = {CELL_TYPES[mesh.dim, order]: mesh.cell_nodes(order)}
-        cells = {"region": region_numbers(mesh), **in_cells}
+        cells = {"region": region_numbers(mesh), **in_cells, **_checked(mesh, cell_values)}
         write_grid(path, three_components(field.nodes), kind, at_points, cells, problem.contact.names)
         return path, None
     boundaries = contact_boundaries(problem)
@@ -100,7 +104,7 @@ def write_vtu(solution: Solution | Snapshot, path: str | Path) -> tuple[Path, Pa
         point_data["velocity"] = three_components(solution.velocity)
         if solution.temperature is not None:
             point_data["temperature"] = solution.temperature
-    cell_data: dict[str, Array] = {"region": region_numbers(mesh)}
+    cell_data: dict[str, Array] = {"region": region_numbers(mesh), **_checked(mesh, cell_values)}
     if isinstance(problem.origin, ContactProblem):
         tensor = symmetric_stress(problem.origin, solution.displacement)
         point_data["stress"] = nodal_average(problem.origin, tensor)
@@ -132,6 +136,17 @@ def write_vtu(solution: Solution | Snapshot, path: str | Path) -> tuple[Path, Pa
     second = path.with_name(f"{path.stem}_contact.vtu")
     _write_contact(second, solution, blocks)
     return path, second
+
+
+def _checked(mesh: Mesh, values: Mapping[str, Array] | None) -> dict[str, Array]:
+    """More data of the cells, one value or row for each of them."""
+    found = {name: np.asarray(value, dtype=float) for name, value in ({} if values is None else values).items()}
+    for name, value in found.items():
+        if value.shape[:1] != (mesh.number_of_cells,):
+            raise ProblemError(
+                f"cell values '{name}' have shape {value.shape}; the mesh has {mesh.number_of_cells} cells"
+            )
+    return found
 
 
 def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:

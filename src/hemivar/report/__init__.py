@@ -1,5 +1,6 @@
 """Figures, tables and files of results."""
 
+from hemivar.report.adaptive_figures import plot_adaptive, plot_meshes
 from hemivar.report.animation import animate
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
@@ -13,7 +14,7 @@ from hemivar.report.saving import save
 from hemivar.report.scene import render_solution
 from hemivar.report.statement_figure import plot_problem
 from hemivar.report.survey import SurveyReport, run_survey
-from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
+from hemivar.report.tables import PAPER_TABLE_1, Table, adaptive_table, comparison_table
 
 __all__ = [
     "MARCH_FIGURES",
@@ -23,13 +24,16 @@ __all__ = [
     "SurveyReport",
     "Table",
     "Units",
+    "adaptive_table",
     "animate",
     "comparison_table",
+    "plot_adaptive",
     "plot_contact",
     "plot_errors",
     "plot_history",
     "plot_law",
     "plot_march",
+    "plot_meshes",
     "plot_path",
     "plot_problem",
     "plot_solution",

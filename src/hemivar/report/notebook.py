@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.branches import Path, SolutionSet
-from hemivar.certify import Certificate
+from hemivar.certify import Certificate, DistanceToExact
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.history import History
@@ -126,6 +126,7 @@ def _certificate(certificate: Certificate) -> _Shown:
         ("the only solution", unique),
         ("margin", margin),
         ("error bound, relative", bound),
+        ("distance to the exact solution, relative", _exact(certificate.exact)),
         ("equilibrium, relative", certificate.equilibrium_relative),
         ("inclusion, relative", certificate.inclusion_relative),
         ("residual, relative", certificate.residual.relative),
@@ -135,6 +136,16 @@ def _certificate(certificate: Certificate) -> _Shown:
         *(("warning", sentence) for sentence in certificate.warnings),
     ]
     return "Certificate", lambda: (), _rows(rows)
+
+
+def _exact(found: DistanceToExact | None) -> str | None:
+    """The distance to the exact solution in a few words."""
+    if found is None:
+        return None
+    if not found.known:
+        return f"not known: {found.why}"
+    size = _number(found.relative)
+    return f"{size} (guaranteed)" if found.guaranteed else f"{size} (an estimate: {found.why})"
 
 
 def _path(path: Path) -> _Shown:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.adapt import AdaptiveSolution
 from hemivar.basics.disk import make_folder, open_new, shown, whole_file
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
@@ -20,7 +21,7 @@ from hemivar.workflows.comparison import energy_norm_difference
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
-__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "comparison_table"]
+__all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "adaptive_table", "comparison_table"]
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,15 @@ def _text(cell: object) -> str:
 
 def _escape(text: str) -> str:
     return text.replace("|", "\\|")
+
+
+def adaptive_table(found: AdaptiveSolution, *, title: str = "") -> Table:
+    """The meshes of an adaptive solve: the rows of :meth:`hemivar.adapt.AdaptiveSolution.rows`.
+
+    ``guaranteed`` is 1 where the relative bound is one, 0 where it is an estimate.
+    """
+    rows = found.rows()
+    return Table(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
 
 
 def comparison_table(

@@ -143,11 +143,19 @@ class Solution(ContactValues, Portable, Displayed):
         trace_constant: bool = True,
         max_time: float = math.inf,
         workspace: Workspace | None = None,
+        exact: bool = False,
     ) -> Certificate:
         """What is known about this solution, see :func:`hemivar.certify`."""
         from hemivar.certify import certify
 
-        return certify(self, tolerance=tolerance, trace_constant=trace_constant, max_time=max_time, workspace=workspace)
+        return certify(
+            self,
+            tolerance=tolerance,
+            trace_constant=trace_constant,
+            max_time=max_time,
+            workspace=workspace,
+            exact=exact,
+        )
 
     def __repr__(self) -> str:
         problem, r = self.problem, self.local

@@ -10,6 +10,7 @@ Nothing here prints, writes a file or ends the process: the command, a notebook 
 from hemivar.basics.generators import result_of
 from hemivar.branches import PathOptions, PathProgress, SearchProgress, SolutionsOptions
 from hemivar.solvers import Progress
+from hemivar.workflows.adapting import AdaptOptions, AdaptResult, Refined, adapt
 from hemivar.workflows.certification import CertifyOptions, certify
 from hemivar.workflows.comparison import Attempt, CompareOptions, Comparison, Condensed, compare, energy_norm_difference
 from hemivar.workflows.diagnosis import Diagnosis, Part, diagnose
@@ -21,6 +22,8 @@ from hemivar.workflows.solving import RunOptions, RunResult, run
 from hemivar.workflows.survey_runs import Advanced, SurveyOptions, SurveyRuns, survey
 
 __all__ = [
+    "AdaptOptions",
+    "AdaptResult",
     "Advanced",
     "Attempt",
     "Begun",
@@ -41,6 +44,7 @@ __all__ = [
     "PathProgress",
     "Progress",
     "Ready",
+    "Refined",
     "RunOptions",
     "RunResult",
     "SearchProgress",
@@ -51,6 +55,7 @@ __all__ = [
     "Taken",
     "Warned",
     "Work",
+    "adapt",
     "certify",
     "compare",
     "diagnose",

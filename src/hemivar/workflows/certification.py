@@ -30,11 +30,14 @@ class CertifyOptions:
         Limits of the solve, if there is one; ``max_time`` limits the certificate too.
     solver : Solver, optional
         The method of the solve; chosen by predicted cost and memory if not given.
+    exact : bool
+        Whether to bound the distance to the exact solution, too.
     """
 
     tolerance: float = STATIONARY
     controls: Controls = field(default_factory=Controls)
     solver: Solver | None = None
+    exact: bool = False
 
 
 def certify(
@@ -76,6 +79,7 @@ def certify(
         tolerance=options.tolerance,
         max_time=options.controls.max_time,
         workspace=workspace,
+        exact=options.exact,
     )
     yield Certified(certificate)
     return certificate

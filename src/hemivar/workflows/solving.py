@@ -36,11 +36,14 @@ class RunOptions:
         Tolerances and limits of each solve; the certificate has as much time again.
     coarser : sequence of DiscreteProblem, ContactProblem or ScalarProblem
         The same body on coarser meshes, the coarsest first: each solution is the first guess on the next mesh.
+    exact : bool
+        Whether the certificate bounds the distance to the exact solution, too.
     """
 
     solver: Solver | None = None
     controls: Controls = field(default_factory=Controls)
     coarser: Sequence[DiscreteProblem | Statement] = ()
+    exact: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +101,8 @@ def run(
         if workspace is None and known.condenses(problems[-1]):
             known.forget()
         yield Found(solution)
-        certificate = certificate_of(solution, options.controls.rtol, options.controls.max_time, known)
+        controls = options.controls
+        certificate = certificate_of(solution, controls.rtol, controls.max_time, known, options.exact)
         if certificate is not None:
             yield Certified(certificate)
     except MemoryError:
@@ -137,7 +141,11 @@ def solved(
 
 
 def certificate_of(
-    solution: Solution, rtol: float = 0.0, max_time: float = math.inf, workspace: Workspace | None = None
+    solution: Solution,
+    rtol: float = 0.0,
+    max_time: float = math.inf,
+    workspace: Workspace | None = None,
+    exact: bool = False,
 ) -> Certificate | None:
     """The certificate of a solve to ``rtol``, in its own time; None if it ended with numbers that are not finite.
 
@@ -152,4 +160,5 @@ def certificate_of(
         trace_constant=factorises(solution.problem),
         max_time=max_time,
         workspace=workspace,
+        exact=exact,
     )

@@ -1,0 +1,108 @@
+"""What a certificate says of the distance to the exact solution: a bound, an estimate with its reasons, or why none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from hemivar.basics.rounding import rounded_up
+
+__all__ = ["DistanceToExact"]
+
+#: What a reason may begin with, and the line says already.
+_NONE = "there is no bound: "
+
+
+@dataclass(frozen=True)
+class DistanceToExact:
+    """The distance of a displacement to every solution of the continuous problem, in the energy norm.
+
+    Computed by :func:`hemivar.adapt.distance_to_exact`.  All but the ratios are in the unit of ``|u|_K``.
+
+    Attributes
+    ----------
+    bound : float
+        inf where there is none.
+    relative : float
+        The same over ``|u_h|_a``.
+    guaranteed : bool
+        Whether it is a bound, up to rounding and the rules of integration.
+    reasons : tuple of str
+        Why it is an estimate, or why there is none, one sentence each.
+    misfit, contact, oscillation, algebraic : float
+        Parts of the bound before the margin divides their sum: what the elements do not resolve, the contact force,
+        the loads, and what the displacement lacks for equilibrium.
+    gap : float
+        The part of contact points that change between pieces of the law, a work.
+    constant : float
+        c; bounds grow by ``1 / (1 - c)``.
+    seconds : float
+        Spent on it.
+    """
+
+    bound: float
+    relative: float
+    guaranteed: bool
+    reasons: tuple[str, ...]
+    misfit: float = math.nan
+    contact: float = math.nan
+    oscillation: float = math.nan
+    algebraic: float = math.nan
+    gap: float = math.nan
+    constant: float = math.nan
+    seconds: float = 0.0
+
+    @classmethod
+    def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:
+        """Nothing is known, for a reason."""
+        return cls(math.inf, math.inf, False, (reason,), seconds=seconds)
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a bound or an estimate."""
+        return math.isfinite(self.bound)
+
+    @property
+    def why(self) -> str:
+        """The reasons in one line."""
+        return "; ".join(self.reasons)
+
+    def lines(self) -> list[str]:
+        """In lines of text: the bound, what it is made of, and what it rests on."""
+        label = f"{'exact solution':<18}"
+        blank = " " * len(label)
+        if not self.known:
+            why = self.why.replace(_NONE, "") or "its numbers are not finite"
+            return [f"{label}no bound of the distance: {why}"]
+        size = f"{rounded_up(self.bound)} away, relative {_percent(self.relative)}"
+        parts = [
+            f"{name} {_percent(part / self.bound * self.relative if self.bound > 0.0 else 0.0)}"
+            for name, part in self.parts.items()
+            if part > 1e-6 * self.bound or name in ("misfit", "contact")
+        ]
+        if self.constant > 0.0:
+            parts.append(f"c = {self.constant:.3g}")
+        took = f"; in {self.seconds:.2g} s" if self.seconds > 0.0 else ""
+        made = f"{blank}made of {', '.join(parts)}{took}"
+        if self.guaranteed:
+            return [f"{label}at most {size}: guaranteed up to rounding and rules of integration", made]
+        return [f"{label}about {size}: an estimate, no bound", made, f"{blank}because {self.why}"]
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """The four parts in the unit of the bound, by name."""
+        names = ("misfit", "contact", "oscillation", "algebraic")
+        return {name: getattr(self, name) for name in names if math.isfinite(getattr(self, name))}
+
+    def record(self) -> dict[str, Any]:
+        """Plain numbers and strings for JSON; numbers that are not finite become null."""
+        values = {"bound": self.bound, "relative": self.relative, "guaranteed": self.guaranteed}
+        values |= {**self.parts, "gap": self.gap, "constant": self.constant, "seconds": self.seconds}
+        finite = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
+        return {**finite, "reasons": list(self.reasons)}
+
+
+def _percent(ratio: float) -> str:
+    """A part of a whole, in words, rounded up."""
+    return f"{rounded_up(100.0 * ratio)} %"

@@ -1,0 +1,203 @@
+"""Figures of adaptive solves: error against unknowns, and the meshes from coarse to fine."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hemivar.adapt import AdaptiveLevel, AdaptiveSolution
+from hemivar.basics.rounding import rounded_up
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.files.boundary import polylines
+from hemivar.mesh.mesh import Mesh
+from hemivar.report.style import BLUE, DASHES, GREEN, GREY, MANY_CELLS, ORANGE, PURPLE, RED, SKY, drawing, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_adaptive", "plot_meshes"]
+
+#: Part of the bound from which a part of it is drawn.
+_LEAST = 0.02
+#: Meshes that are drawn, and how many of them stand side by side.
+_MOST, _BESIDE = 6, 3
+
+
+def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figure:
+    """Relative error against the number of unknowns, on logarithmic scales.
+
+    Filled marks are guaranteed bounds, open ones estimates; broken lines are the parts that the bound is made of.  With
+    a goal half its interval and the spread of its estimate, over its value, are drawn, too.
+
+    Parameters
+    ----------
+    found : AdaptiveSolution
+    title : str, optional
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    levels = [level for level in found.levels if math.isfinite(level.distance.relative) or level.goal is not None]
+    if not levels:
+        raise ProblemError("no mesh of this adaptive solve has a distance to draw; see the reasons of its distance")
+    unknowns = np.array([level.unknowns for level in levels], dtype=float)
+    with drawing():
+        fig = Figure(figsize=(6.3, 3.9))
+        ax = fig.add_axes((0.11, 0.13, 0.53, 0.78))
+        _bounds(ax, unknowns, levels)
+        goal = levels[-1].goal
+        if goal is not None:
+            name = goal.goal.name
+            sure = np.array([level.goal.relative for level in levels if level.goal is not None])
+            about = np.array([level.goal.estimated for level in levels if level.goal is not None])
+            proved = np.array([level.guaranteed for level in levels])
+            _curve(ax, unknowns, sure, proved, RED, "s", f"{name}:\nhalf the interval over the value")
+            _curve(
+                ax, unknowns, about, np.zeros(len(levels), dtype=bool), GREEN, "D", f"{name}:\nestimate, dual weights"
+            )
+        ax.axhline(found.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(found.rtol)}")
+        ax.set(xscale="log", yscale="log", xlabel="unknowns", ylabel="relative error")
+        _slope(ax, unknowns, levels, 1.0 if goal is not None else 0.5)
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _percent(value)))
+        few = unknowns[-1] < 30.0 * unknowns[0]
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.grid(True, which="major", color="#e2e2e2", lw=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, labelspacing=0.8)
+        if title:
+            ax.set_title(title)
+    return fig
+
+
+def _bounds(ax: Axes, unknowns: Array, levels: list[AdaptiveLevel]) -> None:
+    """The bound of the distance and its parts."""
+    size = np.array([level.distance.energy_norm for level in levels])
+    proved = np.array([level.distance.guaranteed for level in levels])
+    bound = np.array([level.distance.relative for level in levels])
+    label = "distance to the exact solution:\n" + ("guaranteed bound" if proved.any() else "estimate")
+    _curve(ax, unknowns, bound, proved, BLUE, "o", label)
+    for name, colour in (("misfit", SKY), ("contact", ORANGE), ("oscillation", PURPLE)):
+        part = np.array([getattr(level.distance.parts, name) for level in levels])
+        share = np.divide(part, size, out=np.full(len(part), np.nan), where=size > 0.0)
+        share[~(share > _LEAST * bound)] = np.nan
+        if np.isfinite(share).any():
+            ax.plot(unknowns, share, color=colour, ls=DASHES, lw=1.1, marker=".", ms=3.0, label=f"  of it {name}")
+
+
+def _curve(ax: Axes, x: Array, y: Array, proved: BoolArray, colour: str, mark: str, label: str) -> None:
+    y = np.where(np.isfinite(y) & (y > 0.0), y, np.nan)
+    face = colour if proved.any() else "white"
+    ax.plot(x, y, color=colour, marker=mark, ms=4.6, mew=0.9, markerfacecolor=face, label=label)
+    if proved.any() and not proved.all():
+        ax.plot(x[~proved], y[~proved], color=colour, ls="", marker=mark, ms=4.6, mew=0.9, markerfacecolor="white")
+
+
+def _slope(ax: Axes, unknowns: Array, levels: list[AdaptiveLevel], power: float) -> None:
+    """A line of the best order that linear elements have, below the last curve: 1/d of the distance, 2/d of a goal."""
+    dim = levels[-1].problem.field.mesh.dim  # type: ignore[union-attr]
+    order = 2.0 * power / dim
+    values = [level.distance.relative if level.goal is None else level.goal.estimated for level in levels]
+    if len(levels) < 3 or not (math.isfinite(values[-1]) and values[-1] > 0.0):
+        return
+    first = max(unknowns[0], unknowns[-1] / 30.0)
+    x = np.array([first, unknowns[-1]])
+    y = 0.55 * values[-1] * (x / x[-1]) ** -order
+    text = {1.0: "1", 0.5: "1/2", 2.0 / 3.0: "2/3", 1.0 / 3.0: "1/3"}.get(order, f"{order:g}")
+    ax.plot(x, y, color=GREY, lw=0.8, label=f"order {text} in the unknowns")
+
+
+def _percent(ratio: float) -> str:
+    return f"{100.0 * ratio:.6g} %"
+
+
+def plot_meshes(found: AdaptiveSolution, *, title: str | None = None, unit: str = "") -> Figure:
+    """The meshes from coarse to fine, up to six of them, each with its unknowns and what is known of its error.
+
+    Parameters
+    ----------
+    found : AdaptiveSolution
+    title : str, optional
+        The name of the goal by default, if there is one.
+    unit : str
+        Unit of length for the labels.
+    """
+    from matplotlib.figure import Figure
+
+    count = min(len(found.levels), _MOST)
+    chosen = np.unique(np.round(np.linspace(0, len(found.levels) - 1, count)).astype(int))
+    levels = [found.levels[number] for number in chosen]
+    title = title or (None if found.goal is None else found.goal.goal.name)
+    columns = min(len(levels), _BESIDE)
+    rows = -(-len(levels) // columns)
+    points = levels[-1].problem.field.mesh.points  # type: ignore[union-attr]
+    extent = np.ptp(points, axis=0)
+    solid = points.shape[1] == 3
+    shape = 0.95 if solid else float(np.clip(extent[1] / extent[0], 0.3, 1.6))
+    width = 6.3 / columns if columns > 1 else 3.4
+    with drawing():
+        fig = Figure(figsize=(width * columns, rows * (0.85 * width * shape + 0.72) + (0.3 if title else 0.0)))
+        for place, level in enumerate(levels):
+            mesh = level.problem.field.mesh  # type: ignore[union-attr]
+            ax: Any = fig.add_subplot(rows, columns, place + 1, projection="3d" if solid else None)
+            (_solid if solid else _plane)(ax, mesh)
+            ax.set_title(f"{level.unknowns} unknowns\n{_known(level)}", fontsize=8.0)
+            ax.tick_params(labelsize=7.0)
+            if not solid:
+                ax.set_aspect("equal")
+                ax.spines[:].set_visible(False)
+                bottom = place + columns >= len(levels)
+                left = place % columns == 0
+                ax.set(xlabel=with_unit("x", unit) if bottom else "", ylabel=with_unit("y", unit) if left else "")
+        if title:
+            fig.suptitle(title, fontsize=10.0)
+        fig.tight_layout(pad=0.6, w_pad=1.0, h_pad=1.0)
+    return fig
+
+
+def _known(level: AdaptiveLevel) -> str:
+    """What is known of the error on a mesh."""
+    goal = level.goal
+    if goal is not None and math.isfinite(goal.estimated):
+        return f"goal within about {rounded_up(100.0 * goal.estimated, 2)} %"
+    if not math.isfinite(level.distance.relative):
+        return "no bound of the error"
+    size = f"{rounded_up(100.0 * level.distance.relative, 2)} %"
+    return f"error at most {size}" if level.distance.guaranteed else f"error about {size}"
+
+
+def _plane(ax: Any, mesh: Mesh) -> None:
+    from matplotlib.collections import LineCollection
+
+    for line in polylines(mesh.boundary_facets):
+        ax.fill(*mesh.points[line].T, color="#d9e6f2", alpha=0.6, lw=0.0)
+        ax.plot(*mesh.points[line].T, color="black", lw=0.7)
+    thickness = float(np.clip(14.0 / math.sqrt(mesh.number_of_cells), 0.08, 0.5))
+    edges = LineCollection(list(mesh.points[mesh.edges]), colors="#4a4a4a", linewidths=thickness)
+    edges.set_rasterized(mesh.number_of_cells > MANY_CELLS)
+    ax.add_collection(edges)
+
+
+def _solid(ax: Any, mesh: Mesh) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    facets = mesh.boundary_facets
+    thickness = float(np.clip(8.0 / math.sqrt(len(facets)), 0.05, 0.4))
+    surface = Poly3DCollection(
+        list(mesh.points[facets]), facecolors="#d9e6f2", edgecolors="#4a4a4a", linewidths=thickness
+    )
+    surface.set_rasterized(len(facets) > MANY_CELLS)
+    ax.add_collection3d(surface)
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set_box_aspect(high - low)
+    ax.view_init(-28.0, -60.0)
+    ax.set_axis_off()

@@ -1,0 +1,137 @@
+"""Solve a problem on meshes that adapt to it, until its error is known to be small."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+
+from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
+from hemivar.adapt.exact_certificate import statement_of
+from hemivar.basics.arguments import expect
+from hemivar.certify import Certificate
+from hemivar.errors import HemivarError
+from hemivar.mechanics import ContactProblem
+from hemivar.solvers import Controls, Solver
+from hemivar.workflows.events import Certified, Notice, Work
+from hemivar.workflows.solving import certificate_of
+
+__all__ = ["AdaptOptions", "AdaptResult", "Refined", "adapt"]
+
+
+@dataclass(frozen=True)
+class AdaptOptions:
+    """How to solve adaptively, see :func:`hemivar.adapt.solving_adaptive`.
+
+    Parameters
+    ----------
+    rtol : float
+        Relative distance to the exact solution in the energy norm; with a goal its relative error.
+    goal : Goal or str, optional
+        A quantity of interest.
+    share : float
+        Part of the sum of the indicators that the marked cells hold.
+    max_unknowns : int
+    max_time : float
+        Seconds for all meshes.
+    max_memory : float
+        Bytes.
+    solver : Solver, optional
+    controls : Controls
+        Of every solve.
+    """
+
+    rtol: float = 0.01
+    goal: Goal | str | None = None
+    share: float = 0.5
+    max_unknowns: int = 300_000
+    max_time: float = math.inf
+    max_memory: float = math.inf
+    solver: Solver | None = None
+    controls: Controls = field(default_factory=Controls)
+
+
+@dataclass(frozen=True, eq=False)
+class Refined(Notice):
+    """A mesh is done, the ``number``-th (from 0)."""
+
+    level: AdaptiveLevel
+    number: int
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptResult:
+    """What :func:`adapt` found.
+
+    Attributes
+    ----------
+    adaptive : AdaptiveSolution
+        All meshes that were finished.
+    certificate : Certificate or None
+        Of the last solution, with its distance to the exact one; None for the reason in ``complaint``.
+    complaint : str
+    """
+
+    adaptive: AdaptiveSolution
+    certificate: Certificate | None
+    complaint: str = ""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the work was stopped from the keyboard."""
+        return self.adaptive.ended is AdaptiveEnd.INTERRUPTED or self.complaint == "interrupted"
+
+
+def adapt(problem: ContactProblem, options: AdaptOptions | None = None) -> Work[AdaptResult]:
+    """Solve a problem on meshes that adapt to it, and certify the last solution.
+
+    Yields :class:`Refined` for every mesh, and :class:`Certified`; it ends after a mesh if it is sent True.  An
+    interruption ends it with the meshes that were finished; one more leaves the certificate out.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    options : AdaptOptions, optional
+
+    Raises
+    ------
+    ProblemError, MethodError
+        As :func:`hemivar.solve_adaptive`.
+    """
+    options = AdaptOptions() if options is None else options
+    remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
+    expect(problem, ContactProblem, "what to solve adaptively", remedy)
+    given = {name: getattr(options, name) for name in vars(options)}
+    found = yield from _levels(problem, given)
+    complaint, certificate = "", None
+    try:
+        certificate = certificate_of(found.solution, options.controls.rtol, options.controls.max_time)
+        if certificate is not None:
+            certificate = replace(certificate, exact=statement_of(found.distance))
+            yield Certified(certificate)
+    except MemoryError:
+        complaint = "not enough memory"
+    except HemivarError as error:
+        complaint = str(error)
+    except KeyboardInterrupt:
+        complaint = "interrupted"
+    return AdaptResult(found, certificate, complaint)
+
+
+def _levels(problem: ContactProblem, options: dict[str, object]) -> Work[AdaptiveSolution]:
+    """Every mesh as an event."""
+    number = 0
+    with closing(solving_adaptive(problem, **options)) as work:  # type: ignore[arg-type]
+        try:
+            level = next(work)
+            while True:
+                try:
+                    told = yield Refined(level, number)
+                except KeyboardInterrupt as error:
+                    level = work.throw(error)
+                else:
+                    level = work.send(told)
+                number += 1
+        except StopIteration as end:
+            found: AdaptiveSolution = end.value
+            return found

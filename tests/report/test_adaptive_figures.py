@@ -1,0 +1,102 @@
+"""Figures and tables of adaptive solves."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.adapt import AdaptiveEnd, AdaptiveSolution, adaptive
+from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds
+from hemivar.errors import ProblemError
+from hemivar.files import write_vtu
+from hemivar.gallery import survey, survey_cube
+from hemivar.report import adaptive_table, plot_adaptive, plot_meshes, save
+
+
+def estimated(discrete: hv.DiscreteProblem, workspace: hv.Workspace) -> TraceBounds:
+    """Constants of the discrete problem, which cost little."""
+    return discrete_trace_bounds(discrete, workspace)
+
+
+@pytest.fixture(scope="module")
+def found() -> AdaptiveSolution:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(adaptive, "body_constants", estimated)
+        return hv.solve_adaptive(survey("5.1", 4), rtol=0.12, goal=None)
+
+
+def labels(figure: object) -> list[str]:
+    return [text.get_text() for text in figure.axes[0].get_legend().get_texts()]  # type: ignore[attr-defined]
+
+
+def test_error_against_unknowns(found: AdaptiveSolution, tmp_path: Path) -> None:
+    figure = plot_adaptive(found, title="title")
+    axes = figure.axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == ("unknowns", "relative error", "title")
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    curve = axes.lines[0]
+    np.testing.assert_allclose(curve.get_xdata(), [level.unknowns for level in found.levels])
+    np.testing.assert_allclose(curve.get_ydata(), [level.distance.relative for level in found.levels])
+    assert curve.get_markerfacecolor() == "white"  # an estimate
+    assert any("estimate" in label for label in labels(figure))
+    assert not any("guaranteed" in label for label in labels(figure))
+    assert "asked for: 12 %" in labels(figure)
+    assert "order 1/2 in the unknowns" in labels(figure)
+    assert save(figure, tmp_path / "a.pdf").stat().st_size > 3000
+
+
+def test_meshes_from_coarse_to_fine(found: AdaptiveSolution) -> None:
+    figure = plot_meshes(found, unit="mm")
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[0].startswith(f"{found.levels[0].unknowns} unknowns")
+    assert titles[-1].startswith(f"{found.levels[-1].unknowns} unknowns\nerror about")
+    assert figure.axes[0].get_ylabel() == "y (mm)"
+    edges = figure.axes[-1].collections[0].get_segments()  # type: ignore[attr-defined]
+    mesh = found.solution.problem.field.mesh  # type: ignore[union-attr]
+    assert len(edges) == len(mesh.edges)
+
+
+def test_a_goal_has_curves_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adaptive, "body_constants", estimated)
+    found = hv.solve_adaptive(survey("5.1", 4), goal="contact.bottom.force.y", rtol=1e-3, max_unknowns=100)
+    figure = plot_adaptive(found)
+    assert sum("contact.bottom.force.y" in label for label in labels(figure)) == 2
+    assert "order 1 in the unknowns" in labels(figure)
+    assert plot_meshes(found).get_suptitle() == "contact.bottom.force.y"
+
+
+def test_in_space(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adaptive, "body_constants", estimated)
+    found = hv.solve_adaptive(survey_cube("5.1", 2), rtol=0.1, max_unknowns=60)
+    figure = plot_meshes(found)
+    assert len(figure.axes) == len(found.levels)
+    assert all("unknowns" in axes.get_title() for axes in figure.axes)
+
+
+def test_the_table(found: AdaptiveSolution, tmp_path: Path) -> None:
+    file = adaptive_table(found).write_csv(tmp_path / "a.csv")
+    rows = list(csv.DictReader(file.open()))
+    assert [int(row["unknowns"]) for row in rows] == [level.unknowns for level in found.levels]
+    assert float(rows[-1]["relative_bound"]) == found.distance.relative
+    assert {row["guaranteed"] for row in rows} == {"0.0"}
+
+
+def test_values_of_cells_that_do_not_fit_are_refused(found: AdaptiveSolution, tmp_path: Path) -> None:
+    with pytest.raises(ProblemError, match="cell values 'indicator' have shape"):
+        write_vtu(found.solution, tmp_path / "a.vtu", {"indicator": np.zeros(3)})
+
+
+def test_nothing_to_draw() -> None:
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 4), material=hv.Material.lame(4.0, 4.0), supports={"left": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.Tresca(hv.CoulombBound(0.2)))}, body_force=(0.1, -0.3),
+    )  # fmt: skip
+    found = hv.solve_adaptive(problem)
+    assert found.ended is AdaptiveEnd.NO_BOUND
+    with pytest.raises(ProblemError, match="no mesh of this adaptive solve has a distance"):
+        plot_adaptive(found)
+    assert "no bound of the error" in plot_meshes(found).axes[0].get_title()
