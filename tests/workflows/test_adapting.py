@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-import hemivar as hv
-from hemivar.adapt import LowerBounds, trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.gallery import antiplane_friction, survey
 from hemivar.workflows import (
@@ -19,21 +17,6 @@ from hemivar.workflows import (
     result_of,
     run,
 )
-
-_KNOWN: list[LowerBounds] = []
-
-
-@pytest.fixture(autouse=True)
-def _once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Trace constants of the body are computed once."""
-    compute = trace_bounds.lower_bounds
-
-    def kept(problem: hv.ContactProblem) -> LowerBounds:
-        if not _KNOWN:
-            _KNOWN.append(compute(problem))
-        return _KNOWN[0]
-
-    monkeypatch.setattr(trace_bounds, "lower_bounds", kept)
 
 
 def test_every_mesh_is_an_event_and_the_last_solution_is_certified() -> None:

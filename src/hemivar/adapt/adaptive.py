@@ -226,7 +226,8 @@ def solve_adaptive(problem: ContactProblem, *, rtol: float = 0.01, **options: ob
     Raises
     ------
     ProblemError
-        Elements are quadratic in space, no distance to an exact solution is known for the problem, or it has no such goal.
+        Elements are quadratic in space, no distance to an exact solution is known for the problem, or it has no such
+        goal.
     """
     return result_of(solving_adaptive(problem, rtol=rtol, **options))  # type: ignore[arg-type]
 

@@ -81,6 +81,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
         contact=parts.contact,
         oscillation=parts.oscillation,
         algebraic=parts.algebraic,
+        correction=parts.correction,
         gap=parts.gap,
         constant=found.constant,
         seconds=seconds,

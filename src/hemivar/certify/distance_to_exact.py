@@ -33,6 +33,8 @@ class DistanceToExact:
     misfit, contact, oscillation, algebraic : float
         Parts of the bound before the margin divides their sum: what the elements do not resolve, the contact force,
         the loads, and what the displacement lacks for equilibrium.
+    correction : float
+        Added after that division: by how much a quadratic trace had to be moved to keep to a rigid law between nodes.
     gap : float
         The part of contact points that change between pieces of the law, a work.
     constant : float
@@ -49,6 +51,7 @@ class DistanceToExact:
     contact: float = math.nan
     oscillation: float = math.nan
     algebraic: float = math.nan
+    correction: float = 0.0
     gap: float = math.nan
     constant: float = math.nan
     seconds: float = 0.0
@@ -91,8 +94,8 @@ class DistanceToExact:
 
     @property
     def parts(self) -> dict[str, float]:
-        """The four parts in the unit of the bound, by name."""
-        names = ("misfit", "contact", "oscillation", "algebraic")
+        """The parts in the unit of the bound, by name."""
+        names = ("misfit", "contact", "oscillation", "algebraic", "correction")
         return {name: getattr(self, name) for name in names if math.isfinite(getattr(self, name))}
 
     def record(self) -> dict[str, Any]:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-import os
 import platform
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Generator
 from dataclasses import dataclass
 
+from hemivar.basics.machine import cores, import_fails, system
 from hemivar.basics.memory import available_bytes
 from hemivar.workflows.events import Stage
 
@@ -138,7 +136,7 @@ def diagnose(*, limit: float = 30.0) -> Generator[Stage, bool | None, Diagnosis]
             optional.append(Part(name, None, serves, remedy))
             continue
         yield Stage(f"importing {name}", number, len(_OPTIONAL) + 1)
-        broken = _import_fails(module, limit)
+        broken = import_fails(module, limit)
         optional.append(Part(name, version, serves, remedy if broken else "", broken))
     for name, serves, remedy in _PROGRAMS:
         found = shutil.which(name)
@@ -148,20 +146,19 @@ def diagnose(*, limit: float = 30.0) -> Generator[Stage, bool | None, Diagnosis]
     if all(part.works for part in required):
         yield Stage("solving a small problem", len(_OPTIONAL), len(_OPTIONAL) + 1)
         seconds, failed = _tried()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = _threads()
     return Diagnosis(
         version=__version__,
         python=platform.python_version(),
-        system=f"{platform.system()} {platform.release()} {platform.machine()}",
-        cores=cores,
+        system=system(),
+        cores=cores(),
         memory=available_bytes(),
         required=required,
         optional=tuple(optional),
         threads=threads,
         seconds=seconds,
         failed=failed,
-        remarks=_remarks(required, tuple(optional), threads, cores, failed),
+        remarks=_remarks(required, tuple(optional), threads, cores(), failed),
     )
 
 
@@ -178,21 +175,6 @@ def _absent(package: str, module: str) -> tuple[str, str | None]:
         return f"pip install {package}", None
     missing = importlib.util.find_spec(module) is None
     return (f"pip install --force-reinstall {package}", f"module {module} cannot be found") if missing else ("", None)
-
-
-def _import_fails(module: str, limit: float) -> str | None:
-    """Why an import fails, None where it does not."""
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", f"import {module}"],
-            capture_output=True, text=True, timeout=limit, stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return f"its import takes more than {limit:g} s"
-    if done.returncode == 0:
-        return None
-    lines = done.stderr.strip().splitlines()
-    return lines[-1] if lines else f"its import ends the process with code {done.returncode}"
 
 
 def _threads() -> tuple[tuple[str, int], ...]:
@@ -226,7 +208,7 @@ def _remarks(
     required: tuple[Part, ...],
     optional: tuple[Part, ...],
     threads: tuple[tuple[str, int], ...],
-    cores: int,
+    available: int,
     failed: str | None,
 ) -> tuple[str, ...]:
     said = [f"{part.name} is missing or broken; {part.remedy}" for part in required if not part.works]
@@ -234,8 +216,8 @@ def _remarks(
         said.append(f"a small problem cannot be solved ({failed}); please report it with all of this")
     said += [f"{part.name} is there but cannot be used ({part.broken})" for part in optional if part.broken]
     for library, count in threads:
-        if count > cores:
-            said.append(f"{library} takes {count} threads on {cores} cores; set OMP_NUM_THREADS={cores}")
+        if count > available:
+            said.append(f"{library} takes {count} threads on {available} cores; set OMP_NUM_THREADS={available}")
     names = {part.name: part for part in optional}
     if names["petsc4py"].works != names["mpi4py"].works:
         lacking = "mpi4py" if names["petsc4py"].works else "petsc4py"
