@@ -27,9 +27,7 @@ __all__ = ["Memory", "NonsmoothMultigrid"]
 #: Relative residual up to which coarser meshes are solved, and the most steps there.
 _NESTED, _NESTED_STEPS = 1e-3, 15
 #: Part of the distance to the contact conditions that is left when conjugate gradients end early.
-_PATIENCE = 1.0
-#: Iterations of conjugate gradients after each of which these are looked at; later after every second one.
-_WATCHED = 4
+_PATIENCE = 0.7
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
 #: What rounding makes of the energy, relative to its parts, along a line and over a step; and what a move of one point
@@ -423,9 +421,8 @@ class _Enough:
     def __call__(self, iteration: int, step: Array) -> Array:
         at, late = self.equation, bool(self.budget.due())
         system, law, weights = at.system, at.system.law, at.system.weights[:, None]
-        watched = 1 < iteration <= _WATCHED or not iteration % 2
-        pulled = system.pull(step) if watched else np.zeros(0)  # by all processes, whether they are late or not
-        if late or not watched:
+        pulled = system.pull(step) if iteration > 1 else np.zeros(0)  # by all processes, whether they are late or not
+        if late or iteration < 2:
             return np.full(1, np.inf if late else 0.0)
         way = system.spread(step[system.unknown])
         aim = np.where(at.moving, law.clamp(at.r, at.r + way), at.r)
