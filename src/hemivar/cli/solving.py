@@ -12,6 +12,7 @@ from hemivar.cli.options import (
     ENGINES,
     EngineName,
     Exit,
+    Given,
     MaxSteps,
     MaxTime,
     ProblemPath,
@@ -87,6 +88,7 @@ def solve(
     plot_meshes: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the meshes, coarse to fine (adaptive).")
     ] = None,
+    given: Given = None,
 ) -> int:
     """Solve a contact problem."""
     limits = rtol, max_time, max_steps
@@ -116,10 +118,10 @@ def solve(
             check_outputs(outputs, problem)
             check_limits(*limits)
 
-        return run_on_ranks(problem, outputs, restart, limits, check, quiet)
+        return run_on_ranks(problem, outputs, restart, limits, check, quiet, given)
     _refuse({"--checkpoint": checkpoint, "--restart": restart}, "petsc")
     named = None if method is None else method_named(method)
-    session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits)
+    session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits, given=given)
     stated, writer = session.stated, session.writer
     check_drawable(stated, plot_contact, render)
     controls = session.controls
