@@ -154,6 +154,7 @@ _EXPORTS = {
         "When",
         "march",
     ),
+    "hemivar.workflows": ("Study", "Sweep", "study", "sweep"),
 }
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
@@ -317,3 +318,4 @@ if TYPE_CHECKING:
         solve_nested,
     )
     from hemivar.systems import Workspace, condense
+    from hemivar.workflows import Study, Sweep, study, sweep

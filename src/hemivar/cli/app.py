@@ -25,7 +25,9 @@ from hemivar.cli.marching import march
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import check_outputs, internal_error, one_line
 from hemivar.cli.solving import solve
+from hemivar.cli.study import study
 from hemivar.cli.survey_runs import survey
+from hemivar.cli.sweep import sweep
 from hemivar.cli.terminal import Stream, guarded_streams, quiet_warnings, signals_as_interrupts
 from hemivar.errors import HemivarError, ProblemError
 
@@ -174,7 +176,7 @@ def methods() -> int:
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    solve, certify, solutions, path, march, history, animate, compare, survey, new, laws, methods, doctor,
+    solve, certify, solutions, path, march, history, animate, compare, study, sweep, survey, new, laws, methods, doctor,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__)(_command)
