@@ -54,7 +54,9 @@ def march(
             for given, suffix in ((fields, ".pvd"), (table, ".csv"), (checkpoint, ".ckpt"))
         )
     outputs = {"--fields": fields, "--table": table, "--json": json, "--plot": plot, "--animation": animation}
-    options = MarchOptions(until, step, adaptive, every, scheme, jump, minutes, resume, rtol, max_time, tuple(given or ()))
+    options = MarchOptions(
+        until, step, adaptive, every, scheme, jump, minutes, resume, rtol, max_time, tuple(given or ())
+    )
     check_engine(engine)
 
     def begin() -> None:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hemivar.basics.disk import shown
 from hemivar.cli.options import Exit, Given, MaxSteps, MaxTime, ProblemPath, Rtol, method_named
+from hemivar.cli.outputs import one_line
 from hemivar.cli.session import Session, naming_file
 from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import HemivarError, ProblemError
@@ -22,9 +24,7 @@ __all__ = ["study"]
 def study(
     problem: ProblemPath,
     refine: Annotated[int, typer.Option(metavar="N", help="How often the mesh is halved.")] = 3,
-    coarser: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Begin so many meshes coarser than the file's.")
-    ] = 0,
+    coarser: Annotated[int, typer.Option(metavar="N", min=0, help="Begin so many meshes coarser than the file's.")] = 0,
     exact: Annotated[
         list[str] | None,
         typer.Option(metavar="FORMULA", help="Exact solution of x and y, once for each component (the finest mesh)."),
@@ -61,7 +61,9 @@ def study(
         )
     options = StudyOptions(refine, exact or None, solver, session.controls)
     terminal = console()
-    print(session.stated.problem.title or stated.name)
+    print(one_line(stated.problem.title) or shown(stated.name))
+    for change in stated.changes:
+        print(f"set               {shown(change)}")
     try:
         with StageView(terminal) as view:
             found = result_of(studying(stated.problem.on(meshes[-1 - coarser]), options), view)
@@ -69,11 +71,10 @@ def study(
         raise naming_file(error, stated.name) from error
     table = study_table(found)
     print()
-    print_table(terminal, table)
+    print_table(terminal, study_table(found, brief=True))
     _print_orders(found)
-    title = session.stated.problem.title
     writer.write("--csv", csv, table.write_csv)
-    writer.write("--latex", latex, study_table(found, title).write_latex)
+    writer.write("--latex", latex, study_table(found, stated.problem.title).write_latex)
     writer.write_record(json, _record(found, stated.name))
 
     def draw(file: Path) -> None:

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import Exit, MaxTime, ProblemPath, Rtol, check_limits, controls_of
-from hemivar.cli.outputs import check_outputs, files_of, keep_off
+from hemivar.cli.options import Exit, ProblemPath, Rtol, check_limits, controls_of
+from hemivar.cli.outputs import check_outputs, files_of, keep_off, one_line
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import ProblemError
@@ -33,7 +33,8 @@ def sweep(
     ] = None,
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=_MOST_JOBS, help="Processes that work at once.")] = 1,
     keep: Annotated[
-        Path | None, typer.Option(metavar="FILE.jsonl", help="Where points are kept, to go on from (a name of its own).")
+        Path | None,
+        typer.Option(metavar="FILE.jsonl", help="Where points are kept, to go on (own name)."),
     ] = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
     latex: Annotated[Path | None, typer.Option(metavar="FILE.tex", help="Write the table for LaTeX.")] = None,
@@ -80,7 +81,9 @@ def sweep(
         keep_off(files_of({"--keep": keep}), writer.inputs)
     points = math.prod(len(axis.values) for axis in axes)
     terminal = console()
-    print(stated.problem.title or stated.name)
+    print(one_line(stated.problem.title) or shown(stated.name))
+    for change in changes:
+        print(f"set               {shown(change)}")
     print(f"parameters        {', '.join(f'{axis.key} ({len(axis.values)})' for axis in axes)}: {points} points")
     with StageView(terminal) as view:
         found = result_of(sweeping(problem, axes, SweepOptions(search, jobs, keep, changes)), view)

@@ -15,7 +15,7 @@ from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape
 from hemivar.formula import TIME, Formula
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 
-__all__ = ["ErrorNorms", "KnownField", "energy_density", "error_norms"]
+__all__ = ["ErrorNorms", "KnownField", "energy_density", "error_norms", "voigt_strain"]
 
 #: By how much the degree of the quadrature is higher where formulas are integrated.
 _HIGHER = 4
@@ -117,15 +117,20 @@ def error_norms(problem: Statement, values: Array, known: KnownField | None = No
     return ErrorNorms(math.sqrt(max(energy, 0.0)), math.sqrt(square))
 
 
-def energy_density(
-    problem: Statement, places: Array, gradient: Array, masks: Mapping[str, BoolArray]
-) -> Array:
+def energy_density(problem: Statement, places: Array, gradient: Array, masks: Mapping[str, BoolArray]) -> Array:
     """``eps : C eps`` or ``A g . g`` of gradients (k, components, d) at places (k, d), shape (k,)."""
     if isinstance(problem, ScalarProblem):
         tensor = problem.coefficients(places, masks)
         return np.asarray(np.einsum("mij,mi,mj->m", tensor, gradient[:, 0], gradient[:, 0]))
-    tensor = problem.material.stiffness_tensor(places, masks)
-    strain = np.zeros((len(places), tensor.shape[1]))
-    for (i, j), place in np.ndenumerate(voigt_index(problem.mesh.dim)):
-        strain[:, place] += 0.5 * (gradient[:, i, j] + gradient[:, j, i])
-    return np.asarray(np.einsum("mi,mij,mj->m", strain, tensor, strain))
+    strain = voigt_strain(gradient)
+    return np.asarray(np.einsum("mi,mij,mj->m", strain, problem.material.stiffness_tensor(places, masks), strain))
+
+
+def voigt_strain(gradient: Array) -> Array:
+    """Strains of gradients (k, d, d), shear components doubled, in the order of elasticity matrices; (k, v)."""
+    dim = gradient.shape[1]
+    strain = np.zeros((len(gradient), dim * (dim + 1) // 2))
+    for i, row in enumerate(voigt_index(dim).astype(int).tolist()):
+        for j, place in enumerate(row):
+            strain[:, place] += 0.5 * (gradient[:, i, j] + gradient[:, j, i])
+    return strain

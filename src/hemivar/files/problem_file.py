@@ -177,8 +177,8 @@ def parse_problem_file(
 ) -> ProblemFile:
     """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
 
-    ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.  ``changes``
-    are put in place of what the file says, before anything of it is read.
+    ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
+    ``changes`` are put in place of what the file says, before anything of it is read.
     """
     try:
         data = tomllib.loads(text)

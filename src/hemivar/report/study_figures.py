@@ -22,8 +22,6 @@ __all__ = ["plot_study", "plot_sweep"]
 
 _CURVES = {"energy": "energy norm", "displacement": r"$L^2$ norm", "pressure": "contact pressure"}
 _MARKS = ("o", "s", "^")
-#: Colours of 1, 2, ... solutions, told apart in print without colours by their lightness; more share the last.
-_COUNTS = ("#f2f2f2", "#9ecae1", "#2171b5", "#08306b", "#7f2704")
 #: Values of a parameter that get a tick each where they are no numbers, or few.
 _TICKS = 12
 
@@ -34,8 +32,8 @@ _TICKS = 12
 def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Axes | None = None) -> Figure:
     """Relative errors over the mesh size on logarithmic scales, each with a triangle of its slope.
 
-    The slope of a triangle is the fitted order, rounded to a half.  Hollow marks stand for a mesh next to the reference,
-    with which it shares errors; the fit leaves it out.
+    The slope of a triangle is the fitted order, rounded to a half.  Hollow marks stand for a mesh next to the
+    reference, with which it shares errors; the fit leaves it out.
 
     Parameters
     ----------
@@ -71,7 +69,7 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
             colour, order = SERIES[number], study.orders[name]
             text = _CURVES[name] + ("" if math.isnan(order) else f", order {order:.2f}")
             ax.plot(sizes, values, color=colour, marker=_MARKS[number], ms=5.0, label=text)
-            shared = ~study.trusted
+            shared = np.logical_not(study.trusted)
             ax.plot(sizes[shared], values[shared], ls="", color=colour, marker=_MARKS[number], ms=5.0, mfc="white")
             _triangle(ax, sizes, values, order, colour, above=name == highest and len(curves) > 1)
         ax.set_xscale("log")
@@ -149,7 +147,7 @@ def plot_sweep(sweep: Sweep, *, labels: Sequence[str] = (), title: str | None = 
     """
     if len(sweep.axes) > 2:
         raise ProblemError(f"a sweep over {len(sweep.axes)} parameters cannot be drawn; sweep one or two")
-    if not any(not point.failed for point in sweep.points):
+    if not any(point.count for point in sweep.points):
         raise ProblemError("no point of the sweep has a result that could be drawn")
     names = [*labels, *(axis.key for axis in sweep.axes[len(labels) :])]
     with drawing():
@@ -163,7 +161,7 @@ def _curves(sweep: Sweep, name: str, title: str | None) -> Figure:
     fig = Figure(figsize=(4.0, 3.8), layout="constrained")
     above, below = fig.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     (axis,) = sweep.axes
-    x = np.arange(len(axis.values), dtype=float) if axis.numbers is None else axis.numbers
+    x = _places(axis)
     order = np.argsort(x)
     margin, count = sweep.margin[order], sweep.count[order]
     x, sure = x[order], sweep.exhaustive[order] == 1.0
@@ -203,8 +201,10 @@ def _failed(sweep: Sweep) -> list[Any]:
 
 
 def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
+    import matplotlib
     from matplotlib.colors import BoundaryNorm, ListedColormap, TwoSlopeNorm
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     fig = Figure(figsize=(6.3, 2.9), layout="constrained")
     left, right = fig.subplots(1, 2, sharex=True, sharey=True)
@@ -218,16 +218,20 @@ def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
     drawn = left.pcolormesh(x, y, shown.T, cmap="PuOr", norm=norm, rasterized=margin.size > 2500)
     bar = fig.colorbar(drawn, ax=left, label="margin $1 - c$")
     bar.ax.axhline(0.0, color="black", lw=0.8)
-    most = int(np.nanmax(count))
-    colours = [_COUNTS[min(k, len(_COUNTS)) - 1] for k in range(1, max(most, 1) + 1)]
-    levels = np.arange(0.5, len(colours) + 1.0)
+    numbers = np.unique(count[np.isfinite(count) & (count > 0)]).astype(int)
+    kind = np.searchsorted(numbers, np.where(np.isfinite(count) & (count > 0), count, numbers[0])).astype(float)
+    kind[~(count > 0)] = np.nan
+    shades = matplotlib.colormaps["viridis_r"](np.linspace(0.12, 1.0, max(len(numbers) - 1, 1)))
+    colours = [(0.95, 0.95, 0.95, 1.0), *shades][: len(numbers)]
     blocks = right.pcolormesh(
-        x, y, np.ma.masked_less(np.ma.masked_invalid(count), 1).T, cmap=ListedColormap(colours),
-        norm=BoundaryNorm(levels, len(colours)), rasterized=count.size > 2500,
+        x, y, np.ma.masked_invalid(kind).T, cmap=ListedColormap(colours),
+        norm=BoundaryNorm(np.arange(-0.5, len(numbers)), len(numbers)), rasterized=count.size > 2500,
     )  # fmt: skip
-    ticks = range(1, len(colours) + 1, max(1, len(colours) // 6))
-    fig.colorbar(blocks, ax=right, label="number of solutions", ticks=list(ticks))
-    middles = [axis.numbers if axis.numbers is not None else np.arange(len(axis.values)) for axis in sweep.axes]
+    every = max(1, len(numbers) // 10)
+    told = fig.colorbar(blocks, ax=right, label="number of solutions", ticks=np.arange(0, len(numbers), every))
+    told.ax.set_yticklabels([str(number) for number in numbers[::every]])
+    told.ax.minorticks_off()
+    middles = [_places(axis) for axis in sweep.axes]
     _zero(left, middles, margin)
     _zero(right, middles, margin)
     for point in sweep.points:
@@ -238,6 +242,10 @@ def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
     for panel in (left, right):
         panel.set_xlabel(names[0])
         for axis, way in zip(sweep.axes, "xy", strict=True):
+            if axis.numbers is not None:
+                (panel.xaxis if way == "x" else panel.yaxis).set_major_locator(
+                    MaxNLocator(nbins=5 if way == "x" else 8)
+                )
             _ticks(panel, axis, way)
     left.set_ylabel(names[1])
     if title:
@@ -253,11 +261,17 @@ def _zero(panel: Axes, middles: Sequence[Array], margin: Array) -> None:
     panel.contour(middles[0], middles[1], margin.T, levels=[0.0], colors="black", linewidths=1.0, linestyles="--")
 
 
+def _places(axis: SweepAxis) -> Array:
+    """Where the values of an axis stand: at their numbers, or one after the other."""
+    return np.arange(len(axis.values), dtype=float) if axis.numbers is None else axis.numbers
+
+
 def _edges(axis: SweepAxis) -> Array:
     """Ends of the cells around the values of an axis."""
-    x = np.arange(len(axis.values), dtype=float) if axis.numbers is None else axis.numbers
+    x = _places(axis)
     if len(x) == 1:
-        return x[0] + 0.5 * max(abs(float(x[0])), 1.0) * np.array([-1.0, 1.0])
+        half = 0.5 * max(abs(float(x[0])), 1.0)
+        return np.array([x[0] - half, x[0] + half])
     between = 0.5 * (x[1:] + x[:-1])
     return np.concatenate([[2 * x[0] - between[0]], between, [2 * x[-1] - between[-1]]])
 

@@ -11,7 +11,7 @@ from hemivar.workflows.sweep import Sweep
 __all__ = ["study_table", "sweep_table"]
 
 
-def study_table(study: Study, title: str = "", *, relative: bool = False) -> Table:
+def study_table(study: Study, title: str = "", *, relative: bool = False, brief: bool = False) -> Table:
     """One line for each mesh: size, unknowns, errors with the order from the mesh before, energy, normal force, status.
 
     Parameters
@@ -20,12 +20,14 @@ def study_table(study: Study, title: str = "", *, relative: bool = False) -> Tab
     title : str, optional
     relative : bool
         Errors relative to the norms of the reference.
+    brief : bool
+        Without energy and force, and without the status where all solves converged.
     """
     names = study.quantities
     columns = ["h", "unknowns"]
     for name in names:
-        columns += [f"{name} error", f"{name} order"]
-    columns += ["energy", "normal force", "status"]
+        columns += [name, "order"] if brief else [f"{name} error", f"{name} order"]
+    columns += ["status"] * (not study.converged) if brief else ["energy", "normal force", "status"]
     errors = {name: study.relative(name) if relative else study.errors(name) for name in names}
     steps = {name: study.steps(name) for name in names}
     rows = []
@@ -36,7 +38,8 @@ def study_table(study: Study, title: str = "", *, relative: bool = False) -> Tab
             error, order = float(errors[name][number]), float(steps[name][number])
             row += [None if math.isnan(error) else error, None if math.isnan(order) else round(order, 2)]
         force = float(solution.normal_force) if solution.problem.contact_points else None
-        rows.append((*row, float(solution.energy), force, solution.status.value))
+        last: list[object] = [float(solution.energy), force, solution.status.value]
+        rows.append((*row, *(last[2:] * (not study.converged) if brief else last)))
     return Table(tuple(columns), tuple(rows), title)
 
 
@@ -57,9 +60,7 @@ def sweep_table(sweep: Sweep, title: str = "") -> Table:
     rows = []
     for point in sweep.points:
         values = (one if isinstance(one, int | float | str) else str(one) for one in sweep.values(point))
-        lowest = (
-            (point.energies[0], point.penetrations[0], point.forces[0]) if point.energies else (None, None, None)
-        )
+        lowest = (point.energies[0], point.penetrations[0], point.forces[0]) if point.energies else (None, None, None)
         others = None if point.failed else "no" if point.exhaustive else "perhaps"
         margin = None if math.isnan(point.margin) else point.margin
         counts = (None, None) if point.failed else (point.count, point.minima)

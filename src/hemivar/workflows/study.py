@@ -13,11 +13,11 @@ import numpy as np
 
 from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.generators import result_of
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
 from hemivar.fem.elements import voigt_index
-from hemivar.fem.error_norms import KnownField, error_norms
+from hemivar.fem.error_norms import KnownField, error_norms, voigt_strain
 from hemivar.fem.transfer import interpolation_matrix
 from hemivar.files.problem_file import read_problem_file
 from hemivar.mechanics import Statement
@@ -166,13 +166,13 @@ class Study:
     def orders(self) -> dict[str, float]:
         """The order of each quantity, fitted to the errors on the finest four meshes that can be trusted.
 
-        Where the finest mesh is the reference, the mesh before it shares much of its error, which makes its own look too
-        small: it is left out.  nan with fewer than two meshes.
+        Where the finest mesh is the reference, the mesh before it shares much of its error, which makes its own look
+        too small: it is left out.  nan with fewer than two meshes.
         """
         return {name: observed_order(self.sizes[self.trusted], self.errors(name)[self.trusted]) for name in QUANTITIES}
 
     @property
-    def trusted(self) -> Array:
+    def trusted(self) -> BoolArray:
         """Which meshes are far enough from the reference, bool (k,)."""
         count = len(self.levels)
         return np.arange(count) < (count if self.reference == "exact solution" else max(count - 2, 0))
@@ -299,12 +299,9 @@ def _pressure(solution: Solution, stated: Statement, known: KnownField) -> Array
     if stated.mesh.regions and not stated.material.homogeneous:
         return np.full(contact.count, np.nan)  # a point may lie between two materials
     slope = known.gradients(points)
-    index = voigt_index(stated.mesh.dim)
-    tensor = stated.material.stiffness_tensor(points)
-    strain = np.zeros((len(points), tensor.shape[1]))
-    for (i, j), place in np.ndenumerate(index):
-        strain[:, place] += 0.5 * (slope[:, i, j] + slope[:, j, i])
-    stress = np.einsum("mij,mj->mi", tensor, strain)[:, index]
+    strain = voigt_strain(slope)
+    stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), strain)
+    stress = stress[:, voigt_index(stated.mesh.dim)]
     return np.asarray(-np.einsum("mi,mij,mj->m", normal, stress, normal))
 
 

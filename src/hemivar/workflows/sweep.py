@@ -11,7 +11,7 @@ import os
 import re
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -265,8 +265,9 @@ def sweeping(
 ) -> Work[Sweep]:
     """Find the solutions of a problem for every combination of some values of its parameters, and the margin.
 
-    Every point is computed by itself, with one thread, so that its numbers depend neither on the number of processes nor
-    on what was kept of earlier work.  A point at which the problem cannot be stated or solved has failed, with its note.
+    Every point is computed by itself, with one thread, so that its numbers depend neither on the number of processes
+    nor on what was kept of earlier work.  A point at which the problem cannot be stated or solved has failed, with a
+    note.
 
     Yields :class:`Stage` and :class:`Swept` for every point.  An interruption ends the work with what is done.
 
@@ -294,7 +295,9 @@ def sweeping(
     elif callable(problem):
         source = problem
     else:
-        raise ProblemError(f"sweep: the problem is {described(problem)}; give the path of a problem file, or a function")
+        raise ProblemError(
+            f"sweep: the problem is {described(problem)}; give the path of a problem file, or a function"
+        )
     places = list(itertools.product(*(range(len(axis.values)) for axis in given)))
     record = None if options.keep is None else SweepRecord(options.keep, sweep_digest(problem, given, options), keys)
     done = {} if record is None else {point.place: point for point in record.among(places)}
@@ -420,7 +423,7 @@ def _found(task: _Task) -> SweepPoint:
 # ---- many of them ----------------------------------------------------------------------------------------------
 
 
-def _computed(tasks: Sequence[_Task], jobs: int) -> Iterator[SweepPoint]:
+def _computed(tasks: Sequence[_Task], jobs: int) -> Generator[SweepPoint, None, None]:
     """The points, one after the other here, or as they come from processes."""
     jobs = min(jobs, len(tasks))
     if jobs <= 1:
