@@ -28,7 +28,7 @@ def sweep(
         typer.Option(
             "--set",
             metavar="KEY=LOW:HIGH:COUNT",
-            help="A range of a key of the file (:log at its end for even steps of the logarithm), or a value KEY=VALUE.",
+            help="A range of a key of the file (with :log in the logarithm), or a value KEY=VALUE.",
         ),
     ] = None,
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=_MOST_JOBS, help="Processes that work at once.")] = 1,
