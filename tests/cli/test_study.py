@@ -155,8 +155,9 @@ def test_a_sweep_of_processes_is_interrupted_and_goes_on(block: Path) -> None:
     command += ["--keep", "a.jsonl", "--csv", "a.csv"]
     kept = Path("a.jsonl")
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # whatever the tests were started with
+    )  # fmt: skip
     end = time.monotonic() + 120.0
     while time.monotonic() < end and (not kept.exists() or kept.read_text().count("\n") < 5):
         time.sleep(0.05)
