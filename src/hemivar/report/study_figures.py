@@ -244,7 +244,7 @@ def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
         for axis, way in zip(sweep.axes, "xy", strict=True):
             if axis.numbers is not None:
                 (panel.xaxis if way == "x" else panel.yaxis).set_major_locator(
-                    MaxNLocator(nbins=5 if way == "x" else 8)
+                    MaxNLocator(nbins=4 if way == "x" else 8)
                 )
             _ticks(panel, axis, way)
     left.set_ylabel(names[1])
