@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+import hemivar as hv
 from hemivar import cli
 from hemivar.files.problem_file import read_problem_file
 from hemivar.files.sample import TEMPLATES, template
@@ -107,6 +108,16 @@ def test_sweep_counts_keeps_and_goes_on(block: Path, capsys: pytest.CaptureFixtu
     assert kept.read_bytes() == before
     assert cli.main(["sweep", str(block)]) == 2
     assert "give a range with --set" in capsys.readouterr().err
+
+
+def test_values_beside_the_ranges_hold_at_every_point(block: Path) -> None:
+    given = ["sweep", str(block), "--set", "loads.body.1=-0.4", "--set", "contact.bottom.normal.q_max=0.1:0.2:2"]
+    assert cli.main([*given, "--keep", "a.jsonl", "--csv", "a.csv"]) == 0
+    rows = list(csv.DictReader(Path("a.csv").read_text().splitlines()))
+    for row, q in zip(rows, (0.1, 0.2), strict=True):
+        text = block_file(2).replace("q_max = 0.3", f"q_max = {q}").replace("[-0.8, -0.8]", "[-0.8, -0.4]")
+        block.write_text(text)
+        assert float(row["energy"]) == pytest.approx(hv.solve(hv.read_problem(block)).energy, rel=1e-9)
 
 
 def test_a_sweep_with_failed_points_is_told(block: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -37,6 +37,11 @@ def test_orders_of_linear_elements_are_those_of_theory(exact: hv.Study) -> None:
     assert exact.orders["displacement"] == pytest.approx(2.0, abs=0.05)
     assert exact.orders["pressure"] >= 1.5
     assert np.isnan(exact.steps("energy")[0])
+    for level in exact.levels:
+        contact = level.solution.contact
+        assert contact.points is not None
+        off = level.solution.pressure - 0.6 * (2.0 + np.cos(np.pi * contact.points[:, 0]))
+        assert level.pressure == pytest.approx(float(np.sqrt(contact.weights @ off**2)), rel=1e-9)
     by_hand = math.log(exact.errors("energy")[1] / exact.errors("energy")[2]) / math.log(2.0)
     assert exact.steps("energy")[2] == pytest.approx(by_hand, rel=1e-12)
 
@@ -57,6 +62,15 @@ def test_the_finest_mesh_is_a_reference_and_what_it_shares_is_left_out(
     # less that of the finest mesh
     true = exact.errors("energy")
     np.testing.assert_allclose(found.errors("energy")[:-1] ** 2, true[:-1] ** 2 - true[-1] ** 2, rtol=2e-2)
+    fine = found.levels[-1].solution
+    assert fine.contact.points is not None
+    x = fine.contact.points[:, 0]
+    for level in found.levels[:-1]:
+        assert level.solution.contact.points is not None
+        order = np.argsort(level.solution.contact.points[:, 0])
+        coarse = np.interp(x, level.solution.contact.points[order, 0], level.solution.pressure[order])
+        by_hand = float(np.sqrt(fine.contact.weights @ (coarse - fine.pressure) ** 2))
+        assert level.pressure == pytest.approx(by_hand, rel=1e-9)
     assert found.trusted.tolist() == [True, True, False, False]
     assert found.steps("energy")[2] > found.steps("energy")[1] + 0.1  # the error that is shared
     assert found.orders["energy"] == pytest.approx(found.steps("energy")[1], rel=1e-9)
@@ -81,6 +95,7 @@ def test_norms_in_closed_form() -> None:
     nodal = np.column_stack([1.0 + 2.0 * x - y, 3.0 * x + 0.5 * y])
     assert error_norms(problem, nodal, KnownField(["1 + 2*x - y", "3*x + 0.5*y"])).energy == pytest.approx(0, abs=1e-14)
     assert error_norms(problem, nodal).energy ** 2 == pytest.approx(4 * 2.5**2 + 8 * (4 + 0.25 + 2 * 1), rel=1e-12)
+    assert error_norms(problem, nodal).mean_square ** 2 == pytest.approx(6.5, rel=1e-12)
 
 
 def test_errors_do_not_depend_on_units(problem: hv.ContactProblem, exact: hv.Study) -> None:

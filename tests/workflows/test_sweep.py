@@ -202,6 +202,8 @@ def test_arguments_that_make_no_sense() -> None:
             hv.sweep(softening_bar, axes)  # type: ignore[arg-type]
     with pytest.raises(ProblemError, match="give the path of a problem file"):
         hv.sweep(softening_bar(0.1, 1.0), AXES)  # type: ignore[arg-type]
+    with pytest.raises(ProblemError, match="write its function with def at the top level of a module"):
+        hv.sweep(lambda a: softening_bar(a, 1.0), {"a": LOADS}, jobs=2)
     with pytest.raises(ProblemError, match="jobs is 0"):
         SweepOptions(jobs=0)
 

@@ -8,6 +8,7 @@ import itertools
 import math
 import multiprocessing
 import os
+import pickle
 import re
 import signal
 import threading
@@ -429,6 +430,13 @@ def _computed(tasks: Sequence[_Task], jobs: int) -> Generator[SweepPoint, None, 
     if jobs <= 1:
         yield from map(_point, tasks)
         return
+    try:
+        pickle.dumps(tasks[0])
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ProblemError(
+            f"sweep: other processes cannot get the problem ({error}); write its function with def at the top level of "
+            "a module, or take jobs = 1"
+        ) from error
     before = {child.pid for child in multiprocessing.active_children()}
     pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _prepare)
     left, running, finished = iter(tasks), set[Future[SweepPoint]](), False
