@@ -96,6 +96,10 @@ def test_norms_in_closed_form() -> None:
     assert error_norms(problem, nodal, KnownField(["1 + 2*x - y", "3*x + 0.5*y"])).energy == pytest.approx(0, abs=1e-14)
     assert error_norms(problem, nodal).energy ** 2 == pytest.approx(4 * 2.5**2 + 8 * (4 + 0.25 + 2 * 1), rel=1e-12)
     assert error_norms(problem, nodal).mean_square ** 2 == pytest.approx(6.5, rel=1e-12)
+    curved = np.column_stack([problem.mesh.nodes(2)[:, 0] ** 2, 0.0 * problem.mesh.nodes(2)[:, 0]])
+    found = error_norms(replace(problem, order=2), curved)
+    assert found.mean_square**2 == pytest.approx(0.2, rel=1e-12)  # x^4
+    assert found.energy**2 == pytest.approx(16.0, rel=1e-12)  # 12 (2 x)^2
 
 
 def test_errors_do_not_depend_on_units(problem: hv.ContactProblem, exact: hv.Study) -> None:

@@ -6,17 +6,9 @@ import contextlib
 import hashlib
 import itertools
 import math
-import multiprocessing
-import os
-import pickle
 import re
-import signal
-import threading
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +18,12 @@ from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.content import content
 from hemivar.basics.disk import noting_files_read, read_bytes
 from hemivar.basics.generators import result_of
+from hemivar.basics.processes import results
 from hemivar.basics.types import Array
 from hemivar.branches import SolutionsOptions, finding
 from hemivar.certify import smallness
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import HemivarError, MethodError, ProblemError
+from hemivar.errors import HemivarError, ProblemError
 from hemivar.fem.posed import posed
 from hemivar.files.changes import Change, read_change
 from hemivar.files.problem_file import parse_problem_file, read_text
@@ -309,7 +302,7 @@ def sweeping(
     ]
     interrupted = False
     try:
-        with contextlib.closing(_computed(tasks, options.jobs)) as points:
+        with contextlib.closing(results(_point, tasks, options.jobs)) as points:
             for point in points:
                 if record is not None:
                     record.add(point)
@@ -419,70 +412,3 @@ def _found(task: _Task) -> SweepPoint:
         found.exhaustive,
         found.searched,
     )
-
-
-# ---- many of them ----------------------------------------------------------------------------------------------
-
-
-def _computed(tasks: Sequence[_Task], jobs: int) -> Generator[SweepPoint, None, None]:
-    """The points, one after the other here, or as they come from processes."""
-    jobs = min(jobs, len(tasks))
-    if jobs <= 1:
-        yield from map(_point, tasks)
-        return
-    try:
-        pickle.dumps(tasks[0])
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise ProblemError(
-            f"sweep: other processes cannot get the problem ({error}); write its function with def at the top level of "
-            "a module, or take jobs = 1"
-        ) from error
-    before = {child.pid for child in multiprocessing.active_children()}
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _prepare)
-    left, running, finished = iter(tasks), set[Future[SweepPoint]](), False
-    try:
-        while True:
-            with _children_deaf():
-                running |= {pool.submit(_point, task) for task in itertools.islice(left, 2 * jobs - len(running))}
-            if not running:
-                break
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            yield from (one.result() for one in done)
-        finished = True
-    except BrokenProcessPool as error:
-        raise MethodError(
-            "sweep: a process ended before its point was done, perhaps for lack of memory; take fewer --jobs, and in a "
-            'script ask for them below if __name__ == "__main__":'
-        ) from error
-    finally:
-        pool.shutdown(wait=finished, cancel_futures=True)
-        for child in [] if finished else multiprocessing.active_children():
-            if child.pid not in before:
-                child.terminate()
-                child.join(5.0)
-
-
-def _prepare() -> None:
-    """Let a process end with the one that started it, and leave Ctrl-C to that."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    connection.wait([sentinel])
-    os._exit(1)
-
-
-@contextlib.contextmanager
-def _children_deaf() -> Iterator[None]:
-    """Processes that are started inside the block are deaf to Ctrl-C from their first moment."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
