@@ -103,7 +103,7 @@ def solve(
         from hemivar.cli.adapting import AdaptRun
 
         asked = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
-        asked |= {"max_memory": max_memory, "max_steps": max_steps}
+        asked |= {"max_memory": max_memory, "max_steps": max_steps, "given": given}
         run_adaptive = AdaptRun(problem, {"--json": json, "--vtu": vtu, **own, **pictures}, method, asked)
         return run_adaptive.solve(quiet)
     for option, value in {"--goal": goal, "--max-unknowns": max_unknowns, "--max-memory": max_memory, **own}.items():
