@@ -102,7 +102,7 @@ def solve(
             raise ProblemError(f"--adaptive and {other} exclude one another; leave one of the two out")
         from hemivar.cli.adapting import AdaptRun
 
-        asked = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
+        asked: dict[str, object] = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
         asked |= {"max_memory": max_memory, "max_steps": max_steps, "given": given}
         run_adaptive = AdaptRun(problem, {"--json": json, "--vtu": vtu, **own, **pictures}, method, asked)
         return run_adaptive.solve(quiet)
