@@ -76,6 +76,7 @@ def examples() -> dict[str, list[object]]:
         adaptive, adaptive.levels[0], adaptive.distance, adaptive.goal, adaptive.goal.goal,
         hv.certify(solution, exact=True).exact,
         hv.Slip(rate=0.1), hv.BondBroken(below=0.1), hv.MarginLost(), hv.When(function=abs, label="own"),
+        hv.study(problem, 1), hv.sweep(lambda _: problem, {"none": [0.0]}),
     ]  # fmt: skip
     made: dict[str, list[object]] = {}
     for one in found:

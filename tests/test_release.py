@@ -56,9 +56,10 @@ def test_the_source_archive_is_complete() -> None:
 
 
 @pytest.mark.skipif(not WHEELS, reason="no wheel has been built")
-def test_the_wheel_holds_the_modules_and_nothing_else() -> None:
+def test_the_wheel_holds_modules_and_templates_and_nothing_else() -> None:
     with zipfile.ZipFile(WHEELS[-1]) as wheel:
         found = {name for name in wheel.namelist() if ".dist-info/" not in name}
     source = ROOT / "src"
     modules = {str(path.relative_to(source)) for path in (source / "hemivar").rglob("*.py")}
-    assert found == modules | {"hemivar/py.typed"}
+    templates = {str(path.relative_to(source)) for path in (source / "hemivar/files/templates").glob("*.toml")}
+    assert found == modules | templates | {"hemivar/py.typed"}

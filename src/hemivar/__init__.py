@@ -154,6 +154,8 @@ _EXPORTS = {
         "When",
         "march",
     ),
+    "hemivar.workflows.study": ("Study", "study"),
+    "hemivar.workflows.sweep": ("Sweep", "sweep"),
 }
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
@@ -317,3 +319,5 @@ if TYPE_CHECKING:
         solve_nested,
     )
     from hemivar.systems import Workspace, condense
+    from hemivar.workflows.study import Study, study
+    from hemivar.workflows.sweep import Sweep, sweep

@@ -353,6 +353,7 @@ class _Maker:
                 ["--max-time", "1e-9"],
             ]
         )  # fmt: skip
+        table = file if file != "law.csv" else "a.csv"  # which may be overwritten where the problem does not read it
         name, data = seed(rng)
         text = dump(data).encode()
         files = {
@@ -369,6 +370,9 @@ class _Maker:
                 "solutions",
                 "path",
                 "compare",
+                "study",
+                "sweep",
+                "set",
                 "survey",
                 "new",
                 "laws",
@@ -402,7 +406,27 @@ class _Maker:
             case "compare":
                 words = ["compare", "problem.toml", "--max-time", "1", *rng.choice(
                     [["--methods", rng.choice(["", ",", "newton,", "newton,newton", strange_name(rng)])], ["--csv",
-                    file], ["--json", file]])]  # fmt: skip
+                    table], ["--json", file]])]  # fmt: skip
+            case "study":
+                words = ["study", "problem.toml", "--max-time", "1", *rng.choice(
+                    [["--refine", number], ["--refine", "1", "--exact", rng.choice(["", "x", "t", "1/x", "sqrt(x)"])],
+                     ["--refine", "1", "--coarser", number], ["--refine", "1", "--csv", table],
+                     ["--refine", "1", "--latex", file], ["--refine", "1", "--plot", file]])]  # fmt: skip
+            case "sweep":
+                ranges = ["1e-9:1e-8:2", f"{number}:1:2", f"1:{number}:2", f"1:2:{number}", "0:1:2:log", "1:2:3:4"]
+                key = rng.choice(["solver.rtol", "contact.bottom.gap", "loads.body.0", strange_name(rng)])
+                words = ["sweep", "problem.toml", "--max-time", "1", "--starts", "1", "--set",
+                         f"{key}={rng.choice(ranges)}", *rng.choice([[], ["--keep", file], ["--csv", table],
+                         ["--latex", file], ["--plot", file], ["--jobs", number], ["--label", "$x"]])]  # fmt: skip
+            case "set":
+                path = rng.choice(
+                    ["title", "mesh", "mesh.cells", "mesh.cells.0", "contact", "contact.bottom.normal", "loads.body.9",
+                    "supports.left", "solver.rtol", "a.b.c.d", "", ".", "mesh.", '"', strange_name(rng)]
+                )  # fmt: skip
+                value = rng.choice(
+                    [number, '"x"', "[]", "{}", "[[[1]]]", "true", "1979-05-27", "nan", "", strange_name(rng)]
+                )
+                words = [rng.choice(["solve", "certify"]), "problem.toml", "--set", f"{path}={value}"]
             case "survey":
                 words = ["survey", *rng.choice([["--max-n", rng.choice(["0", "7", "-8", "1e9", "9", "x"])],
                 ["--max-time", rng.choice(["0", "-1", "nan"])],

@@ -16,6 +16,7 @@ from hemivar.errors import FileError
 
 __all__ = [
     "MOST_BYTES",
+    "append_line",
     "first_bytes",
     "make_folder",
     "noting_files_read",
@@ -236,6 +237,29 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a text file (UTF-8), whole or not at all.  Raises as :func:`whole_file` does."""
     with whole_file(path) as name, open_new(name) as stream:
         stream.write(text)
+
+
+def append_line(path: str | Path, line: str) -> None:
+    """Put a line at the end of a text file that is there, in one write that has reached the disk on return.
+
+    A process that is killed leaves whole lines and perhaps the beginning of one, without its end of line.
+
+    Raises
+    ------
+    FileError
+        In one sentence that names the file.
+    """
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
+        with os.fdopen(descriptor, "wb", buffering=0) as stream:
+            text = f"{line}\n".encode()
+            if stream.write(text) != len(text):
+                raise FileError(f"cannot write {shown(path)}: the disk is full")
+            os.fsync(stream.fileno())
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"cannot write {shown(path)}: {_reason(error)}") from error
 
 
 def open_new(name: Path) -> IO[str]:

@@ -67,7 +67,8 @@ class AdaptRun:
     outputs : mapping of option to Path or None
     method : str or None
     asked : mapping
-        ``rtol``, ``goal``, ``max_unknowns``, ``max_time``, ``max_memory`` (GiB), ``max_steps``; None where not given.
+        ``rtol``, ``goal``, ``max_unknowns``, ``max_time``, ``max_memory`` (GiB), ``max_steps``, ``given`` (of
+        ``--set``); None where not given.
 
     Raises
     ------
@@ -79,7 +80,9 @@ class AdaptRun:
     ) -> None:
         _check(asked)
         named = None if method is None else method_named(method)
-        self.session = session = Session(path, outputs, None, asked["max_time"], asked["max_steps"])
+        self.session = session = Session(
+            path, outputs, None, asked["max_time"], asked["max_steps"], given=asked.get("given")
+        )
         stated = session.stated
         check_drawable(stated, outputs["--plot-contact"], outputs["--render"])
         from hemivar.mechanics import ContactProblem

@@ -25,7 +25,9 @@ from hemivar.cli.marching import march
 from hemivar.cli.options import Exit
 from hemivar.cli.outputs import check_outputs, internal_error, one_line
 from hemivar.cli.solving import solve
+from hemivar.cli.study import study
 from hemivar.cli.survey_runs import survey
+from hemivar.cli.sweep import sweep
 from hemivar.cli.terminal import Stream, guarded_streams, quiet_warnings, signals_as_interrupts
 from hemivar.errors import HemivarError, ProblemError
 
@@ -142,15 +144,25 @@ def _root(
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")] = Path("problem.toml"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file if it exists.")] = False,
+    kind: Annotated[
+        str, typer.Option("--template", metavar="NAME", help="What to begin with; 'list' shows all (sample).")
+    ] = "sample",
 ) -> int:
-    """Write a commented problem file that solves as it is."""
-    from hemivar.files.sample import SAMPLE
+    """Write a problem file that solves as it is."""
+    from hemivar.files.sample import TEMPLATES, template
+
+    if kind == "list":
+        for name, what in TEMPLATES.items():
+            print(f"{name:<14}{what}")
+        return Exit.CONVERGED
+    text = template(kind)
 
     if file.exists() and not file.is_dir() and not force:
         raise ProblemError(f"{file}: the file exists; name another one, or overwrite it with --force")
     check_outputs({"FILE": file})
-    write_text(file, SAMPLE.replace("FILE", shown(file), 1))
-    print(f"written           {shown(file)}\nnow try           hemivar solve {shown(file)} --plot figure.png")
+    write_text(file, text.replace("FILE", shown(file), 1))
+    command = "march" if "\n[time]" in text else "solve"
+    print(f"written           {shown(file)}\nnow try           hemivar {command} {shown(file)} --plot figure.png")
     return Exit.CONVERGED
 
 
@@ -174,7 +186,7 @@ def methods() -> int:
 
 
 _COMMANDS: tuple[Callable[..., int], ...] = (
-    solve, certify, solutions, path, march, history, animate, compare, survey, new, laws, methods, doctor,
+    solve, certify, solutions, path, march, history, animate, compare, study, sweep, survey, new, laws, methods, doctor,
 )  # fmt: skip
 for _command in _COMMANDS:
     app.command(_command.__name__)(_command)

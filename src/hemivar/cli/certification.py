@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import Exit, MaxTime, ProblemPath, controls_of
+from hemivar.cli.options import Exit, Given, MaxTime, ProblemPath, controls_of
 from hemivar.cli.session import Session
 from hemivar.cli.show import SolveView, print_head
 from hemivar.errors import ProblemError
@@ -33,12 +33,13 @@ def certify(
         bool | None,
         typer.Option("--exact/--no-exact", help="Bound the distance to the exact solution (unless the mesh is large)."),
     ] = None,
+    given: Given = None,
 ) -> int:
     """Certify a solution: residuals, uniqueness, guaranteed distances to the discrete and to the exact solution, kind.
 
     Exit code 0 if the residual is below the tolerance, 1 if not.
     """
-    session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time, solution=_checked(solution))
+    session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time, solution=_checked(solution), given=given)
     discrete = session.discrete()
     print_head(session.stated, discrete)
     from hemivar.workflows import CertifyOptions, result_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hemivar.cli.options import Exit, MaxSteps, ProblemPath, Rtol, controls_of, method_named
+from hemivar.cli.options import Exit, Given, MaxSteps, ProblemPath, Rtol, controls_of, method_named
 from hemivar.cli.outputs import one_line
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
@@ -33,6 +33,7 @@ def compare(
     rtol: Rtol = None,
     max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each method in seconds (60).")] = None,
     max_steps: MaxSteps = None,
+    given: Given = None,
 ) -> int:
     """Solve a contact problem by several methods and compare them in one table.
 
@@ -46,7 +47,7 @@ def compare(
 
     names = list(METHODS) if methods is None else [name.strip() for name in methods.split(",")]
     solvers = {name: method_named(name) for name in names}
-    session = Session(problem, {"--json": json, "--csv": csv}, rtol=rtol, max_time=max_time, max_steps=max_steps)
+    session = Session(problem, {"--json": json, "--csv": csv}, rtol, max_time, max_steps, given=given)
     stated, writer = session.stated, session.writer
     controls = controls_of(stated, rtol, max_time or stated.solver.max_time or _SECONDS, max_steps)
     discrete = session.discrete()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hemivar.basics.arguments import suggest
-from hemivar.cli.options import MOST_STEPS, Exit, MaxTime, ProblemPath, Rtol
+from hemivar.cli.options import MOST_STEPS, Exit, Given, MaxTime, ProblemPath, Rtol
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
 from hemivar.errors import ProblemError
@@ -34,12 +34,13 @@ def solutions(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
     rtol: Rtol = None,
     max_time: MaxTime = None,
+    given: Given = None,
 ) -> int:
     """Find all solutions of a problem, with their energies and kinds; says how far it searched.
 
     Exit code 0 if at least one was found.
     """
-    session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time)
+    session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time, given=given)
     discrete = session.discrete()
     print_head(session.stated, discrete)
     from hemivar.files import solution_record
@@ -98,6 +99,7 @@ def path(
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the path (.png, .svg or .pdf).")] = None,
     max_points: Annotated[int, typer.Option(metavar="N", min=2, max=MOST_STEPS, help="Limit of points.")] = 2000,
     max_time: MaxTime = None,
+    given: Given = None,
 ) -> int:
     """Follow the equilibria while the load grows, through folds: stable and unstable branches, folds, jumps.
 
@@ -110,7 +112,7 @@ def path(
             raise ProblemError(f"--load-factor is {factor:g}; its size must be at most {_LARGEST_FACTOR:g}")
     if quantity not in QUANTITIES:
         raise ProblemError(f"quantity '{quantity}' is not known{suggest(quantity, list(QUANTITIES))}")
-    session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time)
+    session = Session(problem, {"--json": json, "--plot": plot}, max_time=max_time, given=given)
     writer = session.writer
     print_head(session.stated, session.discrete())
     from hemivar.report.saving import save

@@ -55,7 +55,7 @@ def march_file_on_ranks(
         ranks.agree(begin)
         ranks.agree(lambda: _check(given, path, "leave it out"))
         with noting_files_read() as read:
-            stated, pieces = stated_on_ranks(path, ranks)
+            stated, pieces = stated_on_ranks(path, ranks, options.given)
         inputs = [path, *read]
         outputs = ranks.agree(lambda: _checked(stated_outputs(stated, given), path, inputs))
         plan, base = ranks.agree(lambda: _planned(stated, options, outputs))

@@ -48,6 +48,7 @@ class MarchOptions:
     resume: bool = False
     rtol: float | None = None
     max_time: float | None = None
+    given: tuple[str, ...] = ()
 
     def check(self) -> None:
         """Refuse options that make no sense, whatever the file says.
@@ -164,7 +165,7 @@ class MarchRun:
     ) -> None:
         options.check()
         given = {**outputs, "--checkpoint": checkpoint}
-        self.session = Session(path, given, rtol=options.rtol)
+        self.session = Session(path, given, rtol=options.rtol, given=options.given)
         self.outputs = stated_outputs(self.session.stated, given) if own else given
         check_outputs(self.outputs, path)
         check_tools(self.outputs)

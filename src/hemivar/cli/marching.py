@@ -9,7 +9,7 @@ import typer
 
 from hemivar.basics.disk import make_folder
 from hemivar.cli.march_run import MarchOptions, MarchRun
-from hemivar.cli.options import ENGINES, EngineName, MaxTime, ProblemPath, Quiet, Rtol, check_engine
+from hemivar.cli.options import ENGINES, EngineName, Given, MaxTime, ProblemPath, Quiet, Rtol, check_engine
 
 __all__ = ["march"]
 
@@ -41,6 +41,7 @@ def march(
     max_time: MaxTime = None,
     quiet: Quiet = False,
     engine: EngineName = ENGINES[0],
+    given: Given = None,
 ) -> int:
     """Compute a problem in time, each step with its margin, all energy booked.
 
@@ -53,7 +54,9 @@ def march(
             for given, suffix in ((fields, ".pvd"), (table, ".csv"), (checkpoint, ".ckpt"))
         )
     outputs = {"--fields": fields, "--table": table, "--json": json, "--plot": plot, "--animation": animation}
-    options = MarchOptions(until, step, adaptive, every, scheme, jump, minutes, resume, rtol, max_time)
+    options = MarchOptions(
+        until, step, adaptive, every, scheme, jump, minutes, resume, rtol, max_time, tuple(given or ())
+    )
     check_engine(engine)
 
     def begin() -> None:

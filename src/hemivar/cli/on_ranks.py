@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,7 +51,7 @@ class ProblemOnRanks:
     bodies: list[BodyOnRanks]
 
 
-def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
+def read_on_ranks(path: Path, ranks: Ranks, given: Sequence[str] = ()) -> ProblemOnRanks:
     """Read and discretise a problem file; only rank 0 reads the file and the mesh that it starts from.
 
     Raises
@@ -61,7 +61,7 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
     """
     from hemivar.engines.petsc import assemble
 
-    stated, pieces = stated_on_ranks(path, ranks)
+    stated, pieces = stated_on_ranks(path, ranks, given)
     problem = stated.problem
     assert isinstance(problem, ContactProblem)
     bodies: list[BodyOnRanks] = []
@@ -75,7 +75,7 @@ def read_on_ranks(path: Path, ranks: Ranks) -> ProblemOnRanks:
     return ProblemOnRanks(stated, bodies)
 
 
-def stated_on_ranks(path: Path, ranks: Ranks) -> tuple[ProblemFile, list[Piece]]:
+def stated_on_ranks(path: Path, ranks: Ranks, given: Sequence[str] = ()) -> tuple[ProblemFile, list[Piece]]:
     """Read a problem file, and cut the mesh that it starts from; the statement is that on the piece of each rank.
 
     Raises
@@ -85,8 +85,10 @@ def stated_on_ranks(path: Path, ranks: Ranks) -> tuple[ProblemFile, list[Piece]]
     """
     from hemivar.engines.petsc import family
     from hemivar.engines.petsc.pieces import grid_numbers
+    from hemivar.files.changes import read_change
     from hemivar.files.problem_file import parse_problem_file, read_text
 
+    changes = ranks.agree(lambda: [read_change(one) for one in given])
     text = ranks.mpi.bcast(ranks.agree(lambda: read_text(path) if ranks.rank == 0 else ""))
     pieces: list[Piece] = []
 
@@ -107,7 +109,7 @@ def stated_on_ranks(path: Path, ranks: Ranks) -> tuple[ProblemFile, list[Piece]]
         return pieces[-1].mesh
 
     def read() -> ProblemFile:
-        return parse_problem_file(text, path.parent, str(path), place)
+        return parse_problem_file(text, path.parent, str(path), place, changes)
 
     # what the file says before the mesh is refused by all ranks alike, what it says after that perhaps by one only
     stated: ProblemFile | None = None
@@ -142,6 +144,7 @@ def run_on_ranks(
     limits: tuple[float | None, float | None, int | None],
     check: Callable[[], None],
     quiet: bool,
+    given: Sequence[str] | None = None,
 ) -> int:
     """Solve a problem file on all ranks; returns the exit code.
 
@@ -158,6 +161,8 @@ def run_on_ranks(
         Looks at what can be looked at before work begins.
     quiet : bool
         Whether no step is printed.
+    given : sequence of str, optional
+        ``key=value`` of ``--set``.
     """
     from hemivar.engines.petsc import read_checkpoint, solve_distributed, world
 
@@ -169,7 +174,7 @@ def run_on_ranks(
         ranks.agree(check)
         ranks.agree(lambda: _try_pieces(vtu, ranks))
         with noting_files_read() as inputs:
-            problem = read_on_ranks(path, ranks)
+            problem = read_on_ranks(path, ranks, given or ())
         body = problem.bodies[-1]
         ranks.agree(lambda: _keep_off(outputs, [path, *inputs], restart, ranks) if first else None)
         if first:
@@ -273,6 +278,8 @@ def print_head_on_ranks(stated: ProblemFile, body: BodyOnRanks, levels: int) -> 
     """Print what the problem is, and how it lies over the ranks."""
     piece = body.piece
     print(one_line(stated.problem.title) or shown(stated.name))
+    for change in stated.changes:
+        print(f"set               {one_line(str(change))}")
     print(f"mesh              {piece.total} nodes on {levels} levels")
     print(f"ranks             {body.ranks.size}, {piece.mesh.number_of_cells} cells on the first")
     print(f"unknowns          {body.unknowns}")

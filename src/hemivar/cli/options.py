@@ -21,6 +21,7 @@ __all__ = [
     "MOST_STEPS",
     "EngineName",
     "Exit",
+    "Given",
     "MaxSteps",
     "MaxTime",
     "ProblemPath",
@@ -44,6 +45,10 @@ MaxTime = Annotated[float | None, typer.Option(metavar="S", help="Limit of each 
 MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps (set by the method).")]
 
 
+Given = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Put a value in place of the file's, as contact.bottom.gap=0.1."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing but the summary.")]
 #: Engines by the names of ``--engine``.
 ENGINES = ("scipy", "petsc")

@@ -35,6 +35,8 @@ FIGURES = (".png", ".svg", ".pdf")
 _SUFFIXES = {
     "--json": (".json",),
     "--csv": (".csv",),
+    "--latex": (".tex",),
+    "--keep": (".jsonl",),
     "--fields": (".pvd", ".xdmf"),
     "--table": (".csv", ".parquet"),
     "--animation": (".gif", ".mp4"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,8 @@ class Session:
         Limits of the command line, which go before those of the file.
     solution : Path, optional
         Another file that is read.
+    given : sequence of str, optional
+        ``key=value`` of ``--set``.
 
     Attributes
     ----------
@@ -53,13 +55,16 @@ class Session:
         max_time: float | None = None,
         max_steps: int | None = None,
         solution: Path | None = None,
+        given: Sequence[str] | None = None,
     ) -> None:
+        from hemivar.files.changes import read_change
         from hemivar.files.problem_file import read_problem_file
 
         check_outputs(outputs, path)
         check_limits(rtol, max_time, max_steps)
+        changes = [read_change(text) for text in given or ()]
         with noting_files_read() as files:
-            self.stated = read_problem_file(path)
+            self.stated = read_problem_file(path, changes)
         files += [] if solution is None else [solution]
         keep_off(files_of(outputs), files)
         self.outputs = outputs

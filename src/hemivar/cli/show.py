@@ -175,6 +175,8 @@ def print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
     size = f"{mesh.number_of_nodes} nodes, {mesh.number_of_cells} {kind}, h = {mesh.size:.4g}{order}"
     title = "".join(c if c.isprintable() else " " for c in stated.problem.title)
     print(title or shown(stated.name))
+    for change in stated.changes:
+        print(f"set               {shown(change)}")
     print(f"mesh              {size}")
     print(f"unknowns          {discrete.unknowns}")
     for warning in discrete.warnings:

@@ -12,6 +12,7 @@ from hemivar.cli.options import (
     ENGINES,
     EngineName,
     Exit,
+    Given,
     MaxSteps,
     MaxTime,
     ProblemPath,
@@ -87,6 +88,7 @@ def solve(
     plot_meshes: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the meshes, coarse to fine (adaptive).")
     ] = None,
+    given: Given = None,
 ) -> int:
     """Solve a contact problem."""
     limits = rtol, max_time, max_steps
@@ -100,8 +102,8 @@ def solve(
             raise ProblemError(f"--adaptive and {other} exclude one another; leave one of the two out")
         from hemivar.cli.adapting import AdaptRun
 
-        asked = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
-        asked |= {"max_memory": max_memory, "max_steps": max_steps}
+        asked: dict[str, object] = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
+        asked |= {"max_memory": max_memory, "max_steps": max_steps, "given": given}
         run_adaptive = AdaptRun(problem, {"--json": json, "--vtu": vtu, **own, **pictures}, method, asked)
         return run_adaptive.solve(quiet)
     for option, value in {"--goal": goal, "--max-unknowns": max_unknowns, "--max-memory": max_memory, **own}.items():
@@ -116,10 +118,10 @@ def solve(
             check_outputs(outputs, problem)
             check_limits(*limits)
 
-        return run_on_ranks(problem, outputs, restart, limits, check, quiet)
+        return run_on_ranks(problem, outputs, restart, limits, check, quiet, given)
     _refuse({"--checkpoint": checkpoint, "--restart": restart}, "petsc")
     named = None if method is None else method_named(method)
-    session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits)
+    session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits, given=given)
     stated, writer = session.stated, session.writer
     check_drawable(stated, plot_contact, render)
     controls = session.controls

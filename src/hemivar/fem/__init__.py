@@ -1,6 +1,7 @@
 """Finite elements: from a statement to a discrete problem, and from its unknowns to fields."""
 
 from hemivar.fem.discretize import discretize
+from hemivar.fem.error_norms import ErrorNorms, KnownField, error_norms
 from hemivar.fem.fields import nodal_average, strain, stress, v_norm, von_mises
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.reactions import support_reactions
@@ -8,9 +9,12 @@ from hemivar.fem.scalar_energy import discretize_scalar, gradient
 from hemivar.fem.transfer import interpolate, interpolation_matrix
 
 __all__ = [
+    "ErrorNorms",
+    "KnownField",
     "LoadLine",
     "discretize",
     "discretize_scalar",
+    "error_norms",
     "gradient",
     "interpolate",
     "interpolation_matrix",

@@ -12,13 +12,14 @@ import contextlib
 import math
 import os
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from hemivar.basics import disk
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.body_table import loads_record, read_bedding, read_loads, read_supports, supports_record
+from hemivar.files.changes import Change, changed
 from hemivar.files.contact_table import Aside, _Reader, contact_record, read_contacts
 from hemivar.files.material_table import material_record, read_material
 from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
@@ -88,6 +89,8 @@ class ProblemFile:
         What is kept of it on the way.
     heat : Heat or None
         Heat in the body.
+    changes : tuple of Change
+        Values that were put in place of those of the file.
     """
 
     problem: Statement
@@ -97,6 +100,7 @@ class ProblemFile:
     time: TimeSettings | None = None
     output: OutputSettings | None = None
     heat: Heat | None = None
+    changes: tuple[Change, ...] = ()
 
     def coarser_meshes(self) -> list[Mesh]:
         """The coarser meshes of the same body, coarsest first, for a warm start; empty if there are none."""
@@ -124,9 +128,12 @@ def read_problem(path: str | Path) -> Statement:
     return read_problem_file(path).problem
 
 
-def read_problem_file(path: str | Path) -> ProblemFile:
-    """Like :func:`read_problem`, with the settings for the solver and the hierarchy of meshes."""
-    return parse_problem_file(read_text(path), Path(path).parent, str(path))
+def read_problem_file(path: str | Path, changes: Sequence[Change] = ()) -> ProblemFile:
+    """Like :func:`read_problem`, with the settings for the solver and the hierarchy of meshes.
+
+    ``changes`` are put in place of what the file says.
+    """
+    return parse_problem_file(read_text(path), Path(path).parent, str(path), changes=changes)
 
 
 def read_text(path: str | Path) -> str:
@@ -166,10 +173,12 @@ def parse_problem_file(
     base_dir: str | Path = ".",
     name: str = "problem",
     place: Callable[[StatedMesh], Mesh] | None = None,
+    changes: Sequence[Change] = (),
 ) -> ProblemFile:
     """Like :func:`parse_problem`, with the settings for the solver and the hierarchy of meshes.
 
     ``place`` makes the mesh in another way than whole; what the file says is then checked on what it makes.
+    ``changes`` are put in place of what the file says, before anything of it is read.
     """
     try:
         data = tomllib.loads(text)
@@ -179,6 +188,7 @@ def parse_problem_file(
         raise ProblemError(f"{name}: brackets or tables are nested too deeply for a problem file; mend it") from None
     except ValueError as error:
         raise ProblemError(f"{name}: not valid TOML ({error}); mend it") from None
+    data = changed(data, changes, name)
     scalar = "kind" in data
     top = Table(data, name, "", SCALAR_KEYS if scalar else KEYS[""])
     for key in ("mesh", "material"):
@@ -193,7 +203,7 @@ def parse_problem_file(
         if stated.quadrature is Quadrature.MIDPOINT:
             raise table.error("quadrature", "a scalar problem has its laws at the nodes; remove it")
         one = read_scalar(top, mesh, stated.order, folder)
-        return ProblemFile(one, solver, name, levels, *_in_time(top, mesh, one.inert, one.kind))
+        return ProblemFile(one, solver, name, levels, *_in_time(top, mesh, one.inert, one.kind), changes=tuple(changes))
     material = read_material(top.table("material", KEYS["material"]), mesh)
     loads = top.table("loads", KEYS["loads"])
     body, tractions = read_loads(loads, mesh)
@@ -227,7 +237,7 @@ def parse_problem_file(
         if time is None:
             raise top.error("heat", "flows in time; add a table [time], or remove it")
         heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
-    return ProblemFile(problem, solver, name, levels, time, output, heat)
+    return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes))
 
 
 def _in_time(

@@ -1,8 +1,16 @@
-"""A problem file to begin with."""
+"""Problem files to begin with."""
 
 from __future__ import annotations
 
-__all__ = ["SAMPLE"]
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from hemivar.basics.arguments import suggest
+from hemivar.basics.disk import read_text
+from hemivar.errors import ProblemError
+
+__all__ = ["SAMPLE", "TEMPLATES", "template"]
 
 #: A problem that solves as it is; what ``hemivar new`` writes.
 SAMPLE = """\
@@ -45,3 +53,33 @@ gap = 0.0                    # distance between body and foundation (f)
 # method = "newton"          # hemivar methods lists the methods
 # rtol = 1e-10               # tolerance of the residual, relative to the load
 """
+
+#: Problem files that come with the package, beside the sample: name, file and what it is.
+_SHIPPED = {
+    "survey": ("survey_5_1.toml", "the survey's body with its data (5.1): a block dragged over a foundation"),
+    "softening": ("softening.toml", "a foundation that gives way: one solution, or several"),
+    "delamination": ("delamination.toml", "a strip pulled off the ground that it is glued to"),
+    "hertz": ("hertz_line.toml", "rigid contact: a steel block on a cylinder (mm, N, MPa)"),
+    "cube": ("cube_friction.toml", "three dimensions: a cube with friction"),
+    "bounce": ("bounce.toml", "in time: a block falls, bounces and comes to rest (hemivar march)"),
+    "membrane": ("membrane_obstacle.toml", "a scalar problem: a membrane pressed onto a hill"),
+}
+#: Problem files to begin with, by the names of ``hemivar new --template``, and what each is.
+TEMPLATES: Mapping[str, str] = MappingProxyType(
+    {"sample": "a commented file with most of what can be said", **{name: what for name, (_, what) in _SHIPPED.items()}}
+)
+
+
+def template(name: str) -> str:
+    """The text of a template.
+
+    Raises
+    ------
+    ProblemError
+        There is none of that name.
+    """
+    if name == "sample":
+        return SAMPLE
+    if name not in _SHIPPED:
+        raise ProblemError(f"template '{name}' is not known{suggest(name, list(TEMPLATES))}")
+    return read_text(Path(__file__).parent / "templates" / _SHIPPED[name][0], "template")

@@ -11,6 +11,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.formula.graph import Graph
 from hemivar.formula.reader import TIME, VARIABLES, Reader, shown
+from hemivar.formula.slopes import slopes
 from hemivar.formula.smooth import SmoothFormula
 from hemivar.formula.switches import Switches
 
@@ -123,6 +124,34 @@ class Formula:
         if self.minimum is not None:
             self._check(values, points, values < self.minimum, f"it must be at least {self.minimum:g}", when)
         return values
+
+    def gradient(self, points: Array) -> Array:
+        """Derivatives by the coordinates, exact but for rounding; at kinks the mean of both sides.
+
+        Parameters
+        ----------
+        points : array, shape (k, d)
+
+        Returns
+        -------
+        array, shape (k, d)
+
+        Raises
+        ------
+        ProblemError
+            As a call; or a derivative is not finite.
+        """
+        self(points)
+        points = np.asarray(points, dtype=float)
+        at = dict(zip(VARIABLES, points.T, strict=False))
+        with np.errstate(all="ignore"):
+            found = slopes(self._graph, self._node, at, list(at))
+        rates = np.column_stack([np.broadcast_to(rate, (len(points),)) for rate in found])
+        bad = ~np.isfinite(rates).all(axis=1)
+        if bad.any():
+            place = ", ".join(f"{name} = {c:.6g}" for name, c in zip(VARIABLES, points[np.argmax(bad)], strict=False))
+            raise ProblemError(f"{self._prefix}formula '{self.text}' has no finite derivative at {place}")
+        return rates
 
     def _check(self, values: Array, points: Array, bad: BoolArray, remedy: str, t: float | None) -> None:
         if bad.any():

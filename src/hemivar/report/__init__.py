@@ -13,6 +13,8 @@ from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
 from hemivar.report.scene import render_solution
 from hemivar.report.statement_figure import plot_problem
+from hemivar.report.study_figures import plot_study, plot_sweep
+from hemivar.report.study_tables import study_table, sweep_table
 from hemivar.report.survey import SurveyReport, run_survey
 from hemivar.report.tables import PAPER_TABLE_1, Table, adaptive_table, comparison_table
 
@@ -37,7 +39,11 @@ __all__ = [
     "plot_path",
     "plot_problem",
     "plot_solution",
+    "plot_study",
+    "plot_sweep",
     "render_solution",
     "run_survey",
     "save",
+    "study_table",
+    "sweep_table",
 ]

@@ -1,9 +1,10 @@
-"""Tables of results: to the terminal, CSV, Markdown and HTML."""
+"""Tables of results: to the terminal, CSV, LaTeX, Markdown and HTML."""
 
 from __future__ import annotations
 
 import csv
 import html
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
-from hemivar.basics.disk import make_folder, open_new, shown, whole_file
+from hemivar.basics.disk import make_folder, open_new, shown, whole_file, write_text
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 from hemivar.workflows.comparison import energy_norm_difference
@@ -94,6 +95,31 @@ class Table:
             writer.writerows(["" if cell is None else cell for cell in row] for row in self.rows)
         return path
 
+    def write_latex(self, path: str | Path) -> Path:
+        """Write :meth:`latex`; returns the path.  Raises as :meth:`write_csv`."""
+        path = Path(path)
+        make_folder(path.parent)
+        write_text(path, self.latex())
+        return path
+
+    def latex(self) -> str:
+        """The table for LaTeX with the package booktabs: numbers rounded and to the right, the title as its caption."""
+        right = self._numeric()
+        lines = [" & ".join(map(_latex, row)) for row in ([_text(cell) for cell in row] for row in self.rows)]
+        tabular = [
+            r"\begin{tabular}{" + "".join("r" if to_right else "l" for to_right in right) + "}",
+            r"\toprule",
+            " & ".join(map(_latex, self.columns)) + r" \\",
+            r"\midrule",
+            *(line + r" \\" for line in lines),
+            r"\bottomrule",
+            r"\end{tabular}",
+        ]
+        if self.title:
+            caption = r"\caption{" + _latex(self.title) + "}"
+            tabular = [r"\begin{table}", r"\centering", caption, *tabular, r"\end{table}"]
+        return "\n".join([r"% \usepackage{booktabs}", *tabular, ""])
+
     def markdown(self) -> str:
         """The table in Markdown, numbers rounded and to the right."""
         right = self._numeric()
@@ -164,6 +190,24 @@ def adaptive_table(found: AdaptiveSolution, *, title: str = "") -> Table:
     """
     rows = found.rows()
     return Table(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)
+
+
+#: What stands for characters that LaTeX takes for commands.
+_LATEX = {
+    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#", "_": r"\_", "%": r"\%",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+}  # fmt: skip
+
+
+def _latex(text: str) -> str:
+    """A text for LaTeX, numbers as formulas."""
+    number = re.fullmatch(r"(-?\d+(?:\.\d+)?)(?:e([-+]\d+))?", text)
+    if number is not None:
+        power = "" if number[2] is None else rf" \cdot 10^{{{int(number[2])}}}"
+        return f"${number[1]}{power}$"
+    plain = "".join(c if c.isprintable() else " " for c in text)
+    return "".join(_LATEX.get(c, c) for c in plain)
 
 
 def comparison_table(

@@ -4,7 +4,9 @@
         ...
     result = hemivar.workflows.result_of(hemivar.workflows.run(problem))
 
-Nothing here prints, writes a file or ends the process: the command, a notebook and a window show the same work.
+Nothing here prints or ends the process, or writes a file but where options name one to go on from: the command, a
+notebook and a window show the same work.  :func:`study` and :func:`sweep` are :func:`studying` and :func:`sweeping` run
+to their end.
 """
 
 from hemivar.basics.generators import result_of
@@ -19,7 +21,9 @@ from hemivar.workflows.events import Begun, Certified, Chosen, Event, Found, Not
 from hemivar.workflows.law_study import LawStudy, study_law
 from hemivar.workflows.marching import MarchSettings, Ready, Taken, evolution_of, march, plan_of
 from hemivar.workflows.solving import RunOptions, RunResult, run
+from hemivar.workflows.study import Study, StudyLevel, StudyOptions, study, studying
 from hemivar.workflows.survey_runs import Advanced, SurveyOptions, SurveyRuns, survey
+from hemivar.workflows.sweep import Sweep, SweepAxis, SweepOptions, Swept, read_axis, sweep, sweeping
 
 __all__ = [
     "AdaptOptions",
@@ -50,8 +54,15 @@ __all__ = [
     "SearchProgress",
     "SolutionsOptions",
     "Stage",
+    "Study",
+    "StudyLevel",
+    "StudyOptions",
     "SurveyOptions",
     "SurveyRuns",
+    "Sweep",
+    "SweepAxis",
+    "SweepOptions",
+    "Swept",
     "Taken",
     "Warned",
     "Work",
@@ -64,9 +75,14 @@ __all__ = [
     "march",
     "path",
     "plan_of",
+    "read_axis",
     "result_of",
     "run",
     "solutions",
+    "study",
     "study_law",
+    "studying",
     "survey",
+    "sweep",
+    "sweeping",
 ]

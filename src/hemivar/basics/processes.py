@@ -1,0 +1,106 @@
+"""Work shared out to processes that begin anew, on every system alike."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import connection
+from typing import TypeVar
+
+from hemivar.errors import MethodError, ProblemError
+
+__all__ = ["results"]
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+def results(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int) -> Generator[Result, None, None]:
+    """What a function makes of each task: one after the other here, or as they come from processes.
+
+    When the generator is closed, or Ctrl-C comes while it waits, the processes end; they end with this one, too.
+
+    Parameters
+    ----------
+    function : callable
+        Importable, for more than one process.
+    tasks : sequence
+        Each can be pickled, for more than one process.
+    jobs : int
+        Processes that work at once; with 1, or one task, this process works itself.
+
+    Raises
+    ------
+    ProblemError
+        A task cannot be pickled.
+    MethodError
+        A process ended before its work was done.
+    """
+    jobs = min(jobs, len(tasks))
+    if jobs <= 1:
+        yield from map(function, tasks)
+        return
+    try:
+        pickle.dumps(tasks[0])
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ProblemError(
+            f"other processes cannot get the work ({error}); write its function with def at the top level of "
+            "a module, or take jobs = 1"
+        ) from error
+    before = {child.pid for child in multiprocessing.active_children()}
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _prepare)
+    left, running, finished = iter(tasks), set[Future[Result]](), False
+    try:
+        while True:
+            with _children_deaf():
+                running |= {pool.submit(function, task) for task in itertools.islice(left, 2 * jobs - len(running))}
+            if not running:
+                break
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            yield from (one.result() for one in done)
+        finished = True
+    except BrokenProcessPool as error:
+        raise MethodError(
+            "a process ended before its work was done, perhaps for lack of memory; take fewer jobs, and in a "
+            'script ask for them below if __name__ == "__main__":'
+        ) from error
+    finally:
+        pool.shutdown(wait=finished, cancel_futures=True)
+        for child in [] if finished else multiprocessing.active_children():
+            if child.pid not in before:
+                child.terminate()
+                child.join(5.0)
+
+
+def _prepare() -> None:
+    """Let a process end with the one that started it, and leave Ctrl-C to that."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
+
+
+@contextlib.contextmanager
+def _children_deaf() -> Iterator[None]:
+    """Processes that are started inside the block are deaf to Ctrl-C from their first moment."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

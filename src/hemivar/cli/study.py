@@ -1,0 +1,130 @@
+"""``hemivar study``: a problem on meshes that are halved, its errors and their orders."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hemivar.basics.disk import shown
+from hemivar.cli.options import Exit, Given, MaxSteps, MaxTime, ProblemPath, Rtol, method_named
+from hemivar.cli.outputs import one_line
+from hemivar.cli.session import Session, naming_file
+from hemivar.cli.show import StageView, console, print_table
+from hemivar.errors import HemivarError, ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.workflows import Study
+
+__all__ = ["study"]
+
+
+def study(
+    problem: ProblemPath,
+    refine: Annotated[int, typer.Option(metavar="N", help="How often the mesh is halved.")] = 3,
+    coarser: Annotated[int, typer.Option(metavar="N", min=0, help="Begin so many meshes coarser than the file's.")] = 0,
+    exact: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FORMULA", help="Exact solution of x and y, once for each component (the finest mesh)."),
+    ] = None,
+    method: Annotated[str | None, typer.Option(metavar="NAME", help="Method (by predicted cost).")] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
+    latex: Annotated[Path | None, typer.Option(metavar="FILE.tex", help="Write the table for LaTeX.")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write errors and orders.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the errors over h (.png, .svg or .pdf).")
+    ] = None,
+    rtol: Rtol = None,
+    max_time: MaxTime = None,
+    max_steps: MaxSteps = None,
+    given: Given = None,
+) -> int:
+    """Solve on meshes that are halved; errors against the finest or an exact solution, and observed orders.
+
+    Exit code 0 if every solve converged. Ctrl-C ends with the meshes that are done.
+    """
+    from hemivar.report.study_figures import plot_study
+    from hemivar.report.study_tables import study_table
+    from hemivar.workflows import StudyOptions, result_of, studying
+
+    outputs = {"--csv": csv, "--latex": latex, "--json": json, "--plot": plot}
+    session = Session(problem, outputs, rtol, max_time, max_steps, given=given)
+    stated, writer = session.stated, session.writer
+    solver = session.method if method is None else method_named(method)
+    meshes = [*stated.coarser_meshes(), stated.problem.mesh]
+    if coarser >= len(meshes):
+        raise ProblemError(
+            f"--coarser is {coarser}, and {stated.name} describes {len(meshes) - 1} coarser meshes; give even numbers "
+            "of cells, or [mesh] refine"
+        )
+    options = StudyOptions(refine, exact or None, solver, session.controls)
+    terminal = console()
+    print(one_line(stated.problem.title) or shown(stated.name))
+    for change in stated.changes:
+        print(f"set               {shown(change)}")
+    try:
+        with StageView(terminal) as view:
+            found = result_of(studying(stated.problem.on(meshes[-1 - coarser]), options), view)
+    except HemivarError as error:
+        raise naming_file(error, stated.name) from error
+    table = study_table(found)
+    print()
+    print_table(terminal, study_table(found, brief=True))
+    _print_orders(found)
+    writer.write("--csv", csv, table.write_csv)
+    writer.write("--latex", latex, study_table(found, stated.problem.title).write_latex)
+    writer.write_record(json, _record(found, stated.name))
+
+    def draw(file: Path) -> None:
+        from hemivar.report.saving import save
+
+        save(plot_study(found, title=session.title), file)
+
+    if found.quantities:
+        writer.write("--plot", plot, draw, picture=True)
+    writer.tell()
+    if found.interrupted:
+        print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done")
+        return writer.ended(Exit.INTERRUPTED)
+    done = found.converged and len(found.levels) == refine + 1
+    return writer.ended(Exit.CONVERGED if done else Exit.NOT_CONVERGED)
+
+
+def _print_orders(found: Study) -> None:
+    """Print what the errors are of, and the fitted orders."""
+    print(f"reference         {found.reference}")
+    for name in found.quantities:
+        order = found.orders[name]
+        told = "too few meshes for an order" if math.isnan(order) else f"order {order:.2f}"
+        finest = [value for value in found.relative(name) if not math.isnan(value)]
+        print(f"{name:<18}{told}" + (f", relative error {finest[-1]:.3g}" if finest else ""))
+
+
+def _record(found: Study, name: str) -> dict[str, Any]:
+    """A study as plain numbers and lists."""
+
+    def plain(value: float) -> float | None:
+        return float(value) if math.isfinite(value) else None
+
+    levels = [
+        {
+            "h": level.size,
+            "unknowns": level.solution.problem.unknowns,
+            "status": level.solution.status.value,
+            "errors": {quantity: plain(getattr(level, quantity)) for quantity in found.quantities},
+            "orders": {quantity: plain(found.steps(quantity)[number]) for quantity in found.quantities},
+            "energy": plain(level.solution.energy),
+            "normal_force": plain(level.solution.normal_force) if level.solution.problem.contact_points else None,
+        }
+        for number, level in enumerate(found.levels)
+    ]
+    return {
+        "problem": name,
+        "reference": found.reference,
+        "norms": {quantity: plain(found.norms[quantity]) for quantity in found.quantities},
+        "orders": {quantity: plain(found.orders[quantity]) for quantity in found.quantities},
+        "interrupted": found.interrupted,
+        "meshes": levels,
+    }

@@ -1,0 +1,114 @@
+"""``hemivar sweep``: the solutions of a problem over one or more of its parameters."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hemivar.basics.disk import shown
+from hemivar.cli.options import Exit, ProblemPath, Rtol, check_limits, controls_of
+from hemivar.cli.outputs import check_outputs, files_of, keep_off, one_line
+from hemivar.cli.session import Session
+from hemivar.cli.show import StageView, console, print_table
+from hemivar.errors import ProblemError
+
+__all__ = ["sweep"]
+
+_MOST_JOBS = 256
+_SHOWN = 40
+
+
+def sweep(
+    problem: ProblemPath,
+    given: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=LOW:HIGH:COUNT",
+            help="A range of a key of the file (with :log in the logarithm), or a value KEY=VALUE.",
+        ),
+    ] = None,
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=_MOST_JOBS, help="Processes that work at once.")] = 1,
+    keep: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.jsonl", help="Where points are kept, to go on (own name)."),
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
+    latex: Annotated[Path | None, typer.Option(metavar="FILE.tex", help="Write the table for LaTeX.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw margin and number of solutions (.png, .svg or .pdf).")
+    ] = None,
+    label: Annotated[
+        list[str] | None, typer.Option(metavar="TEXT", help="Name of a parameter in the picture, with its unit.")
+    ] = None,
+    starts: Annotated[int, typer.Option(metavar="N", min=0, max=1_000_000, help="Random starts of each kind.")] = 40,
+    max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many, at each point.")] = 100,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
+    rtol: Rtol = None,
+    max_time: Annotated[float | None, typer.Option(metavar="S", help="Limit of each point in seconds (none).")] = None,
+) -> int:
+    """Count the solutions, and compute the margin, over ranges of parameters; goes on where it was interrupted.
+
+    Exit code 0 if every point has a result.
+    """
+    from hemivar.files.changes import Change
+    from hemivar.report.study_tables import sweep_table
+    from hemivar.workflows import SolutionsOptions, SweepAxis, SweepOptions, read_axis, result_of, sweeping
+    from hemivar.workflows.sweep import sweep_digest
+
+    check_limits(rtol, max_time)
+    read = [read_axis(text) for text in given or ()]
+    axes = [one for one in read if isinstance(one, SweepAxis)]
+    changes = tuple(one for one in read if isinstance(one, Change))
+    if not axes:
+        raise ProblemError("sweep: give a range with --set, as in --set contact.bottom.normal.q_max=0:1:21")
+    if plot is not None and len(axes) > 2:
+        raise ProblemError(f"--plot draws one or two parameters, and {len(axes)} have ranges; leave it out")
+    outputs = {"--csv": csv, "--latex": latex, "--plot": plot}
+    # the file is read with the first values, so that what is wrong with it, or with a key, is said before any work
+    first = [text for text, one in zip(given or (), read, strict=True) if isinstance(one, Change)]
+    first += [f"{axis.key}={axis.values[0]!r}" for axis in axes]
+    session = Session(problem, {**outputs, "--keep": keep}, rtol, max_time, given=first)
+    stated, writer = session.stated, session.writer
+    search = SolutionsOptions(starts, max_solutions, seed, controls_of(stated, rtol, max_time))
+    options = SweepOptions(search, jobs, None, changes)
+    if keep is None:
+        keep = Path(f"{problem.stem}-{sweep_digest(problem, axes, options)[:8]}.sweep.jsonl")
+        check_outputs({"--keep": keep, **outputs}, problem)
+        keep_off(files_of({"--keep": keep}), writer.inputs)
+    points = math.prod(len(axis.values) for axis in axes)
+    terminal = console()
+    print(one_line(stated.problem.title) or shown(stated.name))
+    for change in changes:
+        print(f"set               {shown(change)}")
+    print(f"parameters        {', '.join(f'{axis.key} ({len(axis.values)})' for axis in axes)}: {points} points")
+    with StageView(terminal) as view:
+        found = result_of(sweeping(problem, axes, SweepOptions(search, jobs, keep, changes)), view)
+    table = sweep_table(found)
+    if len(table.rows) <= _SHOWN:
+        print_table(terminal, table)
+    else:
+        print(f"                  {len(table.rows)} points are done; --csv writes their table")
+    failed = [point for point in found.points if point.failed]
+    if failed:
+        print(f"without result    {len(failed)} points; the first: {failed[0].note}")
+    writer.write("--csv", csv, table.write_csv)
+    writer.write("--latex", latex, sweep_table(found, stated.problem.title).write_latex)
+
+    def draw(file: Path) -> None:
+        from hemivar.report.saving import save
+        from hemivar.report.study_figures import plot_sweep
+
+        save(plot_sweep(found, labels=label or (), title=session.title), file)
+
+    if found.points:
+        writer.write("--plot", plot, draw, picture=True)
+    writer.tell()
+    print(f"kept              {shown(keep)}")
+    if found.interrupted:
+        print(f"interrupted: {len(found.points)} of {points} points are done; the same command goes on from there")
+        return writer.ended(Exit.INTERRUPTED)
+    return writer.ended(Exit.NOT_CONVERGED if failed else Exit.CONVERGED)

@@ -1,0 +1,136 @@
+"""Norms of what a field of elements is off a field that is known: energy, and mean square."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import quadrature_rule, region_masks
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
+from hemivar.formula import TIME, Formula
+from hemivar.mechanics.scalar import ScalarProblem, Statement
+
+__all__ = ["ErrorNorms", "KnownField", "energy_density", "error_norms", "voigt_strain"]
+
+#: By how much the degree of the quadrature is higher where formulas are integrated.
+_HIGHER = 4
+
+
+@dataclass(frozen=True)
+class KnownField:
+    """A displacement, or the unknown of a scalar problem, given by formulas of the place.
+
+    Parameters
+    ----------
+    formulas : sequence of Formula or str
+        One for each component.
+
+    Raises
+    ------
+    ProblemError
+        There is none, a text is no formula, or one depends on the time.
+    """
+
+    formulas: Sequence[Formula | str]
+
+    def __post_init__(self) -> None:
+        given = [self.formulas] if isinstance(self.formulas, str) else list(self.formulas)
+        made = tuple(one if isinstance(one, Formula) else Formula(one, "exact solution") for one in given)
+        if not made:
+            raise ProblemError("the exact solution has no components; give a formula for each")
+        for one in made:
+            if TIME in one.variables:
+                raise ProblemError(f"exact solution: formula '{one.text}' uses t; give the solution at rest")
+        object.__setattr__(self, "formulas", made)
+
+    def values(self, points: Array) -> Array:
+        """Values at points (k, d), shape (k, components)."""
+        return np.column_stack([one(points) for one in self._made])
+
+    def gradients(self, points: Array) -> Array:
+        """Derivatives at points (k, d), shape (k, components, d)."""
+        return np.stack([one.gradient(points) for one in self._made], axis=1)
+
+    @property
+    def _made(self) -> list[Formula]:
+        return [one for one in self.formulas if isinstance(one, Formula)]
+
+
+@dataclass(frozen=True)
+class ErrorNorms:
+    """Two norms of a field e.
+
+    Attributes
+    ----------
+    energy : float
+        ``sqrt(int eps(e) : C eps(e))``, or ``sqrt(int A grad e . grad e)`` of a scalar problem: without bedding.
+    mean_square : float
+        ``sqrt(int |e|^2)``.
+    """
+
+    energy: float
+    mean_square: float
+
+
+def error_norms(problem: Statement, values: Array, known: KnownField | None = None) -> ErrorNorms:
+    """Norms of ``u - known``, or of u, by quadrature: exact without formulas and with a homogeneous material.
+
+    Parameters
+    ----------
+    problem : ContactProblem or ScalarProblem
+        Mesh, order of the elements and material.
+    values : array, shape (nodes, components)
+        u at the nodes.
+    known : KnownField, optional
+
+    Raises
+    ------
+    ProblemError
+        The known field has another number of components, or is not finite.
+    """
+    mesh, order = problem.mesh, problem.order
+    if known is not None and len(known.formulas) != values.shape[1]:
+        what = "displacement" if values.shape[1] > 1 else "unknown"
+        raise ProblemError(
+            f"the exact solution has {len(known.formulas)} components and the {what} {values.shape[1]}; give a formula "
+            "for each component"
+        )
+    slopes, corners, masks = barycentric_gradients(mesh), mesh.points[mesh.cells], region_masks(mesh)
+    nodal = values[mesh.cell_nodes(order)]
+    energy = square = 0.0
+    rule = quadrature_rule(mesh.dim, 2 * order + (0 if known is None else _HIGHER))
+    for point, weight in zip(*rule, strict=True):
+        places = np.einsum("k,mkd->md", point, corners)
+        gradient = np.einsum("mlc,la,mad->mcd", nodal, shape_derivatives(order, point), slopes, optimize=True)
+        off = np.einsum("l,mlc->mc", shape_values(order, point), nodal)
+        if known is not None:
+            gradient = gradient - known.gradients(places)
+            off = off - known.values(places)
+        density = energy_density(problem, places, gradient, masks)
+        energy += float(weight * (mesh.volumes @ density))
+        square += float(weight * (mesh.volumes @ np.einsum("mc,mc->m", off, off)))
+    return ErrorNorms(math.sqrt(max(energy, 0.0)), math.sqrt(square))
+
+
+def energy_density(problem: Statement, places: Array, gradient: Array, masks: Mapping[str, BoolArray]) -> Array:
+    """``eps : C eps`` or ``A g . g`` of gradients (k, components, d) at places (k, d), shape (k,)."""
+    if isinstance(problem, ScalarProblem):
+        tensor = problem.coefficients(places, masks)
+        return np.asarray(np.einsum("mij,mi,mj->m", tensor, gradient[:, 0], gradient[:, 0]))
+    strain = voigt_strain(gradient)
+    return np.asarray(np.einsum("mi,mij,mj->m", strain, problem.material.stiffness_tensor(places, masks), strain))
+
+
+def voigt_strain(gradient: Array) -> Array:
+    """Strains of gradients (k, d, d), shear components doubled, in the order of elasticity matrices; (k, v)."""
+    dim = gradient.shape[1]
+    strain = np.zeros((len(gradient), dim * (dim + 1) // 2))
+    for i, row in enumerate(voigt_index(dim).astype(int).tolist()):
+        for j, place in enumerate(row):
+            strain[:, place] += 0.5 * (gradient[:, i, j] + gradient[:, j, i])
+    return strain

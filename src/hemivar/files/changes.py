@@ -1,0 +1,156 @@
+"""Values that are put into the tables of a problem file before it is read: ``--set key=value``."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from hemivar.basics.arguments import suggest
+from hemivar.errors import ProblemError
+from hemivar.files.scalar_tables import SCALAR_KEYS
+from hemivar.files.toml import KEYS, kind, printable
+
+__all__ = ["Change", "changed", "read_change"]
+
+#: Tables that a file may leave out, and that are made for a value in them.
+_MADE = {*KEYS[""], *SCALAR_KEYS} - {"title", "kind"} | {"traction", "pressure", "flux", "regions"}
+
+
+@dataclass(frozen=True)
+class Change:
+    """A value for a key of a problem file.
+
+    Parameters
+    ----------
+    key : str
+        Keys of the tables on the way, joined by dots, as in ``contact.bottom.normal.q_max``; an entry of a list by its
+        number, from 0: ``loads.body.1``.  Keys with other characters than letters, digits, ``_`` and ``-`` in quotes.
+    value : object
+        What a TOML file can hold.
+
+    Raises
+    ------
+    ProblemError
+        The key is none.
+    """
+
+    key: str
+    value: object
+
+    def __post_init__(self) -> None:
+        _ = self.path
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """The keys on the way."""
+        try:
+            found: object = tomllib.loads(f"{self.key} = 0") if "\n" not in self.key else {}
+        except (tomllib.TOMLDecodeError, RecursionError, ValueError):
+            found = {}
+        way: list[str] = []
+        while isinstance(found, dict) and len(found) == 1:
+            (step,) = found
+            way.append(step)
+            found = found[step]
+        if not way or found != 0:
+            raise ProblemError(
+                f"--set {printable(self.key)}: this is no key; join the names of tables and key by dots, as in "
+                "contact.bottom.normal.q_max=0.5"
+            )
+        return tuple(way)
+
+    def __str__(self) -> str:
+        text = repr(self.value) if isinstance(self.value, float) else self.value
+        return f"{self.key} = {text}" if not isinstance(self.value, str) else f'{self.key} = "{self.value}"'
+
+
+def read_change(text: str) -> Change:
+    """The change that ``key=value`` asks for, the value as TOML has it.
+
+    Raises
+    ------
+    ProblemError
+        There is no ``=``, the key is none, or the value is no TOML.
+    """
+    key, equals, written = text.partition("=")
+    if not equals:
+        raise ProblemError(f"--set {printable(text)}: write KEY=VALUE, as in contact.bottom.normal.q_max=0.5")
+    try:
+        found = tomllib.loads(f"value = {written}")
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError):
+        found = {}
+    if set(found) != {"value"} or "\n" in written.strip():
+        advice = "texts and formulas stand in quotes"
+        if re.fullmatch(r"\s*[^\s\"'\[\]{}]+\s*", written):
+            advice += f""": --set '{printable(key.strip())}="{printable(written.strip())}"'"""
+        raise ProblemError(f"--set {printable(text)}: the value is no TOML; {advice}")
+    return Change(key.strip(), found["value"])
+
+
+def changed(data: Mapping[str, object], changes: Sequence[Change], name: str) -> dict[str, object]:
+    """Tables of a problem file with values put in, in turn; what is given stays as it is.
+
+    Tables that a file may leave out are made.  What is not known in its table is refused where the file is read.
+
+    Parameters
+    ----------
+    data : mapping
+        As TOML gives it.
+    changes : sequence of Change
+    name : str
+        What messages call the file.
+
+    Raises
+    ------
+    ProblemError
+        There is no such table or entry; the message names key and file, and the nearest that there is.
+    """
+    made: dict[str, object] = copy.deepcopy(dict(data))
+    for change in changes:
+        _put(made, change, name)
+    return made
+
+
+def _put(data: dict[str, object], change: Change, name: str) -> None:
+    *way, last = change.path
+    place: object = data
+    for depth, step in enumerate(way):
+        here = ".".join(way[:depth])
+        if isinstance(place, dict) and step not in place:
+            if step not in _MADE or depth > 1:
+                raise _error(change, name, f"there is no table '{step}'{_inside(here)}{_known(step, place)}")
+            place[step] = {}
+        place = place[step] if isinstance(place, dict) else place[_number(place, step, change, name, here)]  # type: ignore[index]
+        if not isinstance(place, dict | list):
+            shown = ".".join(way[: depth + 1])
+            raise _error(change, name, f"{shown} is {kind(place)}, not a table; set {shown} to a table in braces")
+    if isinstance(place, list):
+        place[_number(place, last, change, name, ".".join(way))] = change.value
+    elif isinstance(place, dict):
+        if not way and last not in KEYS[""] and last not in SCALAR_KEYS:
+            raise _error(change, name, f"there is no key '{last}'{suggest(last, list(data))}")
+        place[last] = change.value
+
+
+def _number(place: object, step: str, change: Change, name: str, here: str) -> int:
+    """The place in a list that a key names."""
+    count = len(place) if isinstance(place, list) else 0
+    if not re.fullmatch(r"[0-9]{1,6}", step) or int(step) >= count:
+        raise _error(change, name, f"{here} is a list of {count}; name an entry by a number from 0 to {count - 1}")
+    return int(step)
+
+
+def _known(step: str, place: Mapping[str, object]) -> str:
+    tables = [key for key, value in place.items() if isinstance(value, dict | list)]
+    return suggest(step, tables, "there are")
+
+
+def _inside(here: str) -> str:
+    return f" in [{here}]" if here else ""
+
+
+def _error(change: Change, name: str, what: str) -> ProblemError:
+    return ProblemError(f"{name}: --set {printable(change.key)}: {what}")

@@ -1,0 +1,414 @@
+"""One problem for many values of its parameters: how many solutions there are, and the margin."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import itertools
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hemivar.basics.arguments import described, expect, whole_number
+from hemivar.basics.content import content
+from hemivar.basics.disk import noting_files_read, read_bytes
+from hemivar.basics.generators import result_of
+from hemivar.basics.processes import results
+from hemivar.basics.types import Array
+from hemivar.branches import SolutionsOptions, finding
+from hemivar.certify import smallness
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import HemivarError, ProblemError
+from hemivar.fem.posed import posed
+from hemivar.files.changes import Change, read_change
+from hemivar.files.problem_file import parse_problem_file, read_text
+from hemivar.files.sweep_record import SweepPoint, SweepRecord
+from hemivar.linear.threads import one_thread
+from hemivar.mechanics import Statement
+from hemivar.solvers import Controls
+from hemivar.systems.workspace import Workspace
+from hemivar.workflows.events import Notice, Stage, Work
+
+__all__ = ["Sweep", "SweepAxis", "SweepOptions", "Swept", "read_axis", "sweep", "sweep_digest", "sweeping"]
+
+#: Points of a sweep.
+_MOST_POINTS = 1_000_000
+#: Digits of the values of a range.
+_DIGITS = 12
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_RANGE = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d{{1,7}})(:log)?\s*")
+
+
+@dataclass(frozen=True)
+class SweepAxis:
+    """A parameter and the values that it takes.
+
+    Parameters
+    ----------
+    key : str
+        A key of the problem file, as :class:`~hemivar.files.Change` has it, or a name for a function of the parameters.
+    values : sequence
+        What a TOML file can hold; at least one.
+
+    Raises
+    ------
+    ProblemError
+        There is no value.
+    """
+
+    key: str
+    values: tuple[object, ...]
+
+    def __post_init__(self) -> None:
+        values = tuple(one.item() if isinstance(one, np.generic) else one for one in self.values)
+        if not values:
+            raise ProblemError(f"parameter '{self.key}' has no values; give at least one")
+        object.__setattr__(self, "values", values)
+
+    @property
+    def numbers(self) -> Array | None:
+        """The values as numbers, or None where one is none."""
+        if all(isinstance(one, int | float) and not isinstance(one, bool) for one in self.values):
+            return np.array(self.values, dtype=float)
+        return None
+
+
+def read_axis(text: str) -> SweepAxis | Change:
+    """The axis that ``key=low:high:count`` asks for, evenly spaced, or ``...:log`` evenly in the logarithm.
+
+    The values are rounded to 12 digits; they are whole numbers if the ends and all between are.  What is no range is a
+    value, put in place of the file's.
+
+    Raises
+    ------
+    ProblemError
+        The range makes no sense; otherwise as :func:`~hemivar.files.changes.read_change`.
+    """
+    key, _, written = text.partition("=")
+    found = _RANGE.fullmatch(written)
+    if found is None:
+        return read_change(text)
+    key = Change(key.strip(), 0).key
+    low, high, count = float(found[1]), float(found[2]), int(found[3])
+    if count < 2 or low == high or not (math.isfinite(low) and math.isfinite(high)):
+        raise ProblemError(f"--set {text}: a range LOW:HIGH:COUNT has two different ends and at least two values")
+    if found[4] and not (low > 0.0 and high > 0.0):
+        raise ProblemError(f"--set {text}: the ends of a range in the logarithm are positive")
+    if count > _MOST_POINTS:
+        raise ProblemError(f"--set {text}: a sweep has at most {_MOST_POINTS} points")
+    between = np.geomspace(low, high, count) if found[4] else np.linspace(low, high, count)
+    values = [float(f"{value:.{_DIGITS}g}") for value in between]
+    whole = all(re.fullmatch(r"[-+]?\d+", end) for end in found.groups()[:2]) and all(v.is_integer() for v in values)
+    return SweepAxis(key, tuple(int(v) for v in values) if whole else tuple(values))
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """How to search, and how to work.
+
+    Parameters
+    ----------
+    search : SolutionsOptions
+        How far to look for solutions at each point; see :func:`hemivar.find_solutions`.
+    jobs : int
+        Processes that work at once.  A script that asks for more than one does so below
+        ``if __name__ == "__main__":``, for each process reads it anew.
+    keep : str or Path, optional
+        A file to which every point goes when it is done; points that it holds are not computed again.
+    changes : sequence of Change
+        Values put in place of those of the problem file at every point.
+
+    Raises
+    ------
+    ProblemError
+        The number of processes makes no sense, or the controls have a function to call.
+    """
+
+    search: SolutionsOptions = field(default_factory=SolutionsOptions)
+    jobs: int = 1
+    keep: str | Path | None = None
+    changes: tuple[Change, ...] = ()
+
+    def __post_init__(self) -> None:
+        whole_number(self.jobs, "jobs", 1)
+        expect(self.search, SolutionsOptions, "search", "pass SolutionsOptions(starts=...)")
+        if self.search.controls.callback is not None:
+            raise ProblemError("a sweep calls no function after every step; leave the callback of its controls out")
+
+
+@dataclass(frozen=True, eq=False)
+class Swept(Notice):
+    """A point is done."""
+
+    point: SweepPoint
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """What :func:`sweep` found.
+
+    Attributes
+    ----------
+    axes : tuple of SweepAxis
+    points : tuple of SweepPoint
+        Those that are done, the last parameter running fastest.
+    interrupted : bool
+        Whether the work was stopped from the keyboard.
+    """
+
+    axes: tuple[SweepAxis, ...]
+    points: tuple[SweepPoint, ...]
+    interrupted: bool = False
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of values of the parameters."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point is done."""
+        return len(self.points) == math.prod(self.shape)
+
+    @property
+    def margin(self) -> Array:
+        """The margin at each point, of :attr:`shape`; nan where there is none."""
+        return self._grid(lambda point: point.margin)
+
+    @property
+    def count(self) -> Array:
+        """The number of solutions found at each point, of :attr:`shape`; nan where it is not done or failed."""
+        return self._grid(lambda point: math.nan if point.failed else point.count)
+
+    @property
+    def exhaustive(self) -> Array:
+        """Where there are no other solutions, 1, else 0; nan as :attr:`count`."""
+        return self._grid(lambda point: math.nan if point.failed else float(point.exhaustive))
+
+    def values(self, point: SweepPoint) -> tuple[object, ...]:
+        """The values of the parameters at a point."""
+        return tuple(axis.values[i] for axis, i in zip(self.axes, point.place, strict=True))
+
+    def _grid(self, number: Callable[[SweepPoint], float]) -> Array:
+        found = np.full(self.shape, np.nan)
+        for point in self.points:
+            found[point.place] = number(point)
+        return found
+
+
+#: A problem for each choice of parameters: a file, or an importable function of their values.
+Source = str | Path | Callable[..., DiscreteProblem | Statement]
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One point, with all that a process needs for it."""
+
+    place: tuple[int, ...]
+    values: tuple[object, ...]
+    keys: tuple[str, ...]
+    source: Callable[..., Any] | tuple[str, str, str]
+    search: SolutionsOptions
+    changes: tuple[Change, ...]
+
+
+def sweep(
+    problem: Source,
+    axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis],
+    *,
+    jobs: int = 1,
+    keep: str | Path | None = None,
+    starts: int = 40,
+    max_solutions: int = 100,
+    seed: int = 0,
+    controls: Controls | None = None,
+    changes: Sequence[Change] = (),
+) -> Sweep:
+    """:func:`sweeping` to its end, as a value.
+
+    Parameters
+    ----------
+    problem : path of a problem file, or function
+        A function is called with the values of the parameters, in their order.
+    axes : mapping of key to values, or sequence of SweepAxis
+    jobs, keep, changes
+        As in :class:`SweepOptions`.
+    starts, max_solutions, seed, controls
+        As in :func:`hemivar.find_solutions`.
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    ProblemError, MethodError
+        As :func:`sweeping`.
+    """
+    search = SolutionsOptions(starts, max_solutions, seed, Controls() if controls is None else controls)
+    return result_of(sweeping(problem, axes, SweepOptions(search, jobs, keep, tuple(changes))))
+
+
+def sweeping(
+    problem: Source, axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis], options: SweepOptions | None = None
+) -> Work[Sweep]:
+    """Find the solutions of a problem for every combination of some values of its parameters, and the margin.
+
+    Every point is computed by itself, with one thread, so that its numbers depend neither on the number of processes
+    nor on what was kept of earlier work.  A point at which the problem cannot be stated or solved has failed, with a
+    note.
+
+    Yields :class:`Stage` and :class:`Swept` for every point.  An interruption ends the work with what is done.
+
+    Parameters
+    ----------
+    problem : path of a problem file, or function
+        A function is called with the values of the parameters, in their order; it returns a statement or a discrete
+        problem, and must be importable for more than one process.
+    axes : mapping of key to values, or sequence of SweepAxis
+        At least one.
+    options : SweepOptions, optional
+
+    Raises
+    ------
+    ProblemError, MethodError, FileError
+        The file cannot be read, there are no parameters or too many points, every point fails for the first reason
+        given; a process ended; the record is that of another sweep.
+    """
+    options = SweepOptions() if options is None else options
+    given = _axes(axes)
+    keys = tuple(axis.key for axis in given)
+    source: Callable[..., Any] | tuple[str, str, str]
+    if isinstance(problem, str | Path):
+        source = (read_text(problem), str(Path(problem).parent), str(problem))
+    elif callable(problem):
+        source = problem
+    else:
+        raise ProblemError(
+            f"sweep: the problem is {described(problem)}; give the path of a problem file, or a function"
+        )
+    places = list(itertools.product(*(range(len(axis.values)) for axis in given)))
+    record = None if options.keep is None else SweepRecord(options.keep, sweep_digest(problem, given, options), keys)
+    done = {} if record is None else {point.place: point for point in record.among(places)}
+    tasks = [
+        _Task(place, _values(given, place), keys, source, options.search, options.changes)
+        for place in places
+        if place not in done
+    ]
+    interrupted = False
+    try:
+        with contextlib.closing(results(_point, tasks, options.jobs)) as points:
+            for point in points:
+                if record is not None:
+                    record.add(point)
+                done[point.place] = point
+                named = ", ".join(f"{k} = {v}" for k, v in zip(keys, _values(given, point.place), strict=True))
+                yield Stage(f"{named}: {_outcome(point)}", len(done) - 1, len(places))
+                if (yield Swept(point)):
+                    interrupted = len(done) < len(places)
+                    break
+    except KeyboardInterrupt:
+        interrupted = True
+    found = Sweep(given, tuple(done[place] for place in places if place in done), interrupted)
+    if found.complete and all(point.failed for point in found.points):
+        raise ProblemError(f"sweep: no point has a solution; the first: {found.points[0].note}")
+    return found
+
+
+def sweep_digest(problem: Source, axes: Sequence[SweepAxis], options: SweepOptions) -> str:
+    """What tells whether two sweeps are the same work: of the file with all that it reads, parameters and options.
+
+    Raises
+    ------
+    ProblemError
+        The file cannot be read.
+    """
+    digest = hashlib.sha256()
+    parts: list[object] = [[(axis.key, axis.values) for axis in axes], options.changes, options.search]
+    if isinstance(problem, str | Path):
+        text = read_text(problem)
+        parts.append(text)
+        with noting_files_read() as files, contextlib.suppress(HemivarError):
+            first = [Change(axis.key, axis.values[0]) for axis in axes]
+            parse_problem_file(text, Path(problem).parent, str(problem), changes=[*options.changes, *first])
+        parts += [read_bytes(file) for file in files]
+    else:
+        parts.append(problem)
+    for part in parts:
+        for piece in content(part):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def _axes(axes: Mapping[str, Sequence[object]] | Sequence[SweepAxis]) -> tuple[SweepAxis, ...]:
+    """The axes, checked."""
+    if isinstance(axes, Mapping):
+        found = tuple(SweepAxis(key, tuple(values)) for key, values in axes.items())
+    else:
+        found = tuple(expect(axis, SweepAxis, "an axis", "pass SweepAxis(key, values)") for axis in axes)
+    if not found:
+        raise ProblemError("sweep: there is no parameter; give a range, as in contact.bottom.normal.q_max=0:1:21")
+    twice = [axis.key for axis in found if sum(other.key == axis.key for other in found) > 1]
+    if twice:
+        raise ProblemError(f"sweep: parameter '{twice[0]}' is there twice; give it once")
+    count = math.prod(len(axis.values) for axis in found)
+    if count > _MOST_POINTS:
+        raise ProblemError(f"sweep: {count} points; take at most {_MOST_POINTS}")
+    return found
+
+
+def _values(axes: Sequence[SweepAxis], place: Sequence[int]) -> tuple[object, ...]:
+    return tuple(axis.values[i] for axis, i in zip(axes, place, strict=True))
+
+
+def _outcome(point: SweepPoint) -> str:
+    if point.failed:
+        return point.note
+    more = "" if point.exhaustive else " at least"
+    return f"{point.count} solution{'s' if point.count != 1 else ''}{more}, margin {point.margin:.3g}"
+
+
+# ---- one point -------------------------------------------------------------------------------------------------
+
+
+def _point(task: _Task) -> SweepPoint:
+    """The solutions for one choice of parameters."""
+    try:
+        with one_thread():
+            return _found(task)
+    except HemivarError as error:
+        return SweepPoint(task.place, note=str(error), failed=True)
+    except MemoryError:
+        return SweepPoint(task.place, note="not enough memory", failed=True)
+
+
+def _found(task: _Task) -> SweepPoint:
+    if isinstance(task.source, tuple):
+        text, folder, name = task.source
+        own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
+        stated: Any = parse_problem_file(text, folder, name, changes=[*task.changes, *own]).problem
+    else:
+        stated = task.source(*task.values)
+    problem, workspace = posed(stated, "sweep"), Workspace()
+    found = result_of(finding(problem, task.search, workspace))
+    if found.interrupted:
+        raise KeyboardInterrupt
+    near: dict[str, Array] = {}
+    if problem.law.state_dependent and len(found):
+        near = {"displacement": found[0].unknowns, "multiplier": found[0].multiplier}
+    constants = smallness(problem, trace_constant=False, workspace=workspace, **near)  # type: ignore[arg-type]
+    return SweepPoint(
+        task.place,
+        float(constants.margin),
+        tuple(float(one.energy) for one in found),
+        tuple("" if one.kind is None else str(one.kind) for one in found),
+        tuple(float(one.penetration.max(initial=-math.inf)) for one in found),
+        tuple(float(one.normal_force) for one in found),
+        found.exhaustive,
+        found.searched,
+    )

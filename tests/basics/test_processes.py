@@ -1,0 +1,35 @@
+"""Work shared out to processes."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from hemivar.basics.processes import results
+from hemivar.errors import MethodError, ProblemError
+
+
+def squared(number: int) -> int:
+    return number * number
+
+
+def dead(number: int) -> int:
+    os._exit(number)
+
+
+def test_one_process_works_itself_in_order() -> None:
+    assert list(results(lambda number: number + 1, [3, 1, 2], 1)) == [4, 2, 3]
+    assert list(results(squared, [], 4)) == []
+
+
+def test_what_cannot_travel_is_refused() -> None:
+    with pytest.raises(ProblemError, match="other processes cannot get the work"):
+        list(results(squared, [lambda: 0, lambda: 1], 2))  # type: ignore[list-item]
+
+
+@pytest.mark.slow
+def test_processes_do_all_of_it_and_one_that_dies_is_told() -> None:
+    assert sorted(results(squared, range(9), 2)) == [number**2 for number in range(9)]
+    with pytest.raises(MethodError, match="a process ended before its work was done"):
+        list(results(dead, [1, 1, 1], 2))

@@ -1,0 +1,187 @@
+"""The commands ``study``, ``sweep`` and ``new --template``, and ``--set`` of every command."""
+
+from __future__ import annotations
+
+import csv
+import inspect
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import hemivar as hv
+from hemivar import cli
+from hemivar.files.problem_file import read_problem_file
+from hemivar.files.sample import TEMPLATES, template
+from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT, block_file
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "problems"
+COMMANDS = ("solve", "certify", "solutions", "path", "march", "compare", "study", "sweep")
+
+
+@pytest.fixture
+def block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "block.toml"
+    path.write_text(block_file(2))
+    return path
+
+
+def test_every_command_with_a_problem_file_takes_values() -> None:
+    parameters = {
+        command.name: inspect.signature(command.callback).parameters
+        for command in cli.app.registered_commands
+        if command.callback is not None
+    }
+    stating = [name for name, own in parameters.items() if "problem" in own]
+    assert sorted(map(str, stating)) == sorted(COMMANDS)
+    for name in stating:
+        assert "--set" in str(parameters[name]["given"].annotation) or parameters[name]["given"].annotation == "Given"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_wrong_key_is_refused_by_every_command(block: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    given = [command, str(block), "--set", "contact.botom.normal.q_max=1"]
+    given += ["--set", "loads.body.0=0:1:2"] if command == "sweep" else []
+    assert cli.main(given) == 2
+    error = capsys.readouterr().err
+    assert "--set contact.botom.normal.q_max: there is no table 'botom' in [contact]; did you mean 'bottom'?" in error
+    assert error.count("\n") == 1
+
+
+def test_a_value_is_used_and_told(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["solve", str(block), "--quiet", "--set", "mesh.cells=[3, 3]", "--set", "loads.body.0=0.0"]) == 0
+    out = capsys.readouterr().out
+    assert "set               mesh.cells = [3, 3]\n" in out
+    assert "mesh              16 nodes" in out
+
+
+def test_study_writes_table_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problem = tmp_path / "problem.toml"
+    problem.write_text(f'title = "a_b"\n{MANUFACTURED}')
+    names = {suffix: tmp_path / f"out.{suffix}" for suffix in ("csv", "tex", "json", "png")}
+    given = [f"--exact={text}" for text in MANUFACTURED_EXACT]
+    given += ["--csv", str(names["csv"]), "--latex", str(names["tex"]), "--json", str(names["json"])]
+    assert cli.main(["study", str(problem), "--refine", "2", "--plot", str(names["png"]), *given]) == 0
+    out = capsys.readouterr().out
+    assert "reference         exact solution" in out
+    assert re.search(r"energy            order (0.9[5-9]|1.0[0-5]), relative error", out)
+    record = json.loads(names["json"].read_text())
+    assert record["orders"]["displacement"] == pytest.approx(2.0, abs=0.1)
+    rows = list(csv.DictReader(names["csv"].read_text().splitlines()))
+    assert [float(row["energy error"]) for row in rows] == [mesh["errors"]["energy"] for mesh in record["meshes"]]
+    assert r"\caption{a\_b}" in names["tex"].read_text()
+    assert names["png"].stat().st_size > 5000
+
+
+def test_study_begins_on_a_coarser_mesh_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problem = tmp_path / "problem.toml"
+    problem.write_text(MANUFACTURED)
+    out = tmp_path / "out.json"
+    assert cli.main(["study", str(problem), "--refine", "2", "--coarser", "1", "--json", str(out)]) == 0
+    sizes = [mesh["h"] for mesh in json.loads(out.read_text())["meshes"]]
+    assert sizes[0] == pytest.approx(2.0 * 2.0**0.5 / 4.0)
+    assert cli.main(["study", str(problem), "--coarser", "9"]) == 2
+    assert "--coarser is 9" in capsys.readouterr().err
+
+
+def test_sweep_counts_keeps_and_goes_on(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["sweep", str(block), "--set", "contact.bottom.normal.q_max=0:0.4:3", "--csv", "a.csv", "--plot", "a.png"]
+    assert cli.main(given) == 0
+    out = capsys.readouterr().out
+    assert "contact.bottom.normal.q_max = 0.2: 1 solution, margin 1\n" in out
+    (kept,) = block.parent.glob("block-*.sweep.jsonl")
+    rows = list(csv.DictReader(Path("a.csv").read_text().splitlines()))
+    assert [(row["contact.bottom.normal.q_max"], row["solutions"]) for row in rows] == [
+        ("0.0", "1"), ("0.2", "1"), ("0.4", "1"),
+    ]  # fmt: skip
+    before = kept.read_bytes()
+    assert cli.main(given) == 0
+    assert "1 solution, margin" not in capsys.readouterr().out  # nothing was computed again
+    assert kept.read_bytes() == before
+    assert cli.main(["sweep", str(block)]) == 2
+    assert "give a range with --set" in capsys.readouterr().err
+
+
+def test_values_beside_the_ranges_hold_at_every_point(block: Path) -> None:
+    given = ["sweep", str(block), "--set", "loads.body.1=-0.4", "--set", "contact.bottom.normal.q_max=0.1:0.2:2"]
+    assert cli.main([*given, "--keep", "a.jsonl", "--csv", "a.csv"]) == 0
+    rows = list(csv.DictReader(Path("a.csv").read_text().splitlines()))
+    for row, q in zip(rows, (0.1, 0.2), strict=True):
+        text = block_file(2).replace("q_max = 0.3", f"q_max = {q}").replace("[-0.8, -0.8]", "[-0.8, -0.4]")
+        block.write_text(text)
+        assert float(row["energy"]) == pytest.approx(hv.solve(hv.read_problem(block)).energy, rel=1e-9)
+
+
+def test_a_sweep_with_failed_points_is_told(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["sweep", str(block), "--set", "contact.bottom.friction.bound=0.5:-0.5:3", "--keep", "a.jsonl"]
+    assert cli.main(given) == 1
+    assert "without result    1 points; the first:" in capsys.readouterr().out
+
+
+def test_templates_are_the_examples() -> None:
+    folder = Path(cli.__file__).parents[1] / "files" / "templates"
+    for path in folder.glob("*.toml"):
+        assert path.read_text() == (EXAMPLES / path.name).read_text(), path.name
+    texts = {name: template(name) for name in TEMPLATES}
+    assert len(list(folder.glob("*.toml"))) == len(texts) - 1
+    assert len(set(texts.values())) == len(texts)
+
+
+def test_templates_of_all_kinds() -> None:
+    found = {name: tomllib.loads(template(name)) for name in TEMPLATES}
+    assert any("box" in data["mesh"] for data in found.values())
+    assert any("time" in data for data in found.values())
+    assert any("kind" in data for data in found.values())
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_a_template_solves_as_it_is(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "problem.toml"
+    assert cli.main(["new", str(file), "--template", name]) == 0
+    command = "march" if read_problem_file(file).time is not None else "solve"
+    assert f"hemivar {command}" in capsys.readouterr().out
+    # in time the first tenth of it
+    given = ["--until", "0.15"] if command == "march" else []
+    assert cli.main([command, str(file), "--quiet", *given]) == 0
+
+
+def test_templates_are_listed_and_others_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["new", "--template", "list"]) == 0
+    assert all(f"{name} " in capsys.readouterr().out for name in ("softening",))
+    assert cli.main(["new", str(tmp_path / "a.toml"), "--template", "hertzz"]) == 2
+    assert "template 'hertzz' is not known; did you mean 'hertz'?" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_sweep_of_processes_is_interrupted_and_goes_on(block: Path) -> None:
+    command = [sys.executable, "-m", "hemivar", "sweep", str(block), "--set", "loads.body.1=-1:0:401", "--jobs", "2"]
+    command += ["--keep", "a.jsonl", "--csv", "a.csv"]
+    kept = Path("a.jsonl")
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # whatever the tests were started with
+    )  # fmt: skip
+    end = time.monotonic() + 120.0
+    while time.monotonic() < end and (not kept.exists() or kept.read_text().count("\n") < 5):
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert err == "hemivar: interrupted\n"
+    assert "the same command goes on from there" in out
+    done = kept.read_text().splitlines()
+    assert 5 <= len(done) < 400
+    again = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert again.returncode == 0, again.stderr
+    assert kept.read_text().splitlines()[: len(done)] == done
+    resumed = Path("a.csv").read_bytes()
+    subprocess.run([*command[:-3], "b.jsonl", "--csv", "b.csv"], capture_output=True, timeout=300, check=True)
+    assert Path("b.csv").read_bytes() == resumed
