@@ -19,7 +19,7 @@ import numpy as np
 import hemivar as hv
 
 RADIUS, YOUNG, POISSON, DOWN = 1.0, 1.0, 0.3, 0.002
-here = Path(__file__).parent
+here = Path(__file__).parent if "__file__" in globals() else Path()
 
 # %%
 # The foundation is met along the outward normal of the body, so the gap at a node of height y is y / cos(angle).

@@ -64,5 +64,5 @@ for name, law in laws.items():
     certificate = solution.certify()
     depths[name] = float(solution.penetration.max())
     print(f"{name:<9} largest penetration {depths[name]:.9f}, margin {certificate.margin:.4f}, "
-          f"unique: {certificate.unique}, alpha sampled: {certificate.alpha_sampled}")  # fmt: skip
+          f"unique: {certificate.unique}, sampled: {certificate.error_bound_sampled}")  # fmt: skip
 solution.plot()
