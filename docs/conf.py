@@ -36,7 +36,7 @@ extensions = [
 exclude_patterns = ["_build", "README.md", "gallery/**/*.ipynb", "gallery/**/*.py"]
 nitpicky = True
 #: Types of annotations that no page describes: those of other packages, and aliases of arrays.
-nitpick_ignore_regex = [(r"py:.*", r".*")]
+nitpick_ignore_regex: list[tuple[str, str]] = []
 
 # Markdown: equations in dollars, headings as targets of links.
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
@@ -59,7 +59,7 @@ sphinx_gallery_conf = {
     "gallery_dirs": ["gallery"],
     "filename_pattern": os.environ.get("HEMIVAR_GALLERY", r"\.py$"),
     "ignore_pattern": r"(^|/)_|/meshes/",
-    "within_subsection_order": "FileNameSortKey",
+    "within_subsection_order": "site_figures.ReadingOrder",
     "download_all_examples": False,
     "show_memory": False,
     "remove_config_comments": True,

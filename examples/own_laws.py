@@ -13,8 +13,8 @@ import numpy as np
 import hemivar as hv
 from hemivar.report import plot_law
 
-named = hv.Softening(stiffness=30.0, limit=0.05, softening=6.0)
-end = 0.05 + 30.0 * 0.05 / 6.0  # nothing is left from here on
+named = hv.Softening(stiffness=30.0, limit=0.05, softening=2.0)
+end = 0.05 + 30.0 * 0.05 / 2.0  # nothing is left from here on
 
 # %%
 # A table of pressures, as measured; straight lines between.
@@ -26,7 +26,7 @@ table = hv.table_law([-1.0, 0.0, 0.05, end, 1.0], [0.0, 0.0, 1.5, 0.0, 0.0])
 
 lost = 0.5 * 1.5 * end  # the work until nothing is left
 formula = hv.FormulaLaw(
-    f"piecewise((0, r < 0), (15*r^2, r < 0.05), (0.0375 + 1.5*(r - 0.05) - 3*(r - 0.05)^2, r < {end}), ({lost}, True))",
+    f"piecewise((0, r < 0), (15*r^2, r < 0.05), (0.0375 + 1.5*(r - 0.05) - (r - 0.05)^2, r < {end}), ({lost}, True))",
     kinks=(0.0, 0.05, end),
 )
 
@@ -43,12 +43,13 @@ def pressure(r: np.ndarray) -> np.ndarray:
 function = hv.FunctionLaw(derivative=pressure, kinks=(0.0, 0.05, end))
 
 # %%
-# The graph of the law: a falling branch, hence :math:`\alpha = 6`.
+# The graph of the law: a falling branch, hence :math:`\alpha = 2`.
 
-plot_law(hv.ContactLaw(named).at(None).normal, reach=0.5)
+plot_law(hv.ContactLaw(named).at(None).normal, reach=1.2)
 
 # %%
-# The same body on each of them. Constants of formulas and functions are sampled, and say so.
+# The same body on each of them. Those of a Python function are known from samples only: then
+# nothing is called unique.
 
 laws = {"named": named, "table": table, "formula": formula, "function": function}
 depths = {}

@@ -236,7 +236,7 @@ def test_own_laws_are_the_named_one() -> None:
     found = run("own_laws")
     for name, depth in found["depths"].items():
         assert depth == pytest.approx(found["depths"]["named"], rel=1e-6), name
-    assert found["laws"]["table"].at(None).weak_convexity() == pytest.approx(6.0)
+    assert found["laws"]["table"].at(None).weak_convexity[0] == pytest.approx(2.0)
 
 
 @pytest.mark.slow
@@ -315,8 +315,9 @@ def test_bounce() -> None:
 @pytest.mark.slow
 def test_stick_slip() -> None:
     found = run("stick_slip")
-    assert found["starts"][0] == pytest.approx(found["belt"].begins, rel=0.05)
+    assert found["starts"][0] == pytest.approx(found["belt"].begins, abs=0.3)
     assert np.diff(found["starts"]) == pytest.approx(found["period"], rel=0.05)
+    assert found["rate"].max() == pytest.approx(found["belt"].peak, rel=0.05)
 
 
 def test_relaxation() -> None:
@@ -426,7 +427,7 @@ PAGES = [*DOCS, *(EXAMPLES.parent / name for name in ("CHANGELOG.md", "CONTRIBUT
 
 @pytest.mark.parametrize("page", DOCS, ids=lambda path: path.name)
 def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks marked ``python`` run one after the other; blocks marked ``py`` need other software."""
+    """Blocks marked ``python`` run one after the other; blocks marked ``py`` need other software (test_other_software)."""
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
@@ -437,7 +438,8 @@ def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_links_and_names_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
-        if "://" not in target:
+        made = target.startswith(("gallery/", "reference/")) and page.parent.name == "docs"  # with the site
+        if "://" not in target and not made:
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
     for path in re.findall(r"\bexamples/[\w/]+\.(?:py|toml|msh)", text):
         assert (EXAMPLES.parent / path).exists(), f"{page.name} names {path}"
