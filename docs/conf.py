@@ -92,7 +92,6 @@ html_theme_options = {
 }
 
 
-
 def _bars(app: Any, what: str, name: str, obj: object, options: Any, lines: list[str]) -> None:
     """In docstrings ``|r|`` is a modulus, not a substitution of reStructuredText."""
     block = -1

@@ -25,11 +25,37 @@ def _scrape(block: tuple[Any, ...], block_vars: dict[str, Any], gallery_conf: di
 
 #: From the first solution to data of one's own; what is not named here comes last.
 _ORDER = (
-    "first_solution weighted_block units law_in_space own_laws all_methods cube_friction curved_contact hertz_obstacle "
-    "patch_test membrane_obstacle antiplane_friction convexity_and_margin three_solutions weakening_friction "
-    "delamination broken_foundation bounce stick_slip relaxation wear delayed_failure bar_impact thermoviscoelastic "
-    "warm_start exact_distance adaptive_mesh trace_constants bar_from_arrays own_matrix_from_fem"
-).split()
+    "first_solution",
+    "weighted_block",
+    "units",
+    "law_in_space",
+    "own_laws",
+    "all_methods",
+    "cube_friction",
+    "curved_contact",
+    "hertz_obstacle",
+    "patch_test",
+    "membrane_obstacle",
+    "antiplane_friction",
+    "convexity_and_margin",
+    "three_solutions",
+    "weakening_friction",
+    "delamination",
+    "broken_foundation",
+    "bounce",
+    "stick_slip",
+    "relaxation",
+    "wear",
+    "delayed_failure",
+    "bar_impact",
+    "thermoviscoelastic",
+    "warm_start",
+    "exact_distance",
+    "adaptive_mesh",
+    "trace_constants",
+    "bar_from_arrays",
+    "own_matrix_from_fem",
+)
 
 
 class ReadingOrder:

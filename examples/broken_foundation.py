@@ -2,8 +2,8 @@ r"""
 A foundation that breaks: two answers to one load
 =================================================
 
-The pressure rises with the penetration s up to s = 0.1 and vanishes beyond, and the friction bound grows with s, so that
-the functional has two arguments, J(w, v) (Jureczka and Ochal 2019). At the given load there is a solution that the
+The pressure rises with the penetration s up to s = 0.1 and vanishes beyond, and the friction bound grows with s, so
+that the functional has two arguments, J(w, v) (Jureczka and Ochal 2019). At the given load there is a solution that the
 foundation supports, reached by loading the body from zero, and one that has broken through, reached from below.
 """
 
@@ -59,8 +59,8 @@ plot_solution(broken, title="broken through")
 # %%
 # Where the supported branch ends
 # -------------------------------
-# The largest penetration grows smoothly up to 0.1, where the branch ends, so that the load is extrapolated from the last
-# two points, and approached in steps that shrink: a large one would overshoot, as the friction bound follows the
+# The largest penetration grows smoothly up to 0.1, where the branch ends, so that the load is extrapolated from the
+# last two points, and approached in steps that shrink: a large one would overshoot, as the friction bound follows the
 # penetration and holds part of the load.
 
 

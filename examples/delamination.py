@@ -3,8 +3,8 @@ A strip torn off its ground
 ===========================
 
 The tension of a glue drops three times as it opens, at 0.5, 1 and 2 mm (after Makela et al. 1998). Where the tip passes
-these openings the equilibrium path has its corners: each point of the glue in turn has three, so that on a mesh the path
-is a zigzag of folds. Under a prescribed load the strip jumps over them.
+these openings the equilibrium path has its corners: each point of the glue in turn has three, so that on a mesh the
+path is a zigzag of folds. Under a prescribed load the strip jumps over them.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,8 @@ How far from the exact solution?
 ================================
 
 A certificate bounds the distance to the *discrete* solution. The distance to the solution of the *continuous* problem,
-:math:`|u - u_h|_a^2 = \int C\varepsilon(u - u_h) : \varepsilon(u - u_h)`, is bounded by a stress in equilibrium with the
-loads, made from the computed one, and by a lower bound of the trace constant of the body.
+:math:`|u - u_h|_a^2 = \int C\varepsilon(u - u_h) : \varepsilon(u - u_h)`, is bounded by a stress in equilibrium with
+the loads, made from the computed one, and by a lower bound of the trace constant of the body.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,8 @@ A membrane on a hill
 ====================
 
 Scalar problems have one unknown over a mesh: membranes, antiplane shear, heat. Here a membrane of tension T spans the
-unit disc and is pressed onto the hill :math:`\psi = H - \rho^2/(2R)` by a load; it lies on a disc whose radius a solves a
-transcendental equation, outside of which :math:`T \Delta u = T q`.
+unit disc and is pressed onto the hill :math:`\psi = H - \rho^2/(2R)` by a load; it lies on a disc whose radius a solves
+a transcendental equation, outside of which :math:`T \Delta u = T q`.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,8 @@ A matrix from another finite element code
 =========================================
 
 Here plain scikit-fem with quadrilaterals, which hemivar itself does not have; FEniCS or NGSolve work alike. What
-hemivar needs of such a code: the stiffness matrix and the load on the free unknowns, and where in the vector of unknowns
-the normal and tangential displacement of each contact node stand.
+hemivar needs of such a code: the stiffness matrix and the load on the free unknowns, and where in the vector of
+unknowns the normal and tangential displacement of each contact node stand.
 
 A block is pressed onto the foundation by moving its top down by D; the solution by hand is linear,
 :math:`s = (\kappa D - q)/(\kappa + p)`, :math:`\kappa = \lambda + 2\mu`.

@@ -16,8 +16,8 @@ from hemivar.fem import stress
 # %%
 # A turned block
 # --------------
-# A block between frictionless walls, its top moved down by D, on a distorted mesh turned by 30 degrees. At every node of
-# the contact boundary :math:`s = (\kappa D - q)/(\kappa + p)`, :math:`\kappa = (\lambda + 2\mu)/b`.
+# A block between frictionless walls, its top moved down by D, on a distorted mesh turned by 30 degrees. At every node
+# of the contact boundary :math:`s = (\kappa D - q)/(\kappa + p)`, :math:`\kappa = (\lambda + 2\mu)/b`.
 
 ANGLE = np.pi / 6
 flat = hv.rectangle((1.0, 1.0), 6)
@@ -88,7 +88,9 @@ beam = hv.discretize(gallery.beam())
 bent = hv.solve(beam)
 assert beam.field is not None
 beam_error = max(
-    float(np.abs(bent.displacement[np.argmin(np.linalg.norm(beam.field.nodes - where, axis=1))] - np.array(known)).max())
+    float(
+        np.abs(bent.displacement[np.argmin(np.linalg.norm(beam.field.nodes - where, axis=1))] - np.array(known)).max()
+    )
     for where, known in gallery.BEAM_DISPLACEMENTS.items()
 )
 print(f"largest difference from the displacements computed independently {beam_error:.1e}")

@@ -2,8 +2,8 @@ r"""
 Stick and slip
 ==============
 
-A mass on a spring on a belt. Friction falls from Fs to Fk as soon as it slips: it sticks until the spring pulls with Fs,
-shoots forward, and sticks again. Period and peak of the slip rate are known:
+A mass on a spring on a belt. Friction falls from Fs to Fk as soon as it slips: it sticks until the spring pulls with
+Fs, shoots forward, and sticks again. Period and peak of the slip rate are known:
 
 .. math::
 

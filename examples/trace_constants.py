@@ -2,8 +2,8 @@ r"""
 The constant of the trace: how much softening does a body bear?
 ===============================================================
 
-:math:`\Lambda = \inf a(v, v)/\|v\|^2_{L^2(\Gamma_C)}` tells how stiff the body is, seen from the contact boundary. A law
-with weak convexity constant :math:`\alpha < \Lambda` leaves one solution, of the continuous problem too. On a mesh
+:math:`\Lambda = \inf a(v, v)/\|v\|^2_{L^2(\Gamma_C)}` tells how stiff the body is, seen from the contact boundary. A
+law with weak convexity constant :math:`\alpha < \Lambda` leaves one solution, of the continuous problem too. On a mesh
 Rayleigh quotients lie above; a lower bound needs more, and is computed here beside the upper one.
 """
 

@@ -213,7 +213,9 @@ def test_hertz_obstacle_is_hertz_within_one_per_cent() -> None:
     found = run("hertz_obstacle")
     width = math.sqrt(4 * found["force"] * 200.0 * (1 - 0.3**2) / (math.pi * 210e3))
     assert found["found_peak"] == pytest.approx(2 * found["force"] / (math.pi * width), rel=0.01)
-    assert found["deepest"][1] / width == pytest.approx(0.70, abs=0.06)  # Johnson, Contact Mechanics: 0.70 for plane strain
+    assert found["deepest"][1] / width == pytest.approx(
+        0.70, abs=0.06
+    )  # Johnson, Contact Mechanics: 0.70 for plane strain
 
 
 def test_shipped_mesh_is_small() -> None:
@@ -283,7 +285,7 @@ def test_convexity_and_margin() -> None:
 
 def test_cube_friction() -> None:
     found = run("cube_friction")
-    assert 0 < np.count_nonzero(found["slipping"])
+    assert np.count_nonzero(found["slipping"]) > 0
     assert found["length"][found["slipping"]] == pytest.approx(0.4, abs=1e-9)
     assert found["length"].max() <= 0.4 + 1e-9
     assert found["along"][found["slipping"]] == pytest.approx(1.0, abs=1e-6)
@@ -427,7 +429,7 @@ PAGES = [*DOCS, *(EXAMPLES.parent / name for name in ("CHANGELOG.md", "CONTRIBUT
 
 @pytest.mark.parametrize("page", DOCS, ids=lambda path: path.name)
 def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks marked ``python`` run one after the other; blocks marked ``py`` need other software (test_other_software)."""
+    """Blocks marked ``python`` run one after the other; ``py`` needs other software (test_other_software)."""
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
