@@ -40,6 +40,8 @@ def room_pages() -> dict[str, str]:
     """Sources of the site's reference: a page for each room, and an index of them."""
     pages: dict[str, str] = {}
     told: set[int] = set()
+    modules = [importlib.import_module(f"hemivar.{room}") for room in ROOMS]
+    listed = {id(getattr(module, name)) for module in modules for name in module.__all__}
     for room in ROOMS:
         module = importlib.import_module(f"hemivar.{room}")
         title = module.__name__
@@ -48,7 +50,7 @@ def room_pages() -> dict[str, str]:
         parts += [".. autosummary::\n\n" + "".join(f"   {place}\n" for place, _ in names)]
         for place, value in names:
             if id(value) not in told:  # the same class may be a name of two rooms
-                parts.append(_directive(place, value))
+                parts.append(_directive(place, value, listed))
             if inspect.isclass(value) or inspect.isfunction(value):
                 told.add(id(value))
         pages[room] = "\n".join(parts)
@@ -67,9 +69,12 @@ def _place(module: ModuleType, name: str) -> tuple[str, object]:
     return f"{'hemivar' if short else module.__name__}.{name}", value
 
 
-def _directive(place: str, value: object) -> str:
+def _directive(place: str, value: object, listed: set[int]) -> str:
     if inspect.isclass(value):
         kind, options = "exception" if issubclass(value, BaseException) else "class", "   :members:\n"
+        # What it inherits from classes of no entry of their own is told here.
+        bases = [base for base in value.__mro__[1:] if id(base) in listed or not base.__module__.startswith("hemivar")]
+        options += f"   :inherited-members: {', '.join(sorted(base.__name__ for base in bases))}\n"
         if issubclass(value, enum.Enum):
             options += "   :undoc-members:\n"
     else:

@@ -17,6 +17,8 @@ ROOT = DOCS.parent
 sys.path[:0] = [str(ROOT / "src"), str(DOCS)]
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+from sphinx.util.nodes import make_refnode  # noqa: E402
+
 import hemivar  # noqa: E402
 
 project = "hemivar"
@@ -35,8 +37,8 @@ extensions = [
 ]
 exclude_patterns = ["_build", "README.md", "gallery/**/*.ipynb", "gallery/**/*.py"]
 nitpicky = True
-#: Types of annotations that no page describes: those of other packages, and aliases of arrays.
-nitpick_ignore_regex: list[tuple[str, str]] = []
+#: Another package, whose pages are on another host.
+nitpick_ignore_regex = [("py:.*", r"numpy\..*")]
 
 # Markdown: equations in dollars, headings as targets of links.
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
@@ -107,8 +109,30 @@ def _bars(app: Any, what: str, name: str, obj: object, options: Any, lines: list
             block = indent
 
 
+def _reference(app: Any, env: Any, node: Any, text: Any) -> Any:
+    """Docstrings name things as their module knows them: where the site describes them, or that they exist at all."""
+    if node.get("refdomain") != "py":
+        return None
+    last = node["reftarget"].rpartition(".")[2]
+    known = env.get_domain("py").objects
+    places = [(name.count("."), name) for name in known if name.rpartition(".")[2] == last]
+    kind = node.get("py:class") if "." not in node["reftarget"] else node["reftarget"].rpartition(".")[0]
+    inside = [place for place in places if kind and place[1].endswith(f"{kind}.{last}")]
+    if node["reftype"] == "attr" and not inside and kind:
+        modules = [module for name, module in list(sys.modules.items()) if name.startswith("hemivar")]
+        classes = [vars(module).get(kind.rpartition(".")[2]) for module in modules]
+        fields = (getattr(one, "__annotations__", {}) for one in classes)
+        return text if any(last in one for one in fields) else None
+    if inside or places:
+        target = known[min(inside or places)[1]]
+        return make_refnode(app.builder, node["refdoc"], target.docname, target.node_id, text)
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith("hemivar.")]
+    return text if any(last in vars(module) for module in modules) else None  # not public, so on no page
+
+
 def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", _bars, priority=900)
+    app.connect("missing-reference", _reference)
 
 
 # One page of the reference for each room, with every public name.
