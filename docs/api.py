@@ -54,10 +54,10 @@ def room_pages() -> dict[str, str]:
             if inspect.isclass(value) or inspect.isfunction(value):
                 told.add(id(value))
         pages[room] = "\n".join(parts)
-    listed = "".join(f"   {room}\n" for room in ROOMS)
+    entries = "".join(f"   {room}\n" for room in ROOMS) + "   All on one page <../api>\n"
     pages["index"] = (
         "Reference\n=========\n\nEvery public name, room by room. What is listed as ``hemivar.name`` is there without"
-        f" its room, too.\n\n.. toctree::\n   :maxdepth: 1\n\n{listed}"
+        f" its room, too.\n\n.. toctree::\n   :maxdepth: 1\n\n{entries}"
     )
     return pages
 

@@ -15,6 +15,9 @@ import numpy as np
 import hemivar as hv
 from hemivar.gallery import antiplane_friction
 
+# %%
+# The problem with this solution prescribed on its other sides.
+
 OPENING = 0.2
 known = antiplane_friction(32, modulus=2.0, bound=1.0, opening=OPENING)
 solution = hv.solve(known.problem).raise_for_status()

@@ -14,11 +14,17 @@ import numpy as np
 import hemivar as hv
 from hemivar.gallery import wearing_block
 
+# %%
+# Forty steps; the first one presses the block down.
+
 known = wearing_block(modulus=24.0, stiffness=24.0, coefficient=0.02, speed=0.5, depth=0.1)
 history = hv.march(known.evolution, known.until, step=known.until / 40, stops=known.stops)
 exact = np.array([known.exact(float(t)) for t in history.times])
 error = float(np.abs(history["normal_force"][2:] / exact[2:] - 1.0).max())
 print(f"largest relative error of the pressure {error:.2e} with {len(history.times) - 1} steps")
+
+# %%
+# Against the closed form.
 
 fig, ax = plt.subplots(figsize=(6.0, 3.2), layout="constrained")
 ax.plot(history.times[1:], exact[1:], label="exact")
