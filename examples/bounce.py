@@ -22,7 +22,7 @@ problem = hv.ContactProblem(
 evolution = hv.Evolution(problem, inertia=True, velocity=(0.2, 0.0))
 history = hv.march(
     evolution,
-    until=1.0,
+    until=0.8,
     step=0.01,
     scheme=hv.GeneralizedAlpha(0.8),
     save=hv.Save(every=0.05, probes={"corner": (0.0, 0.0)}),
@@ -54,6 +54,6 @@ plt.show()
 
 known = gallery.bouncing_block(stiffness=100.0, damping=4.0)
 duration, restitution = gallery.bounce(100.0, 4.0)
-hit = hv.march(known.evolution, known.until, step=2e-3, scheme=hv.Midpoint())
+hit = hv.march(known.evolution, known.until, step=4e-3, scheme=hv.Midpoint())
 up = float(np.abs(hit.moment.body.velocity).max())
 print(f"speed after the bounce {up:.6f}, exact {known.exact(known.until):.6f}; restitution {restitution:.4f}")

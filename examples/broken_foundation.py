@@ -32,8 +32,10 @@ line, guess = LoadLine(hv.discretize(broken_foundation(N))), None
 for factor in (0.25, 0.5, 0.75, 1.0):
     supported = hv.solve(line.at(factor), STAY, initial=guess).raise_for_status()
     guess = supported.unknowns
-print(f"energy {supported.energy:.6f}, largest penetration {supported.penetration.max():.6f}, "
-      f"contraction {supported.contraction:.3f}")  # fmt: skip
+print(
+    f"energy {supported.energy:.6f}, largest penetration {supported.penetration.max():.6f}, "
+    f"contraction {supported.contraction:.3f}"
+)
 plot_solution(supported, title="supported")
 
 # %%

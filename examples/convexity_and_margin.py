@@ -30,8 +30,10 @@ for softening in (3.0, 6.0, 9.0, 11.0, 13.0, 16.0, 20.0, 30.0):
     certificate = solution.certify()
     found = hv.find_solutions(hv.discretize(block(softening)))
     margins[softening], counts[softening] = certificate.margin, len(found)
-    print(f"alpha {softening:>4g}: margin {certificate.margin:+.4f}, unique: {certificate.unique}, "
-          f"{len(found)} found, exhaustive: {found.exhaustive}")  # fmt: skip
+    print(
+        f"alpha {softening:>4g}: margin {certificate.margin:+.4f}, unique: {certificate.unique}, "
+        f"{len(found)} found, exhaustive: {found.exhaustive}"
+    )
 
 # %%
 # One solution while the margin is positive.

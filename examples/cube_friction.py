@@ -41,7 +41,9 @@ length = np.linalg.norm(friction, axis=1)
 along = np.einsum("ij,ij->i", slip, friction) / np.maximum(np.linalg.norm(slip, axis=1) * length, 1e-300)
 balance = np.array([-0.2, 0.5, -0.8]) + solution.on("bottom").force + solution.reactions["left"]
 print(f"{np.count_nonzero(slipping)} of {slipping.size} points slip")
-print(f"friction there {length[slipping].min():.9f} to {length[slipping].max():.9f}, "
-      f"cosine to the slip {along[slipping].min():.9f}")  # fmt: skip
+print(
+    f"friction there {length[slipping].min():.9f} to {length[slipping].max():.9f}, "
+    f"cosine to the slip {along[slipping].min():.9f}"
+)
 print(f"sum of forces {np.abs(balance).max():.1e}")
 print(solution.certify())

@@ -35,8 +35,10 @@ for force in (0.2, 0.28):
     histories[force] = hv.march(
         hv.Evolution(strip(force)), until=80.0, step=1.6, save=hv.Save(every=8.0, probes={"tip": (3.0, 0.0)})
     )
-    print(f"force {force:g}: the tip opens to {histories[force]['tip.u_y'][-1]:.4f} mm, "
-          f"least margin {histories[force].margin:.3f}")  # fmt: skip
+    print(
+        f"force {force:g}: the tip opens to {histories[force]['tip.u_y'][-1]:.4f} mm, "
+        f"least margin {histories[force].margin:.3f}"
+    )
 
 # %%
 # Creep to rest, and failure.

@@ -38,8 +38,10 @@ for n in sizes:
     lifted = interpolate(problems[n].mesh, solutions[n].displacement, fine.mesh)
     difference = field.restrict(lifted) - best.unknowns
     errors[n] = float(np.sqrt(difference @ (best.problem.linear.stiffness @ difference)))
-    print(f"1/h = {n:>2}: bound {bounds[n].distance:.4f} ({bounds[n].relative:.1%}), guaranteed: "
-          f"{bounds[n].guaranteed}, distance to the fine solution {errors[n]:.4f}")  # fmt: skip
+    print(
+        f"1/h = {n:>2}: bound {bounds[n].distance:.4f} ({bounds[n].relative:.1%}), guaranteed: "
+        f"{bounds[n].guaranteed}, distance to the fine solution {errors[n]:.4f}"
+    )
 
 fig, ax = plt.subplots(figsize=(5.4, 3.2), layout="constrained")
 ax.loglog(sizes, [bounds[n].distance for n in sizes], "o-", label="bound")

@@ -64,6 +64,8 @@ for name, law in laws.items():
     solution = hv.solve(problem).raise_for_status()
     certificate = solution.certify()
     depths[name] = float(solution.penetration.max())
-    print(f"{name:<9} largest penetration {depths[name]:.9f}, margin {certificate.margin:.4f}, "
-          f"unique: {certificate.unique}, sampled: {certificate.error_bound_sampled}")  # fmt: skip
+    print(
+        f"{name:<9} largest penetration {depths[name]:.9f}, margin {certificate.margin:.4f}, "
+        f"unique: {certificate.unique}, sampled: {certificate.error_bound_sampled}"
+    )
 solution.plot()

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import skfem
+from scipy.optimize import brentq
 from skfem.models.elasticity import linear_elasticity
 
 import hemivar as hv
@@ -317,7 +318,9 @@ def test_bounce() -> None:
 @pytest.mark.slow
 def test_stick_slip() -> None:
     found = run("stick_slip")
-    assert found["starts"][0] == pytest.approx(found["belt"].begins, abs=0.3)
+    # rate V (1 - cos wt) + dF sin(wt)/sqrt(k m) = half of the peak, at wt = x
+    x = brentq(lambda x: 0.1 * (1.0 - math.cos(x)) + 0.2 * math.sin(x) - 0.5 * found["belt"].peak, 0.0, 1.5)
+    assert found["starts"][0] == pytest.approx(found["belt"].begins + x / 2.0, abs=0.08)  # steps of 0.03
     assert np.diff(found["starts"]) == pytest.approx(found["period"], rel=0.05)
     assert found["rate"].max() == pytest.approx(found["belt"].peak, rel=0.05)
 
@@ -336,8 +339,8 @@ def test_wear() -> None:
 def test_delayed_failure() -> None:
     histories = run("delayed_failure")["histories"]
     rest, torn = histories[0.2]["tip.u_y"], histories[0.28]["tip.u_y"]
-    assert rest[-1] == pytest.approx(rest[len(rest) // 2], rel=1e-3)
-    assert torn[-1] > 3.0 * torn[len(torn) // 4] > 3.0 * rest[-1]
+    assert rest[-1] == pytest.approx(rest[len(rest) // 2], rel=1e-2)
+    assert torn[-1] > 3.0 * torn[len(torn) // 10] > 3.0 * rest[-1]
 
 
 @pytest.mark.slow
