@@ -1,24 +1,28 @@
-"""A curved contact boundary on a Gmsh mesh: a half disc pressed onto a rigid plane, against Hertz.
+r"""
+Hertz: a half disc on a rigid plane
+===================================
 
 The flat top of the half disc (radius R, plane strain) is moved down by D; its round side may touch the plane y = 0.
-The foundation is met along the outward normal of the body, so the gap at a node of height y is ``y/cos(angle)``.
-Hertz's formulas for line contact take the resulting force P per length: ``a = sqrt(4 P R/(pi E*))``,
-``p0 = 2 P/(pi a)``, ``p(x)^2 = p0^2 (1 - x^2/a^2)``. They are for a half space and neglect tangential displacements, a
-term of order ``(1 - 2 nu) a/R``: agreement in per cent is what can be expected.
+The mesh comes from Gmsh. Hertz's formulas for line contact take the resulting force P per length:
 
-The mesh is made by ``examples/meshes/make_meshes.py``.
+.. math:: a = \sqrt{\frac{4 P R}{\pi E^*}}, \qquad p_0 = \frac{2P}{\pi a}, \qquad p(x)^2 = p_0^2 (1 - x^2/a^2).
+
+They are for a half space and neglect tangential displacements, a term of order :math:`(1 - 2\nu)\,a/R`: agreement in
+per cent is what can be expected.
 """
-
-from __future__ import annotations
 
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import hemivar as hv
 
-MESH = Path(__file__).parent / "meshes" / "half_disc.msh"
 RADIUS, YOUNG, POISSON, DOWN = 1.0, 1.0, 0.3, 0.002
+here = Path(__file__).parent if "__file__" in globals() else Path()
+
+# %%
+# The foundation is met along the outward normal of the body, so the gap at a node of height y is y / cos(angle).
 
 
 def gap(x: np.ndarray) -> np.ndarray:
@@ -26,50 +30,40 @@ def gap(x: np.ndarray) -> np.ndarray:
     return x[:, 1] / (1.0 - x[:, 1] / RADIUS)
 
 
-def main(out: Path | None = None) -> dict[str, float]:
-    """Largest pressure and half width of the contact, against Hertz's."""
-    problem = hv.ContactProblem(
-        mesh=hv.read_mesh(MESH),
-        material=hv.Material.young(YOUNG, POISSON, plane="strain"),
-        supports={"top": hv.Prescribed((0.0, -DOWN))},
-        contact={"contact": hv.Contact(hv.Signorini(), gap=gap)},
-        title="half disc on a rigid plane",
-    )
-    discrete = hv.discretize(problem)
-    solution = hv.solve(discrete).raise_for_status()
+problem = hv.ContactProblem(
+    mesh=hv.read_mesh(here / "meshes" / "half_disc.msh"),
+    material=hv.Material.young(YOUNG, POISSON, plane="strain"),
+    supports={"top": hv.Prescribed((0.0, -DOWN))},
+    contact={"contact": hv.Contact(hv.Signorini(), gap=gap)},
+    title="half disc on a rigid plane",
+)
+solution = hv.solve(problem).raise_for_status()
+solution.plot()
 
-    x, pressure = discrete.contact.points[:, 0], solution.pressure
-    load = -float(
-        (discrete.contact.weights * pressure) @ discrete.contact.frames[:, 0, 1]
-    )  # vertical part of the nodal forces
-    stiffness = YOUNG / (1.0 - POISSON**2)
-    half_width = np.sqrt(4.0 * load * RADIUS / (np.pi * stiffness))
-    peak = 2.0 * load / (np.pi * half_width)
-    # In Hertz's law p^2 is linear in x^2: a straight line through the computed values gives p0 and a.
-    touching = pressure > 0.3 * pressure.max()
-    slope, at_zero = np.polyfit(x[touching] ** 2, pressure[touching] ** 2, 1)
-    found_peak, found_width = float(np.sqrt(at_zero)), float(np.sqrt(-at_zero / slope))
-    print(f"{solution.status.value} in {solution.steps} steps; {discrete.unknowns} unknowns, load P = {load:.6e}")
-    print(f"p0: computed {found_peak:.6e}, Hertz {peak:.6e}, relative error {found_peak / peak - 1:+.2%}")
-    print(f"a:  computed {found_width:.6e}, Hertz {half_width:.6e}, relative error {found_width / half_width - 1:+.2%}")
-    print(f"a/R = {half_width / RADIUS:.3f}, nodes in contact: {np.count_nonzero(pressure > 0)}")
-    if out is not None:
-        from hemivar.files import write_vtu
-        from hemivar.report import plot_contact, save
+# %%
+# The load is the vertical part of the nodal forces. In Hertz's law p² is linear in x²: a straight line through the
+# computed values gives p0 and a.
 
-        save(plot_contact(solution), out / "curved_contact.png")
-        write_vtu(solution, out / "curved_contact.vtu")
-    return {
-        "load": load,
-        "peak": found_peak,
-        "hertz_peak": peak,
-        "half_width": found_width,
-        "hertz_half_width": float(half_width),
-        "penetration": float(solution.penetration.max()),
-    }
+contact = solution.problem.contact
+x, pressure = contact.points[:, 0], solution.pressure
+load = -float((contact.weights * pressure) @ contact.frames[:, 0, 1])
+half_width = float(np.sqrt(4.0 * load * RADIUS * (1.0 - POISSON**2) / (np.pi * YOUNG)))
+peak = 2.0 * load / (np.pi * half_width)
+touching = pressure > 0.3 * pressure.max()
+slope, at_zero = np.polyfit(x[touching] ** 2, pressure[touching] ** 2, 1)
+found_peak, found_width = float(np.sqrt(at_zero)), float(np.sqrt(-at_zero / slope))
+print(f"{solution.status.value} in {solution.steps} steps; load P = {load:.6e}")
+print(f"p0: computed {found_peak:.6e}, Hertz {peak:.6e}, relative error {found_peak / peak - 1:+.2%}")
+print(f"a:  computed {found_width:.6e}, Hertz {half_width:.6e}, relative error {found_width / half_width - 1:+.2%}")
 
+# %%
+# Pressure over the half width.
 
-if __name__ == "__main__":
-    from _command import run
-
-    run(main)
+s = np.linspace(-1.0, 1.0, 200)
+fig, ax = plt.subplots(figsize=(6.0, 3.2), layout="constrained")
+ax.plot(s * half_width, peak * np.sqrt(1.0 - s**2), label="Hertz")
+near = np.abs(x) < 2.0 * half_width
+ax.plot(x[near], pressure[near], "o", markersize=4, label="computed")
+ax.set(xlabel="x", ylabel="pressure")
+ax.legend()
+plt.show()

@@ -1,46 +1,63 @@
-"""A first solution: the survey's body on its foundation, with its data (5.1).
+r"""
+A first solution
+================
 
 The unit square is clamped on its left side, pushed down and to the left by its body force, and rests on a foundation
-that is rigid up to a pressure and yields beyond it, with friction.
+that is rigid up to a pressure and yields beyond it, with friction. These are the data (5.1) of the survey of Ochal,
+Jureczka and Bartman (arXiv:2103.14518).
 """
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import hemivar as hv
+from hemivar.report import plot_contact, plot_problem
 
+# %%
+# State
+# -----
+# Every boundary of the rectangle has a name. A contact has a normal law and a friction law; here the pressure is at
+# most 0.3 where the body only touches, and grows by 2 per unit of penetration beyond that:
+#
+# .. math::
+#
+#    \lambda_\nu \in \partial j_\nu(u_\nu), \qquad
+#    \partial j_\nu(r) = \begin{cases} 0 & r < 0 \\ [0, q] & r = 0 \\ q + p\,r & r > 0 \end{cases},
+#    \qquad |\lambda_\tau| \le h .
 
-def main(out: Path | None = None) -> dict[str, float]:
-    """State, discretise, solve, look."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 32, pattern="cross"),
-        material=hv.Material.lame(4.0, 4.0),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
-        body_force=(-0.8, -0.8),
-        title="survey, data (5.1)",
-    )
-    solution = hv.solve(hv.discretize(problem))
-    print(f"{solution.status.value} in {solution.steps} steps, energy {solution.energy:.9f}")
-    print(f"largest penetration {solution.penetration.max():.6f}, largest pressure {solution.pressure.max():.6f}")
-    print(f"the foundation pushes up with {solution.normal_force:.6f}")
+problem = hv.ContactProblem(
+    mesh=hv.rectangle((1.0, 1.0), 32, pattern="cross"),
+    material=hv.Material.lame(4.0, 4.0),
+    supports={"left": hv.Clamped()},
+    contact={"bottom": hv.Contact(hv.SurveyLaw(q_max=0.3, p_const=2.0), hv.Tresca(0.5))},
+    body_force=(-0.8, -0.8),
+    title="survey, data (5.1)",
+)
+plot_problem(problem)
 
-    if out is not None:
-        from hemivar.files import write_vtu
-        from hemivar.report import plot_solution, save
+# %%
+# Solve
+# -----
+# What did not converge would be an error here; otherwise the solution has displacement and multiplier.
 
-        save(plot_solution(solution), out / "first_solution.png")
-        write_vtu(solution, out / "first_solution.vtu")
-    return {
-        "energy": solution.energy,
-        "penetration": float(solution.penetration.max()),
-        "pressure": float(solution.pressure.max()),
-        "normal_force": solution.normal_force,
-    }
+solution = hv.solve(problem).raise_for_status()
+print(f"{solution.status.value} in {solution.steps} steps, energy {solution.energy:.9f}")
+print(f"largest penetration {solution.penetration.max():.6f}, largest pressure {solution.pressure.max():.6f}")
+print(f"the foundation pushes up with {solution.normal_force:.6f}")
 
+# %%
+# Look
+# ----
+# The forces of the foundation on the body are drawn mirrored, inside the foundation.
 
-if __name__ == "__main__":
-    from _command import run
+solution.plot()
 
-    run(main)
+# %%
+# Along the foundation: pressure, friction with its bound, penetration and slip.
+
+plot_contact(solution)
+
+# %%
+# Certify
+# -------
+# Is it the only solution, and how far can it be from the exact one of this mesh? Everything is recomputed from the
+# problem alone.
+
+print(solution.certify())

@@ -1,26 +1,18 @@
-"""Laws that vary: parameters as functions of x, and a foundation of several layers.
+r"""
+Laws that vary over the foundation
+==================================
 
-Three foundations under one body:
-
-1. Threshold and stiffness vary along the foundation, ``q(x) = P - p(x) s``, so that a block pressed down by its top
-   sinks in evenly by s with the pressure P although the ground is uneven: a solution known by hand.
-2. A foundation of two layers: stiffness k1 down to the depth delta, k2 below. The block sinks in by
-   ``s = (kappa D - (k1 - k2) delta)/(kappa + k2)`` once that is more than delta, with ``kappa = lam + 2 mu``.
-3. Friction bound and threshold differ between the two halves of the survey's foundation: it slips where it is smooth.
+Parameters of laws may be functions of the place, and a law may have layers. Two cases have a solution by hand; in the
+third the halves of a foundation differ.
 """
-
-from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 
 import hemivar as hv
+from hemivar.report import plot_contact
 
 LAM, MU, DOWN = 4.0, 4.0, 0.1
 KAPPA = LAM + 2.0 * MU
-SUNK = 0.06
-SMOOTH, ROUGH = 0.02, 0.5
 
 
 def pressed_block(law: hv.Superpotential) -> hv.Solution:
@@ -32,7 +24,16 @@ def pressed_block(law: hv.Superpotential) -> hv.Solution:
         contact={"bottom": hv.Contact(law)},
         title="block on a varying foundation",
     )
-    return hv.solve(hv.discretize(problem)).raise_for_status()
+    return hv.solve(problem).raise_for_status()
+
+
+# %%
+# Uneven ground, even penetration
+# -------------------------------
+# Threshold and stiffness vary so that :math:`q(x) = P - p(x)\,s`: the block sinks in evenly by s with the pressure
+# :math:`P = \kappa (D - s)`, although the ground is uneven.
+
+SUNK = 0.06
 
 
 def stiffness(x: np.ndarray) -> np.ndarray:
@@ -45,69 +46,55 @@ def threshold(x: np.ndarray) -> np.ndarray:
     return KAPPA * (DOWN - SUNK) - stiffness(x) * SUNK
 
 
+uneven = pressed_block(hv.SurveyLaw(threshold, stiffness))
+off = float(np.abs(uneven.penetration - SUNK).max())
+print(f"penetration {uneven.penetration.mean():.12f} (by hand {SUNK}), spread {off:.1e}")
+
+# %%
+# Two layers
+# ----------
+# Stiffness k1 down to the depth :math:`\delta`, k2 below. The block sinks in by
+# :math:`s = (\kappa D - (k_1 - k_2)\delta)/(\kappa + k_2)` once that is more than :math:`\delta`.
+
+k1, k2, depth = 1.0, 8.0, 0.04
+layers = hv.PiecewiseQuadratic(
+    breakpoints=np.array([0.0, depth]), slopes=np.array([0.0, k1, k2]), jumps=np.zeros(2), name="two layers"
+)
+layered = pressed_block(layers)
+layered_by_hand = (KAPPA * DOWN - (k1 - k2) * depth) / (KAPPA + k2)
+print(f"penetration {layered.penetration.mean():.12f} (by hand {layered_by_hand:.12f})")
+
+# %%
+# Two halves
+# ----------
+# Soft and smooth on the left, hard and rough on the right: the body slips where the ground is smooth.
+
+SMOOTH, ROUGH = 0.02, 0.5
+
+
 def bound(x: np.ndarray) -> np.ndarray:
-    """A smooth left half and a rough right half."""
+    """Friction bound."""
     return np.where(x[:, 0] < 0.5, SMOOTH, ROUGH)
 
 
 def hardness(x: np.ndarray) -> np.ndarray:
-    """A soft left half and a hard right half."""
+    """Threshold of the pressure."""
     return np.where(x[:, 0] < 0.5, 0.1, 0.6)
 
 
-def two_halves(n: int = 32) -> hv.DiscreteProblem:
-    """The survey's body on a foundation whose halves differ."""
-    return hv.discretize(
-        hv.ContactProblem(
-            mesh=hv.rectangle((1.0, 1.0), n, pattern="cross"),
-            material=hv.Material.lame(LAM, MU),
-            supports={"left": hv.Clamped()},
-            contact={"bottom": hv.Contact(hv.SurveyLaw(hardness, 2.0), hv.Tresca(bound))},
-            body_force=(0.8, -0.8),
-            title="soft and smooth left, hard and rough right",
-        )
-    )
-
-
-def main(out: Path | None = None) -> dict[str, float]:
-    """Solve the three."""
-    uneven = pressed_block(hv.SurveyLaw(threshold, stiffness))
-    off = float(np.abs(uneven.penetration - SUNK).max())
-    print(f"1. uneven ground: penetration {uneven.penetration.mean():.12f} (by hand {SUNK}), spread {off:.1e}")
-
-    k1, k2, depth = 1.0, 8.0, 0.04
-    layers = hv.PiecewiseQuadratic(
-        breakpoints=np.array([0.0, depth]), slopes=np.array([0.0, k1, k2]), jumps=np.zeros(2), name="two layers"
-    )
-    layered = pressed_block(layers)
-    by_hand = (KAPPA * DOWN - (k1 - k2) * depth) / (KAPPA + k2)
-    print(f"2. two layers: penetration {layered.penetration.mean():.12f} (by hand {by_hand:.12f})")
-
-    solution = hv.solve(two_halves()).raise_for_status()
-    x = solution.problem.contact.points
-    size = np.abs(solution.friction[:, 0])
-    slipping = solution.state == hv.ContactState.SLIP
-    smooth = x[:, 0] < 0.5
-    slips = np.count_nonzero(slipping & smooth), np.count_nonzero(slipping & ~smooth)
-    print(f"3. two halves: {slips[0]} nodes slip left, {slips[1]} right")
-    print(f"   largest friction {size[smooth].max():.6f} left, {size[~smooth].max():.6f} right")
-    if out is not None:
-        from hemivar.report import plot_solution, save
-
-        save(plot_solution(solution), out / "law_in_space.png")
-    return {
-        "uneven": float(uneven.penetration.mean()),
-        "uneven_spread": off,
-        "layered": float(layered.penetration.mean()),
-        "layered_by_hand": by_hand,
-        "energy": solution.energy,
-        "friction_excess": float((size - bound(x)).max()),
-        "slip_deficit": float(np.abs(size - bound(x))[slipping].max(initial=0.0)),
-        "slipping_smooth": float(slips[0]),
-    }
-
-
-if __name__ == "__main__":
-    from _command import run
-
-    run(main)
+halves = hv.ContactProblem(
+    mesh=hv.rectangle((1.0, 1.0), 32, pattern="cross"),
+    material=hv.Material.lame(LAM, MU),
+    supports={"left": hv.Clamped()},
+    contact={"bottom": hv.Contact(hv.SurveyLaw(hardness, 2.0), hv.Tresca(bound))},
+    body_force=(0.8, -0.8),
+    title="soft and smooth left, hard and rough right",
+)
+solution = hv.solve(halves).raise_for_status()
+points = solution.problem.contact.points
+size = np.abs(solution.friction[:, 0])
+slipping = solution.state == hv.ContactState.SLIP
+smooth = points[:, 0] < 0.5
+print(f"{np.count_nonzero(slipping & smooth)} nodes slip left, {np.count_nonzero(slipping & ~smooth)} right")
+print(f"largest friction {size[smooth].max():.6f} left, {size[~smooth].max():.6f} right")
+plot_contact(solution)

@@ -35,7 +35,7 @@ class Mass(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Evolution(Portable):
-    """A contact problem in time: ``M u'' + C u' + K u + ... + B'W lam = f(t)`` from an initial state on.
+    """A contact problem in time: ``M u'' + C u' + K u + B'W lam = f(t)`` from an initial state on.
 
     Scalar problems as well: membranes and antiplane shear have density and viscosity, and C of heat is its capacity,
     so that ``C u' + K u + B'W lam = f`` is the balance of heat.

@@ -37,7 +37,7 @@ class Clamped:
 
 @dataclass(frozen=True)
 class Roller:
-    """No displacement along the normal: ``u . nu = 0``; the body slides freely along the boundary.
+    """No displacement along the normal, ``u_nu = 0``: the body slides freely along the boundary.
 
     Where facets of one boundary meet at less than 45 degrees their normals are averaged at the common node;
     where they meet at a sharper corner both are fixed.

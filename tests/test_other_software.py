@@ -1,0 +1,52 @@
+"""Code for users of other software runs where that software is installed, and gives the library's own answer."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import hemivar as hv
+
+PAGE = Path(__file__).parents[1] / "docs" / "from-other-software.md"
+
+
+def block(heading: str) -> str:
+    """The code under a heading."""
+    section = PAGE.read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
+    (code,) = re.findall(r"^```py\n(.*?)^```", section, re.DOTALL | re.MULTILINE)
+    return str(code)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("module", "heading", "tolerance"), [("getfem", "GetFEM", 1e-3), ("dolfinx", "FEniCSx (DOLFINx)", 1e-9)]
+)
+def test_code_for_another_code(
+    module: str, heading: str, tolerance: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """DOLFINx cuts squares as ``pattern="right"`` does, GetFEM in another way."""
+    code = block(heading)
+    compile(code, heading, "exec")
+    pytest.importorskip(module)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(code, heading, "exec"), names)
+    own = hv.solve(
+        hv.ContactProblem(
+            mesh=hv.rectangle((1.0, 1.0), 16, pattern="right"),
+            material=hv.Material.lame(4.0, 4.0),
+            supports={"left": hv.Clamped()},
+            contact={"bottom": hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(0.5))},
+            body_force=(-0.8, -0.8),
+        )
+    ).raise_for_status()
+    assert names["solution"].energy == pytest.approx(own.energy, rel=tolerance)
+    assert names["solution"].normal_force == pytest.approx(own.normal_force, rel=tolerance)
+
+
+def test_the_code_stands_on_the_page() -> None:
+    for heading in ("GetFEM", "FEniCSx (DOLFINx)"):
+        assert "of_arrays" in block(heading)

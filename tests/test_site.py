@@ -1,0 +1,85 @@
+"""The site that was built: complete, by itself, with figures. Skipped where nothing has been built."""
+
+from __future__ import annotations
+
+import html
+import importlib
+import inspect
+import re
+import runpy
+import zlib
+from pathlib import Path
+
+import pytest
+
+import hemivar as hv
+
+ROOT = Path(__file__).parents[1]
+SITE = ROOT / "docs" / "_build" / "html"
+EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
+pytestmark = pytest.mark.skipif(not (SITE / "objects.inv").exists(), reason="make -C docs html has not been run")
+
+
+def described() -> set[str]:
+    """Python names that the site describes."""
+    body = (SITE / "objects.inv").read_bytes().split(b"\n", 4)[4]
+    lines = zlib.decompress(body).decode().splitlines()
+    return {line.split()[0] for line in lines if line.split()[1].startswith("py:")}
+
+
+def test_every_public_name_is_described() -> None:
+    known = described()
+    rooms = runpy.run_path(str(ROOT / "docs" / "api.py"))["ROOMS"]
+    places: dict[int | str, set[str]] = {}
+    for module in (hv, *(importlib.import_module(f"hemivar.{room}") for room in rooms)):
+        for name in module.__all__:
+            value = getattr(module, name)
+            one = inspect.isclass(value) or inspect.isfunction(value)
+            key = id(value) if one else name
+            places.setdefault(key, set()).add(f"{module.__name__}.{name}")
+    places.pop("__version__")
+    missing = [sorted(names) for names in places.values() if not names & known]
+    assert missing == []
+    assert len(places) > 250
+
+
+def test_what_classes_can_do_is_described() -> None:
+    known = described()
+    for name in ("Solution.certify", "Mesh.refined", "History.plot", "DiscreteProblem.with_", "Status.CONVERGED"):
+        assert any(one.endswith(f".{name}") for one in known), name
+
+
+def test_pages_ask_no_other_host() -> None:
+    pages = sorted(SITE.rglob("*.html"))
+    assert len(pages) > 60
+    loads = re.compile(
+        r"""<(?:script|img|iframe|source|video)\b[^>]*\bsrc=["']([^"']+)|<link\b[^>]*\bhref=["']([^"']+)"""
+    )
+    for page in pages:
+        for found in loads.findall(page.read_text(encoding="utf-8")):
+            assert not re.match(r"(https?:)?//", "".join(found)), f"{page.name}: {''.join(found)}"
+    for style in SITE.rglob("*.css"):
+        assert not re.search(r"(url\(|@import)\s*[\"']?(https?:)?//", style.read_text(encoding="utf-8")), style.name
+
+
+def test_equations_have_their_typesetter() -> None:
+    page = (SITE / "theory.html").read_text(encoding="utf-8")
+    (source,) = re.findall(r'src="([^"]*mathjax[^"?]*)', page)
+    assert (SITE / source).stat().st_size > 100_000
+    assert list((SITE / "_static" / "mathjax").rglob("*.woff"))
+    assert page.count('class="math notranslate nohighlight"') > 20
+    assert "$$" not in html.unescape(re.sub(r"<[^>]+>", "", page))
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_gallery_shows_each_example(name: str) -> None:
+    page = (SITE / "gallery" / f"{name}.html").read_text(encoding="utf-8")
+    figures = re.findall(r'src="\.\./_images/(sphx_glr_[^"]+)"', page)
+    assert figures
+    for figure in figures:
+        assert (SITE / "_images" / figure).stat().st_size > 5000
+    assert "Traceback" not in page
+
+
+def test_the_gallery_has_at_least_twenty() -> None:
+    assert len(EXAMPLES) >= 20
