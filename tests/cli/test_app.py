@@ -497,7 +497,7 @@ def test_solve_prints_a_summary_and_writes_files(folder: Path, capsys: pytest.Ca
         r"unknowns +40",
         r"contact points +4 on bottom",
         r"method +newton",
-        r"chosen +NonsmoothNewton for 40 unknowns; predicted: NonsmoothNewton \S+ s, NonsmoothMultigrid \S+ s",
+        r"chosen +newton for 40 unknowns; predicted: newton \S+ s, multigrid \S+ s",
         r" +step +residual +energy +changed points",
         r" +0 +\S+ +\S+ +0",
         r" +1 +\S+ +-0\.\d+ +\d+",

@@ -37,7 +37,7 @@ def _dimension(problem: DiscreteProblem) -> int:
 
 
 def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
-    """The method with its standard options, and why, in words.
+    """The method with its standard options, and why, in words, under the names of ``hemivar.METHODS``.
 
     :class:`NonsmoothNewton` where it takes no longer than a moment, or than multigrid, and has the memory it needs;
     for laws that are not convex it is preferred a while longer, for it looks further for a lower energy.
@@ -52,13 +52,14 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     if problem.contact_points:
         rest = -problem.contact.offset
         convex = all(bool((alpha == 0.0).all()) for alpha in problem.law.frozen_at(rest).weak_convexity)
+    direct, levels = NonsmoothNewton.name, NonsmoothMultigrid.name
     size = f"{problem.unknowns} unknowns"
-    costs = f"predicted: NonsmoothNewton {newton:.2g} s, NonsmoothMultigrid {multigrid:.2g} s"
+    costs = f"predicted: {direct} {newton:.2g} s, {levels} {multigrid:.2g} s"
     if not selects(problem.contact.trace):
-        return NonsmoothNewton(), f"NonsmoothNewton for {size}, for contact points share displacements"
+        return NonsmoothNewton(), f"{direct} for {size}, for contact points share displacements"
     if not fits:
         memory = f"a factorisation would need about {needed / 2**30:.2g} GiB, free are {(free or 0.0) / 2**30:.2g} GiB"
-        return NonsmoothMultigrid(), f"NonsmoothMultigrid for {size}: {memory}"
+        return NonsmoothMultigrid(), f"{levels} for {size}: {memory}"
     if newton <= max(multigrid, _PATIENCE[0] if convex else _PATIENCE[1]):
-        return NonsmoothNewton(), f"NonsmoothNewton for {size}; {costs}"
-    return NonsmoothMultigrid(), f"NonsmoothMultigrid for {size}; {costs}"
+        return NonsmoothNewton(), f"{direct} for {size}; {costs}"
+    return NonsmoothMultigrid(), f"{levels} for {size}; {costs}"
