@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hemivar.branches import find_solutions
+from hemivar.branches import find_solutions, follow_path
 from hemivar.certify import certify, smallness
 from hemivar.discrete import DiscreteProblem
+from hemivar.errors import MethodError
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, Tresca
-from hemivar.solvers import solve
+from hemivar.solvers import FixedPoint, LoadStepping, Status, solve
 
 
 def column(friction: Friction, load: tuple[float, float] = (1.0, 0.12), stiffness: float = 0.5) -> DiscreteProblem:
@@ -97,3 +98,12 @@ def test_coulomb_friction_has_its_solutions_on_the_curve_as_well() -> None:
     assert not found.exhaustive
     # pressure 1/3, so that friction is 0.1
     np.testing.assert_allclose(found[0].local, [[2.0 / 3.0, 0.4]], atol=1e-9)
+
+
+def test_a_path_is_refused_with_a_remedy_that_works() -> None:
+    problem = column(Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.15]))))
+    with pytest.raises(MethodError, match=r"solve\(problem, hemivar.FixedPoint\(hemivar.LoadStepping\(\)\)\)"):
+        follow_path(problem)
+    found = solve(problem, FixedPoint(LoadStepping()))
+    assert found.status is Status.CONVERGED
+    np.testing.assert_allclose(found.local[0], [2.0 / 3.0, 0.12 - 0.1], atol=1e-8)  # slips against a bound of 0.1

@@ -117,7 +117,10 @@ def following(
     if problem.contact_points == 0:
         raise ProblemError("a path needs contact points; without contact the solution is proportional to the load")
     if problem.law.state_dependent:
-        raise MethodError("path following needs a friction bound that does not depend on the solution")
+        raise MethodError(
+            "path following needs a friction bound that does not depend on the solution; take one that is a number, or "
+            "raise the load in steps instead: hemivar.solve(problem, hemivar.FixedPoint(hemivar.LoadStepping()))"
+        )
     budget = Budget(options.max_time)
     line = LoadLine(problem, unloaded)
     system = kept.condensed(problem)
