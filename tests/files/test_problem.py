@@ -529,3 +529,12 @@ def test_the_examples_of_the_documentation_are_valid() -> None:
     for text in whole:
         solution = solve(discretize(parse_problem(text)))
         assert solution.status is Status.CONVERGED
+
+
+def test_an_unknown_support_names_every_way_to_hold_a_boundary() -> None:
+    with pytest.raises(ProblemError) as told:
+        parse_problem(MESH + MATERIAL + LEFT.replace("clamped", "fixed") + BOTTOM)
+    for part in ("'fixed' is not known", "clamped, roller", "{ x = 0.0 }", "{ displacement = [...] }"):
+        assert part in str(told.value)
+    for way in ("{ x = 0.0 }", "{ displacement = [0.0, -0.1] }"):
+        parse_problem(MESH + MATERIAL + LEFT.replace('"clamped"', way) + BOTTOM)

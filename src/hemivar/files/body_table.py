@@ -91,8 +91,10 @@ def read_supports(table: Table, mesh: Mesh) -> dict[str, Support]:
     for name, value in table.data.items():
         check_boundary(mesh, table, name)
         if isinstance(value, str):
-            chosen = table.text(name, None, ["clamped", "roller"])
-            found[name] = Clamped() if chosen == "clamped" else Roller()
+            if value not in ("clamped", "roller"):
+                others = "or a table: { x = 0.0 } holds one component, { displacement = [...] } prescribes all"
+                raise table.error(name, f"'{value}' is not known{suggest(value, ('clamped', 'roller'))}; {others}")
+            found[name] = Clamped() if value == "clamped" else Roller()
             continue
         if not isinstance(value, dict):
             ways = '"clamped", "roller", { x = 0.0 } or { displacement = [...] }'
