@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import beam, survey, survey_cube
+from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Tresca
 from hemivar.report import Arrows, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.law_figures import law_captions
 from hemivar.report.statement_figure import painted, plot_problem
 from hemivar.solvers import ContactState, Solution, solve
 
@@ -203,6 +206,20 @@ def test_friction_bound_is_drawn(plane: Solution) -> None:
     assert any(np.allclose(values, 0.1) for values in drawn)
     assert any(np.allclose(values, -0.1) for values in drawn)
     assert any(np.allclose(values, plane.pressure) for values in drawn)
+
+
+def test_friction_is_named_after_its_bound() -> None:
+    """A bound that depends on the state is not Tresca's."""
+
+    def caption(friction: Friction) -> str:
+        law = ContactLaw(Compliance(2.0), friction)
+        one = np.ones(1)
+        problem = DiscreteProblem.of_arrays(np.eye(2), np.ones(2), np.eye(2), one, np.zeros(1), law)
+        return law_captions(problem)[-1]
+
+    assert caption(Tresca(0.5)) == r"Tresca friction: $h_\tau$ = 0.5"
+    assert caption(Friction(CoulombBound(0.3))) == r"Coulomb friction: $\mu$ = 0.3"
+    assert caption(Friction(PenetrationBound(lambda s: 0.1 * s))) == r"friction: $h_\tau$ depends on penetration"
 
 
 def test_history_needs_a_solution() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.laws import PiecewiseQuadratic, Superpotential
+from hemivar.laws import CoulombBound, Friction, PenetrationBound, PiecewiseQuadratic, StateBound, Superpotential
 from hemivar.report.style import BLUE, GREY, RED, drawing
 
 if TYPE_CHECKING:
@@ -113,12 +113,23 @@ def law_captions(problem: DiscreteProblem) -> list[str]:
     law = problem.law
     lines = [f"{_proper(part.name)} law{_constants(part)}" for part in getattr(law.normal, "parts", (law.normal,))]
     if law.state_dependent:
-        lines.append(f"{_proper(law.friction.name)} friction, $h_\\tau$ depends on the state")
+        lines.append(_state_dependent(law.friction))
         return lines
     bound = np.asarray(law.friction.at(None).bound)
     if problem.contact.components > 1 and (bound > 0.0).any():
         lines.append(f"{_proper(law.friction.name)} friction: $h_\\tau$ = {_range(bound)}")
     return lines
+
+
+def _state_dependent(friction: Friction) -> str:
+    """Friction whose bound depends on pressure or penetration: Coulomb's by its coefficient."""
+    bound, profile = friction.bound, "" if friction.name == "tresca" else f"{friction.name}, "
+    if isinstance(bound, CoulombBound):
+        name = f"Coulomb friction: {profile}"
+        return f"{name}$\\mu$ = {_range(np.asarray(bound.coefficient))}"
+    named = {"on penetration": PenetrationBound, "on the state": StateBound}
+    what = next(text for text, kind in named.items() if isinstance(bound, kind))
+    return f"friction: {profile}$h_\\tau$ depends {what}"
 
 
 def _constants(law: Superpotential) -> str:
