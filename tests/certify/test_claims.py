@@ -10,6 +10,7 @@ import pytest
 from hemivar.certify import Certificate, PointKind, Smallness, certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import (
+    Capped,
     Compliance,
     ContactLaw,
     Friction,
@@ -154,6 +155,21 @@ def test_bounds_are_called_what_they_are() -> None:
         assert said(late, "left out") == f"{part}, kind: the time limit was reached"
     other = replace(negative, left_out=("trace constant",))
     assert said(other, "distance") == "no bound, for the margin is not positive"
+
+
+def test_a_margin_of_minus_infinity_is_explained() -> None:
+    """A block that only its foundation holds, by a convex law; and a held one on a law that gives way at once."""
+    spring, one, none = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(1), np.zeros(1)
+    law = ContactLaw(Compliance(2.0))
+    free = DiscreteProblem.of_arrays(spring, np.array([1.0, 0.0]), np.array([[1.0, 0.0]]), one, none, law)
+    text = "\n".join(certify(free, np.array([0.5, 0.5])).lines())
+    assert "-inf (c = 0)" in text
+    assert "the supports alone do not hold the body" in text
+    held = DiscreteProblem.of_arrays(np.eye(1), one, np.eye(1), one, none, ContactLaw(Capped(2.0, 0.1)))
+    text = "\n".join(certify(held, np.array([1.0])).lines())
+    assert "-inf (c = inf)" in text
+    assert "jumps down" in text
+    assert "supports" not in text
 
 
 def test_a_certificate_made_of_its_numbers_alone_is_whole_and_proved() -> None:

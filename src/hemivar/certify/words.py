@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hemivar.certify.certificate import Certificate
+    from hemivar.certify.smallness import Smallness
 
 __all__ = ["certificate_lines"]
 
@@ -40,6 +41,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         if constants.coupling > 0.0:
             parts.append(f"coupling {_text(constants.coupling)}")
         say("margin", f"{_text(certificate.margin)} ({', '.join(parts)})")
+        if certificate.margin == -math.inf and not certificate.left_out:
+            say("", _without_margin(constants))
     if math.isfinite(certificate.error_bound):
         size = f"{certificate.error_bound:.2e}, relative {certificate.error_bound_relative:.1e},"
         if certificate.error_bound_sampled:
@@ -80,6 +83,15 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         if constants.m_L_sampled:
             say("note", "a friction bound knows its slope from samples only: margin and distance are estimates")
     return lines
+
+
+def _without_margin(constants: Smallness) -> str:
+    """Why there is no margin at all, in words."""
+    if max(constants.alpha_normal, constants.alpha_tangential) == math.inf:
+        return "the derivative of a law jumps down: no stiffness of the body makes up for that"
+    if math.isinf(constants.constant + constants.coupling):
+        return "the laws have no finite constant here"
+    return "the supports alone do not hold the body: what rests on the foundation alone has no margin"
 
 
 def _text(value: float | None) -> str:
