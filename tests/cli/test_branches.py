@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -123,3 +124,15 @@ def test_a_terminal_shows_how_far_a_search_is(event: Event, text: str) -> None:
         with StageView(Console(file=out, force_terminal=terminal, width=120)) as view:
             view(event)
         assert (text in out.getvalue()) is terminal
+
+
+def test_the_example_that_is_pulled_off_speaks_of_openings(capsys: pytest.CaptureFixture[str]) -> None:
+    """All points have lifted and hang on the glue; at no load there is rounding, not penetration."""
+    strip = str(Path(__file__).parents[2] / "examples" / "problems" / "delamination.toml")
+    assert cli.main(["solve", strip, "--quiet"]) == 0
+    shown = capsys.readouterr().out
+    assert "max penetration" not in shown
+    assert re.search(r"^least opening +1\.7\S+e-05 ", shown, re.MULTILINE)
+    assert re.search(r"^held in tension +16 of these points", shown, re.MULTILINE)
+    cli.main(["path", strip, "--max-points", "3"])
+    assert re.search(r"^max penetration +-\S+ to 0$", capsys.readouterr().out, re.MULTILINE)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.types import Array
 from hemivar.cli.options import MOST_STEPS, Exit, Given, MaxTime, ProblemPath, Rtol
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
@@ -150,4 +151,13 @@ def _print_path(path: EquilibriumPath) -> None:
         print(f"jump              load factor {jump.load_factor:.10g} while {how}, point {jump.index}{where}")
     if max(len(path.folds), len(path.jumps)) > _SHOWN:
         print(f"                  (of {len(path.folds)} folds and {len(path.jumps)} jumps; all are in the --json file)")
-    print(f"max penetration   {path.max_penetration.min():.6g} to {path.max_penetration.max():.6g}")
+    low, high = _rounded(path.max_penetration)
+    print(f"max penetration   {low:.6g} to {high:.6g}")
+
+
+def _rounded(values: Array) -> tuple[float, float]:
+    """Least and largest value, 0 where it is rounding beside the other."""
+    ends = float(values.min()), float(values.max())
+    small = 1e-12 * max(abs(end) for end in ends)
+    low, high = (0.0 if abs(end) <= small else end for end in ends)
+    return low, high

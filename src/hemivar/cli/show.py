@@ -224,7 +224,16 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     contact = solution.contact
     counts = [int(np.sum(solution.state == state)) for state in ContactState]
     print_contact(solution.measured, solution.contact_length, float(contact.weights.sum()), counts)
-    print(f"max penetration   {solution.penetration.max():.6g}")
+    pulled = int(
+        np.sum((solution.state != ContactState.OPEN) & (solution.penetration < 0.0) & (solution.pressure < 0.0))
+    )
+    if pulled:
+        print(f"held in tension   {pulled} of these points have lifted and are pulled back by the foundation")
+    deepest = float(solution.penetration.max())
+    if deepest < 0.0:
+        print(f"least opening     {-deepest:.6g} (no point penetrates)")
+    else:
+        print(f"max penetration   {deepest:.6g}")
     print(f"max pressure      {solution.pressure.max():.6g}")
 
 
