@@ -158,7 +158,25 @@ def test_maps_of_a_slanted_boundary() -> None:
         shown.append((np.sort(first.get_array()), 0.5 * abs(np.linalg.det(sides)).sum()))
     np.testing.assert_allclose(shown[0][0], shown[1][0], atol=1e-9)
     assert shown[0][1] == pytest.approx(shown[1][1]) == pytest.approx(1.0)
-    assert "second direction" in texts(figure)
+    axis_names = {panel.get_xlabel() for panel in figure.findobj(Axes)} | {p.get_ylabel() for p in figure.findobj(Axes)}
+    directions = [
+        [float(part) for part in name.removeprefix("along (").removesuffix(")").split(", ")]
+        for name in sorted(axis_names)
+        if name.startswith("along ")
+    ]
+    assert len(directions) == 2
+    np.testing.assert_allclose(np.array(directions) @ np.array(directions).T, np.eye(2), atol=0.02)
+    np.testing.assert_allclose(np.array(directions) @ turn[:, 2], 0.0, atol=0.02)  # both in the turned plane z = 0
+
+
+def test_no_friction_has_a_scale_without_numbers() -> None:
+    """Around zero a scale would run from -0.1 to 0.1, for a magnitude."""
+    problem = replace(survey_cube("5.1", 3), contact={"bottom": Contact(SurveyLaw(0.3, 2.0))})
+    figure = plot_contact(solve(discretize(problem)))
+    (bar,) = (panel for panel in figure.findobj(Axes) if panel.get_ylabel() == "friction, magnitude")
+    figure.draw_without_rendering()
+    assert [label.get_text() for label in bar.get_yticklabels()] == ["0 everywhere"]
+    assert bar.get_ylim()[0] == 0.0
 
 
 def test_rendering_with_pyvista(cube: Solution, tmp_path: Path) -> None:

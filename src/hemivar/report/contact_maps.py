@@ -68,7 +68,12 @@ def _maps(
             *flat.T, corners[seen], facecolors=shown, cmap="cividis", antialiased=False,
             rasterized=len(corners) > MANY_FACETS,
         )  # fmt: skip
-        panel.figure.colorbar(colours, ax=panel, shrink=0.85).set_label(name)
+        if not shown.any():  # around 0 a scale would show negative values of a magnitude, and differences of nothing
+            colours.set_clim(0.0, 1.0)
+        bar = panel.figure.colorbar(colours, ax=panel, shrink=0.85)
+        bar.set_label(name)
+        if not shown.any():
+            bar.set_ticks([0.0], labels=["0 everywhere"], rotation=90, va="bottom")
     _state_map(solution, boundary, panels[1, 1], axes, unit, window)
     for panel in panels.ravel():
         for edge in outline:
@@ -157,7 +162,12 @@ def _projection(problem: DiscreteProblem, boundary: ContactBoundary) -> tuple[Ar
     one = np.eye(3)[first] - unit[first] * unit
     one /= np.linalg.norm(one)
     other = np.cross(unit, one) * (1.0 if unit[main] > 0 else -1.0)
-    return np.vstack([one, other]), ("first direction in the plane", "second direction")
+    return np.vstack([one, other]), (_direction(one), _direction(other))
+
+
+def _direction(axis: Array) -> str:
+    """A direction in space as the label of an axis: ``along (0.71, 0, -0.71)``."""
+    return f"along ({', '.join(f'{0.0 if abs(part) < 5e-3 else part:.2g}' for part in axis)})"
 
 
 def _outline(corners: IntArray) -> IntArray:
