@@ -16,6 +16,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.gallery import beam, survey, survey_cube
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Tresca
+from hemivar.mesh import rectangle
 from hemivar.report import Arrows, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.law_figures import law_captions
@@ -206,6 +207,37 @@ def test_friction_bound_is_drawn(plane: Solution) -> None:
     assert any(np.allclose(values, 0.1) for values in drawn)
     assert any(np.allclose(values, -0.1) for values in drawn)
     assert any(np.allclose(values, plane.pressure) for values in drawn)
+
+
+def test_slip_is_seen_beside_penetration() -> None:
+    """Two points on springs: drawn as it is where it is large, magnified by a factor that is told where it is small."""
+    for slip, factor in ((0.3, 1.0), (0.002, 200.0), (1e-13, 1.0)):
+        law, one = ContactLaw(Compliance(1.0)), np.ones(2)
+        load = np.array([2.0, slip, 1.0, -slip])
+        problem = DiscreteProblem.of_arrays(np.eye(4), load, np.eye(4), one, np.zeros(2), law)
+        figure = plot_contact(solve(problem))
+        lower = figure.axes[1]
+        (across,) = (line for line in lower.lines if line.get_label() == "penetration")
+        (along,) = (line for line in lower.lines if line.get_label() == "slip")
+        np.testing.assert_allclose(across.get_ydata(), [1.0, 0.5], rtol=1e-9)
+        np.testing.assert_allclose(along.get_ydata(), [factor * slip, -factor * slip], rtol=1e-2)
+        assert ("slip times 200" in texts(figure)) == (factor != 1.0)
+
+
+def test_marks_and_arrows_do_not_pile_up() -> None:
+    """A tall block: 64 points on a small part of the picture, the same points on a flat one."""
+    from matplotlib.quiver import Quiver
+
+    for height, most in ((0.5, 64), (20.0, 10)):
+        block = survey("5.1", 4)
+        mesh = rectangle((2.0, height), (64, 4))
+        solution = solve(discretize(replace(block, mesh=mesh)))
+        figure = plot_solution(solution, arrows=Arrows.FORCE)
+        (quiver,) = (one for one in figure.findobj(Quiver) if len(one.U) > 0)
+        apart = np.diff(np.sort(quiver.XY[:, 0]))
+        assert 2 < len(quiver.U) <= most
+        assert len(quiver.U) > 50 or apart.mean() > 0.2
+        assert f"slip ({np.count_nonzero(solution.state == ContactState.SLIP)})" in texts(figure)
 
 
 def test_friction_is_named_after_its_bound() -> None:

@@ -13,6 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.files.boundary import contact_boundaries
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.contact_maps import contact_maps
+from hemivar.report.deformed import round_number
 from hemivar.report.scalar_map import area_maps, over_area
 from hemivar.report.style import GREEN, MARKERS, RED, drawing, state_mark, with_unit
 from hemivar.solvers import Solution
@@ -76,12 +77,14 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     panels = fig.subplots(2, len(parts), sharex="col", squeeze=False)
     bound = _rest_bound(problem)
     multiplier, local, state = solution.multiplier, solution.local, solution.state
+    factor = _slip_factor(local)
+    drawn = local * np.array([1.0] + [factor] * (problem.contact.components - 1))
     for column, (name, index, where, label) in enumerate(parts):
         order = np.argsort(where, kind="stable")
         index, where = index[order], where[order]
         upper, lower = panels[:, column]
         size = float(np.clip(30.0 / math.sqrt(len(index)), 1.2, 4.0))
-        curves = [(upper, multiplier, "pressure", "friction"), (lower, local, "penetration", "slip")]
+        curves = [(upper, multiplier, "pressure", "friction"), (lower, drawn, "penetration", "slip")]
         for panel, values, normal_name, tangential_name in curves:
             panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
             _curve(panel, where, values[index, 0], state[index], size, RED, "-", normal_name)
@@ -101,7 +104,13 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     panels[1, 0].set_ylabel(with_unit("displacement", unit))
     handles = [
         Line2D([], [], color=RED, label="pressure; penetration"),
-        Line2D([], [], color=GREEN, ls=(0, (5, 1.5)), label="friction; slip"),
+        Line2D(
+            [],
+            [],
+            color=GREEN,
+            ls=(0, (5, 1.5)),
+            label="friction; slip" if factor == 1.0 else f"friction; slip times {factor:g}",
+        ),
     ]
     if bound is not None:
         handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
@@ -120,6 +129,14 @@ def _curve(
     for kind, marker in MARKERS.items():
         here = state == kind
         panel.plot(where[here], values[here], ls="", ms=size, mew=0.5, zorder=3, **marker)
+
+
+def _slip_factor(local: Array) -> float:
+    """A factor by which the slip is seen beside the penetration; 1 where it is seen as it is, or is rounding only."""
+    across, along = np.abs(local[:, 0]).max(initial=0.0), np.abs(local[:, 1:]).max(initial=0.0)
+    if not 1e-9 * across < along < 0.1 * across:
+        return 1.0
+    return round_number(float(0.5 * across / along))
 
 
 def _rest_bound(problem: DiscreteProblem) -> Array | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import KDTree
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.fem import von_mises
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
 from hemivar.mechanics import ContactProblem
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrows", "PlaneBody"]
 
-_MANY_POINTS = 70
+#: Least distance along the boundary, relative to the body, at which two marks or arrows are told apart.
+_APART = 0.012
 
 
 class Arrows(StrEnum):
@@ -123,12 +124,31 @@ class PlaneBody:
                 ax.add_patch(Polygon(np.vstack([surface, below[::-1]]), closed=True, zorder=0.5, **style))
             ax.plot(*surface.T, color="#3a3a3a", lw=1.0, zorder=1)
 
+    def _apart(self, index: IntArray) -> IntArray:
+        """Those of some contact points that are far enough from each other along the boundary to be told apart."""
+        points, kept = self.problem.contact.points, []
+        assert points is not None
+        for boundary in self.boundaries:
+            here = np.isin(boundary.index, index)
+            where = boundary.position(points)[0][here]
+            first = np.unique(np.floor(where / (_APART * self.size)), return_index=True)[1]
+            kept.append(boundary.index[here][first])
+        return np.sort(np.concatenate(kept))
+
     def _states(self, ax: Axes) -> None:
         places = self.body.contact_places
         size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
         for kind, here, label in self.body.states():
             if here.any():
-                ax.plot(*places[here].T, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
+                ax.plot(
+                    *places[self._apart(np.flatnonzero(here))].T,
+                    ls="",
+                    ms=size,
+                    mew=0.6,
+                    zorder=6,
+                    clip_on=False,
+                    **MARKERS[kind],
+                )
             self.handles.append(state_mark(kind, label))
 
     def _forces(self, ax: Axes, arrows: Arrows) -> float:
@@ -139,7 +159,7 @@ class PlaneBody:
         along = self.body.solution.friction_vectors
         outward = along - self.body.solution.tractions
         places = self.body.contact_places
-        step = max(1, len(places) // _MANY_POINTS)
+        shown = self._apart(np.arange(len(places)))
         sets = (
             [("force", outward + along, RED)]
             if arrows is Arrows.FORCE
@@ -152,12 +172,12 @@ class PlaneBody:
         length = 0.16 * self.size
         for row, (name, vectors, colour) in enumerate(sets):
             quiver = ax.quiver(
-                *places[::step].T, *vectors[::step].T, angles="xy", scale_units="xy", scale=largest / length,
+                *places[shown].T, *vectors[shown].T, angles="xy", scale_units="xy", scale=largest / length,
                 color=colour, width=0.0028, headwidth=3.6, headlength=4.6, headaxislength=4.2, zorder=5 + 0.1 * row,
             )  # fmt: skip
             quiver.set_in_layout(False)
             self.keys.append((quiver, f"{name} = {reference:g} (mirrored)", reference, reference * length / largest))
-            ax.update_datalim(places[::step] + vectors[::step] * (length / largest))
+            ax.update_datalim(places[shown] + vectors[shown] * (length / largest))
         ax.autoscale_view()
         return length
 
