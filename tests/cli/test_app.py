@@ -808,3 +808,14 @@ def test_interrupt_exits_with_130(tmp_path: Path) -> None:
     assert process.returncode == 130
     assert err.strip() == "hemivar: interrupted"
     assert json.loads((tmp_path / "a.json").read_text())["status"] == "interrupted"
+
+
+def test_the_picture_tells_the_kind_that_was_certified(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "part.toml").write_text(BASE)
+    code, out, _ = run(capsys, "solve", "part.toml", "--quiet", "--plot", "a.svg")
+    assert code == 0
+    told = re.search(r"^kind +(.*); (.*)$", out, re.MULTILINE)
+    assert told is not None
+    picture = (folder / "a.svg").read_text()
+    for part in told.groups():
+        assert part in picture

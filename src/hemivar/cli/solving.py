@@ -189,21 +189,28 @@ def _write(session: Session, solution: Solution, certificate: Certificate | None
     writer, outputs = session.writer, session.outputs
     writer.write("--json", outputs["--json"], lambda path: write_json(solution, path, certificate))
     writer.write("--vtu", outputs["--vtu"], lambda path: write_vtu(solution, path))
-    draw(session, solution)
+    draw(session, solution, certificate)
 
 
-def draw(session: Session, solution: Solution) -> None:
-    """Draw the pictures of a solution that were asked for."""
+def draw(session: Session, solution: Solution, certificate: Certificate | None = None) -> None:
+    """Draw the pictures of a solution that were asked for; the legend of the body tells the kind that was certified."""
     writer, outputs, title = session.writer, session.outputs, session.title
     if not any(outputs[option] for option in ("--plot", "--plot-contact", "--render")):
         return
     from hemivar.report import plot_contact, plot_solution, render_solution, save
 
     plain = session.stated.problem.title or None
+    note = "" if certificate is None else _kind(certificate)
     pictures: dict[str, Callable[[Path], object]] = {
-        "--plot": lambda path: save(plot_solution(solution, scale="auto", title=title), path),
+        "--plot": lambda path: save(plot_solution(solution, scale="auto", title=title, note=note), path),
         "--plot-contact": lambda path: save(plot_contact(solution, title=title), path),
         "--render": lambda path: render_solution(solution, path, scale="auto", title=plain),
     }
     for option, task in pictures.items():
         writer.write(option, outputs[option], task, picture=True)
+
+
+def _kind(certificate: Certificate) -> str:
+    """Kind and uniqueness, as the summary says them, one below the other."""
+    told = next(line for line in certificate.lines() if line.startswith("kind "))
+    return told.removeprefix("kind").strip().replace("; ", ";\n", 1)
