@@ -33,14 +33,14 @@ class DistanceToExact:
     misfit, contact, oscillation, algebraic : float
         Parts of the bound before the margin divides their sum: what the elements do not resolve, the contact force,
         the loads, and what the displacement lacks for equilibrium.
-    correction : float
-        Added after that division: by how much a quadratic trace had to be moved to keep to a rigid law between nodes.
     gap : float
         The part of contact points that change between pieces of the law, a work.
     constant : float
         c; bounds grow by ``1 / (1 - c)``.
     seconds : float
         Spent on it.
+    correction : float
+        Added after that division: by how much a quadratic trace had to be moved to keep to a rigid law between nodes.
     """
 
     bound: float
@@ -51,10 +51,10 @@ class DistanceToExact:
     contact: float = math.nan
     oscillation: float = math.nan
     algebraic: float = math.nan
-    correction: float = 0.0
     gap: float = math.nan
     constant: float = math.nan
     seconds: float = 0.0
+    correction: float = 0.0
 
     @classmethod
     def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:

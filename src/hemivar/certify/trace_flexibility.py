@@ -51,6 +51,8 @@ __all__ = ["TraceFlexibility", "TraceRange"]
 _MODES = {2: 6, 3: 24}
 #: Loads on the contact boundary up to which all of them are answered at once.
 _DENSE = 600
+#: Part of the largest energy below which displacements are not told apart.
+_DEPENDENT = 1e-10
 #: Part of a trace that is rounding where supports hold it.
 _HELD = 1e-11
 #: Squares that are rounding, in units of the largest value.
@@ -176,8 +178,11 @@ class TraceFlexibility:
         linear, rest = self._linear @ u, self._rest @ u
         beyond = np.repeat(D[:, None], self._beyond, axis=1).ravel()
         A0 = u.T @ forces
-        values, change = la.eigh(_weighted(linear, weight) + _weighted(rest, beyond), 0.5 * (A0 + A0.T))
-        values, change = values[::-1], change[:, ::-1]
+        sizes, axes = la.eigh(0.5 * (A0 + A0.T))
+        some = sizes > _DEPENDENT * sizes[-1]  # loads may be more than what displacements of the mesh tell apart
+        axes = axes[:, some] / np.sqrt(sizes[some])
+        values, change = la.eigh(axes.T @ (_weighted(linear, weight) + _weighted(rest, beyond)) @ axes)
+        values, change = values[::-1], (axes @ change)[:, ::-1]
         linear, rest = linear @ change, rest @ change
         P, R, R2 = _weighted(linear, weight), _weighted(rest, beyond), _weighted(rest, beyond**2)
         A0, A1 = np.eye(len(values)), np.diag(values)
@@ -195,7 +200,10 @@ class TraceFlexibility:
             theta = np.sqrt((stress + _ROUNDING * top**2) / (trace + _ROUNDING * top))
             return np.asarray(base[:k, :k] + kappa * (theta * R2[:k, :k] + off[:k, :k] / theta))
 
-        sharp = [_lehmann(A0[:k, :k], A1[:k, :k], raised(k), 1.0 / above[k]) for k in range(1, len(above))]
+        sharp = [
+            _lehmann(A0[:k, :k], A1[:k, :k], raised(k), 1.0 / above[k])
+            for k in range(1, min(len(above), len(values) + 1))
+        ]
         upper = max(min([float(above[0]), *(found[0] for found in sharp)]), float(values[0]))
         second = min([float(above[min(1, len(above) - 1)]), *(found[1] for found in sharp)])
         lower, simple = float(values[0]), float(above[0])
