@@ -571,7 +571,7 @@ def test_without_a_method_the_cheapest_that_fits_is_taken(
     for extra in ([], ["--warm-start"]):
         code, out, err = run(capsys, "solve", "part.toml", "--json", "a.json", *extra)
         assert (code, err) == (0, "")
-        assert re.search(r"^method +multigrid\nchosen +NonsmoothMultigrid for 144 unknowns: .* GiB", out, re.MULTILINE)
+        assert re.search(r"^method +multigrid\nchosen +multigrid for 144 unknowns: .* GiB", out, re.MULTILINE)
         record = json.loads((folder / "a.json").read_text())
         assert record["method"] == "multigrid"
         assert record["energy"] == pytest.approx(expected, rel=1e-10)

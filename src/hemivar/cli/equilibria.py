@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hemivar.basics.arguments import suggest
-from hemivar.basics.types import Array
 from hemivar.cli.options import MOST_STEPS, Exit, Given, MaxTime, ProblemPath, Rtol
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from hemivar.basics.types import Array
     from hemivar.branches import Path as EquilibriumPath
     from hemivar.branches import SolutionSet
     from hemivar.report.tables import Table
