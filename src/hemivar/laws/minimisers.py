@@ -97,8 +97,9 @@ def local_argmin(law: Superpotential, a: Array, b: Array) -> Array:
     """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
     if law.shared_knots is not None:
         return _argmin_of_many(law, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
-    if law.convex:
-        return _convex_argmin(law, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    if law.convex or (a > law.weak_convexity).all():
+        return _argmin_of_growing(law, a, b)
     points, energies = law.local_minimisers(a, b)
     best = np.argmin(energies, axis=-1)[..., None]
     r = np.take_along_axis(points, best, axis=-1)[..., 0]
@@ -197,8 +198,8 @@ def _lowest_of_many(law: Superpotential, a: Array, b: Array) -> Array:
     return out
 
 
-def _convex_argmin(law: Superpotential, a: Array, b: Array) -> Array:
-    """The minimiser for a convex law: the force b grows with it, so counting the knots passed finds its piece."""
+def _argmin_of_growing(law: Superpotential, a: Array, b: Array) -> Array:
+    """The minimiser where ``a r + j'(r)`` grows: the force b grows with it, and the knots passed tell its piece."""
     knots = law.knots
     finite = np.isfinite(knots)
     at_knots = a[..., None] * np.where(finite, knots, 0.0)
@@ -249,15 +250,14 @@ def stationary_point(
 ) -> tuple[Array, BoolArray]:
     """Zero of ``a r - b + j'(r)`` inside each piece, where it changes sign from minus to plus.
 
-    Safeguarded Newton iteration: every step stays inside a bracket that at least halves in two steps.
+    Safeguarded Newton iteration from the lower end: every step stays inside a bracket that at least halves in two
+    steps.
     """
     shape = np.broadcast_shapes(a.shape, low.shape)
-    with np.errstate(over="ignore"):
-        step = np.maximum(np.maximum(np.abs(b), 1e-300) / np.maximum(a, 1e-300), 1e-300)
-    low = np.broadcast_to(low, shape).copy()
-    high = np.broadcast_to(high, shape).copy()
     admissible = np.broadcast_to(admissible, shape).copy()
-    step = np.where(np.isfinite(step), step, 1.0)
+    if not admissible.any():
+        return np.zeros(shape), admissible
+    low, high = np.broadcast_to(low, shape), np.broadcast_to(high, shape)
 
     def psi(r: Array) -> Array:
         return a * r - b + law.piece_derivative(piece, r)
@@ -265,10 +265,14 @@ def stationary_point(
     anchor_low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
     anchor_high = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, 0.0))
     with np.errstate(over="ignore", invalid="ignore"):
+        step = np.maximum(np.maximum(np.abs(b), 1e-300) / np.maximum(a, 1e-300), 1e-300)
+        step = np.where(np.isfinite(step), step, 1.0)
         for endless, anchor, sign in (
             (~np.isfinite(low), anchor_high, -1.0),
             (~np.isfinite(high), anchor_low, 1.0),
         ):
+            if not (endless & admissible).any():
+                continue
             at_anchor = np.abs(psi(anchor)) / np.maximum(a, 1e-300)
             end = anchor + sign * np.maximum(step, np.where(np.isfinite(at_anchor), at_anchor, 0.0))
             end = np.where(end == anchor, anchor + sign * np.maximum(np.abs(anchor), 1e-300) * 1e-15, end)
@@ -291,6 +295,9 @@ def stationary_point(
         low = np.where(admissible, low, 0.0)
         high = np.where(admissible, high, 0.0)
         r = 0.5 * (low + high)
+        slope = a + law.piece_curvature(piece, low)
+        newton = low - psi(low) / np.where(slope > 0.0, slope, 1.0)  # most laws hardly bend beside the body
+        r = np.where((slope > 0.0) & (newton > low) & (newton < high), newton, r)
         for _ in range(200):
             f = psi(r)
             low = np.where(f < 0.0, r, low)
