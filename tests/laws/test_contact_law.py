@@ -119,6 +119,24 @@ def test_clamp_keeps_a_step_on_its_piece() -> None:
     np.testing.assert_allclose(law.clamp(start, end), [[0.0, 0.0], [0.0, -0.5], [-0.4, 0.9]])
 
 
+@pytest.mark.parametrize("components", [1, 2, 3])
+@pytest.mark.parametrize("normal", [SurveyLaw(0.3, 2.0), Capped(5.0, 0.1, 0.4), Compliance(3.0, 1.5)])
+@pytest.mark.parametrize("friction", [Tresca(0.5), SlipWeakening(0.6, 0.2, 0.3), Friction(0.7, WEAKENING)])
+def test_gradients_near_a_displacement_are_those_of_the_law(
+    normal: Superpotential, friction: Friction, components: int
+) -> None:
+    law, random = ContactLaw(normal, friction), np.random.default_rng(components)
+    start = random.normal(scale=0.3, size=(400, components))
+    end = start + random.normal(scale=0.3, size=start.shape)
+    end[:40], start[:20, 0] = start[:40], 0.0
+    near = law.near(start)
+    place = near.clamp(end)
+    line = law.linearise(place)  # where the step was cut back it ends at a kink, or where two pieces meet smoothly
+    np.testing.assert_allclose(near.gradient(place), line.gradient, atol=1e-12)
+    assert line.smooth[:, 0].all() == isinstance(normal, Compliance)
+    assert line.gradient[:, 0].any()
+
+
 def test_laws_of_several_boundaries_are_joined_point_by_point() -> None:
     points = np.random.default_rng(1).random((5, 2))
     first = ContactLaw(SurveyLaw(lambda x: 1.0 + x[:, 0], 2.0), Tresca(0.5)).at(points)

@@ -14,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.consistency import check_own
 from hemivar.laws.friction import Friction, NoFriction
 from hemivar.laws.friction.bounds import StateBound, stack_bounds
+from hemivar.laws.neighbourhood import Neighbourhood, lengths, polar
 from hemivar.laws.stacked import stack
 from hemivar.laws.superpotential import Superpotential
 from hemivar.laws.vector_law import Linearisation, VectorLaw
@@ -129,51 +130,39 @@ class ContactLaw(VectorLaw):
 
     def value(self, r: Array) -> Array:
         value = self.normal.value(r[:, 0])
-        return value + self.tangential.value(_norm(r[:, 1:])) if r.shape[1] > 1 else value
+        return value + self.tangential.value(lengths(r[:, 1:])) if r.shape[1] > 1 else value
 
     def distance(self, r: Array, lam: Array) -> Array:
         normal = self.normal.distance(r[:, 0], lam[:, 0])
         if r.shape[1] == 1:
             return normal
-        size, direction = _polar(r[:, 1:])
+        size, direction = polar(r[:, 1:])
         along = np.einsum("mi,mi->m", direction, lam[:, 1:])
-        across = _norm(lam[:, 1:] - along[:, None] * direction)
+        across = lengths(lam[:, 1:] - along[:, None] * direction)
         moving = np.hypot(self.tangential.distance(size, along), across)
-        resting = self.tangential.distance(size, _norm(lam[:, 1:]))
+        resting = self.tangential.distance(size, lengths(lam[:, 1:]))
         return np.hypot(normal, np.where(size > 0.0, moving, resting))
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
         if r.shape[1] == 1:
             return normal
-        size, direction = _polar(r[:, 1:])
+        size, direction = polar(r[:, 1:])
         along = np.einsum("mi,mi->m", direction, lam[:, 1:])
-        across = _norm(lam[:, 1:] - along[:, None] * direction)
+        across = lengths(lam[:, 1:] - along[:, None] * direction)
         moving = np.hypot(self.tangential.graph_distance(size, along, tau[:, 1]), across)
-        to_rest = self.tangential.distance(np.zeros_like(size), _norm(lam[:, 1:]))
+        to_rest = self.tangential.distance(np.zeros_like(size), lengths(lam[:, 1:]))
         resting = np.hypot(size / tau[:, 1], to_rest)
         return np.hypot(normal, np.minimum(np.where(size > 0.0, moving, np.inf), resting))
 
-    def nearest_multiplier(self, r: Array, lam: Array) -> Array:
-        out = np.empty_like(lam)
-        ends = self.normal.domain
-        interval = self.normal.subdifferential(np.clip(r[:, 0], ends.lower, ends.upper))
-        out[:, 0] = np.clip(lam[:, 0], interval.lower, np.maximum(interval.lower, interval.upper))
-        if r.shape[1] > 1:
-            size, direction = _polar(r[:, 1:])
-            interval = self.tangential.subdifferential(np.minimum(size, self.tangential.domain.upper))
-            along = np.clip(np.einsum("mi,mi->m", direction, lam[:, 1:]), interval.lower, interval.upper)
-            length, heading = _polar(lam[:, 1:])
-            rest = np.minimum(length, np.maximum(interval.upper, 0.0))
-            moving = (size > 0.0)[:, None]
-            out[:, 1:] = np.where(moving, along[:, None] * direction, rest[:, None] * heading)
-        return out
+    def near(self, r: Array) -> Neighbourhood:
+        return Neighbourhood(self, r)
 
     def local_argmin(self, a: Array, b: Array) -> Array:
         r = np.empty(b.shape)
         r[:, 0] = self.normal.local_argmin(a[:, 0], b[:, 0])
         if b.shape[1] > 1:
-            size, direction = _polar(b[:, 1:])
+            size, direction = polar(b[:, 1:])
             length = np.abs(self.tangential.local_argmin(a[:, 1], size))
             r[:, 1:] = length[:, None] * np.where(size[:, None] > 0.0, direction, _first_axis(direction))
         return r
@@ -191,8 +180,8 @@ class ContactLaw(VectorLaw):
         out = np.empty(b.shape)
         out[:, 0] = self.normal.place_on_piece(a[:, 0], b[:, 0], r[:, 0])
         if b.shape[1] > 1:
-            pull, towards = _polar(b[:, 1:])
-            size, direction = _polar(r[:, 1:])
+            pull, towards = polar(b[:, 1:])
+            size, direction = polar(r[:, 1:])
             length = np.abs(self.tangential.place_on_piece(a[:, 1], pull, size))
             heading = np.where((length == size)[:, None] & (size > 0.0)[:, None], direction, towards)
             out[:, 1:] = length[:, None] * np.where(pull[:, None] > 0.0, heading, _first_axis(towards))
@@ -203,7 +192,7 @@ class ContactLaw(VectorLaw):
         jacobian = np.zeros((m, d, d))
         jacobian[:, 0, 0] = self.normal.prox_slope(x[:, 0], tau[:, 0])
         if d > 1:
-            size, direction = _polar(x[:, 1:])
+            size, direction = polar(x[:, 1:])
             length = self.tangential.prox(size, tau[:, 1])
             slope = self.tangential.prox_slope(size, tau[:, 1])
             ratio = np.where(size > 0.0, length / np.where(size > 0.0, size, 1.0), slope)
@@ -220,7 +209,7 @@ class ContactLaw(VectorLaw):
         gradient[:, 0] = np.where(smooth[:, 0], self.normal.derivative(r[:, 0]), 0.0)
         hessian[:, 0, 0] = np.where(smooth[:, 0], self.normal.curvature(r[:, 0]), 0.0)
         if d > 1:
-            size, direction = _polar(r[:, 1:])
+            size, direction = polar(r[:, 1:])
             smooth[:, 1] = ~self.tangential.at_kink(size)
             slope = np.where(smooth[:, 1], self.tangential.derivative(size), 0.0)
             curvature = np.where(smooth[:, 1], self.tangential.curvature(size), 0.0)
@@ -230,25 +219,13 @@ class ContactLaw(VectorLaw):
             hessian[:, 1:, 1:] = across[:, None, None] * (np.eye(d - 1) - outer) + curvature[:, None, None] * outer
         return Linearisation(smooth, gradient, hessian)
 
-    def clamp(self, start: Array, end: Array) -> Array:
-        out = end.copy()
-        low, high = self.normal.piece_bounds(self.normal.piece_of(start[:, 0]))
-        out[:, 0] = np.clip(end[:, 0], low, high)
-        if end.shape[1] > 1:
-            size, direction = _polar(start[:, 1:])
-            low, high = self.tangential.piece_bounds(self.tangential.piece_of(size))
-            backwards = (np.einsum("mi,mi->m", direction, end[:, 1:]) <= 0.0) & (low == 0.0)
-            length, heading = _polar(end[:, 1:])
-            out[:, 1:] = np.where(backwards, 0.0, np.clip(length, low, high))[:, None] * heading
-        return out
-
     def admissible(self, r: Array) -> Array:
         out = np.array(r, dtype=float)
         domain = self.normal.domain
         out[:, 0] = np.clip(out[:, 0], domain.lower, domain.upper)
         if out.shape[1] > 1:
             limit = np.broadcast_to(self.friction.profile.domain.upper, (len(out),))
-            size = _norm(out[:, 1:])
+            size = lengths(out[:, 1:])
             outside = size > limit
             out[outside, 1:] *= (limit[outside] / size[outside])[:, None]
         return out
@@ -257,21 +234,11 @@ class ContactLaw(VectorLaw):
         rate = self.normal.recession(direction[:, 0])
         if self.state_dependent:
             return rate
-        return rate + self.tangential.recession(_norm(direction[:, 1:])) if direction.shape[1] > 1 else rate
+        return rate + self.tangential.recession(lengths(direction[:, 1:])) if direction.shape[1] > 1 else rate
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
         return self.normal.weak_convexity, self.tangential.weak_convexity
-
-
-def _norm(x: Array) -> Array:
-    return np.abs(x[:, 0]) if x.shape[1] == 1 else np.sqrt(np.einsum("mi,mi->m", x, x))
-
-
-def _polar(x: Array) -> tuple[Array, Array]:
-    """Length and direction of each row; the direction of a zero row is zero."""
-    size = _norm(x)
-    return size, x / np.where(size > 0.0, size, 1.0)[:, None]
 
 
 def _first_axis(direction: Array) -> Array:

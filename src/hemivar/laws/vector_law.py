@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
 
-__all__ = ["Linearisation", "VectorLaw", "spread"]
+__all__ = ["Linearisation", "Near", "VectorLaw", "spread"]
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,22 @@ class Linearisation:
     smooth: BoolArray
     gradient: Array
     hessian: Array
+
+
+class Near(Protocol):
+    """A law on the pieces on which some local displacements r lie."""
+
+    def clamp(self, end: Array) -> Array:
+        """``end (m, c)``, cut back to the pieces."""
+        ...
+
+    def gradient(self, place: Array) -> Array:
+        """Derivatives (m, c) of the parts that are smooth at ``place (m, c)`` on the pieces, zero at kinks."""
+        ...
+
+    def nearest_multiplier(self, lam: Array) -> Array:
+        """The element of dj(r) nearest to ``lam``, (m, c); outside its domain r counts as at the end of it."""
+        ...
 
 
 class VectorLaw(Portable, ABC):
@@ -99,8 +116,12 @@ class VectorLaw(Portable, ABC):
         """
 
     @abstractmethod
+    def near(self, r: Array) -> Near:
+        """The law on the pieces on which ``r (m, c)`` lies."""
+
     def nearest_multiplier(self, r: Array, lam: Array) -> Array:
         """The element of dj(r) nearest to ``lam``, (m, c); outside its domain r counts as at the end of it."""
+        return self.near(r).nearest_multiplier(lam)
 
     @abstractmethod
     def local_argmin(self, a: Array, b: Array) -> Array:
@@ -114,9 +135,9 @@ class VectorLaw(Portable, ABC):
     def linearise(self, r: Array) -> Linearisation:
         """Derivatives of the parts that are smooth at ``r``."""
 
-    @abstractmethod
     def clamp(self, start: Array, end: Array) -> Array:
         """``end``, cut back to the smooth piece on which ``start`` lies."""
+        return self.near(start).clamp(end)
 
     @abstractmethod
     def admissible(self, r: Array) -> Array:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.laws.vector_law import Linearisation
+from hemivar.laws.vector_law import Linearisation, Near
 from hemivar.linear.cycle import selects
 from hemivar.linear.krylov import Descent, conjugate_gradients
 from hemivar.solvers.base import Solver, State
@@ -187,7 +188,7 @@ class NonsmoothMultigrid(Solver):
             found, _ = equation.solve(self._target, self.absolute, self.iterations)
             cycles += found.iterations
             aim = equation.r + system.spread(found.solution[system.unknown])
-            near = np.where(equation.moving, system.law.clamp(equation.r, aim), equation.r)
+            near = np.where(equation.moving, equation.near.clamp(aim), equation.r)
             new = system.moved(first + found.solution, near)
             line = _Line.of(replace(equation, x=x, r=r, force=force), new - x, system.multiply(new - x))
             if found.negative is None and line.gains(1.0, near)[0] <= line.rounding:
@@ -277,6 +278,8 @@ class _Line:
         Work of the elastic force along the direction, and its energy ``d'K d``.
     moving : bool array (m, d)
         Components that Newton's equation moves.
+    near : Near
+        The law around r.
     value : array (m,)
         j(r).
     rounding : float
@@ -293,6 +296,7 @@ class _Line:
     slope: float
     square: float
     moving: BoolArray
+    near: Near
     value: Array
     rounding: float
 
@@ -317,6 +321,7 @@ class _Line:
             slope=slope,
             square=square,
             moving=equation.moving,
+            near=equation.near,
             value=value,
             rounding=_ROUNDED_LINE * (abs(slope) + size),
         )
@@ -324,7 +329,7 @@ class _Line:
     def candidates(self, length: float) -> tuple[Array, Array]:
         """Local displacements after a step: cut back to their pieces, and across them."""
         far = np.where(self.system.active, self.r + length * self.along, self.system.fixed)
-        return np.where(self.moving, self.system.law.clamp(self.r, far), self.r), far
+        return np.where(self.moving, self.near.clamp(far), self.r), far
 
     def gains(self, length: float, *candidates: Array) -> list[float]:
         """Changes of the energy, free of the cancellation of two large energies."""
@@ -385,6 +390,11 @@ class _Equation:
     curvature: Array
     force: Array
 
+    @cached_property
+    def near(self) -> Near:
+        """The law around r."""
+        return self.system.law.near(self.r)
+
     @staticmethod
     def at(system: Body, matrix: Truncation, x: Array, r: Array, force: Array) -> _Equation:
         """The equation at a point."""
@@ -420,14 +430,14 @@ class _Enough:
 
     def __call__(self, iteration: int, step: Array) -> Array:
         at, late = self.equation, bool(self.budget.due())
-        system, law, weights = at.system, at.system.law, at.system.weights[:, None]
+        system, weights = at.system, at.system.weights[:, None]
         pulled = system.pull(step) if iteration > 1 else np.zeros(0)  # by all processes, whether they are late or not
         if late or iteration < 2:
             return np.full(1, np.inf if late else 0.0)
         way = system.spread(step[system.unknown])
-        aim = np.where(at.moving, law.clamp(at.r, at.r + way), at.r)
+        aim = np.where(at.moving, at.near.clamp(at.r + way), at.r)
         overshoot = system.stiffness * np.where(at.moving, at.r + way - aim, 0.0)
         lam = system.spread(at.force[system.unknown] - pulled) / weights
-        off = np.where(system.active, lam - law.nearest_multiplier(at.r, lam), 0.0)
-        bend = law.linearise(aim).gradient - at.line.gradient - np.einsum("mij,mj->mi", at.line.hessian, way)
+        off = np.where(system.active, lam - at.near.nearest_multiplier(lam), 0.0)
+        bend = at.near.gradient(aim) - at.line.gradient - np.einsum("mij,mj->mi", at.line.hessian, way)
         return np.asarray(_PATIENCE * np.hypot(overshoot, weights * np.where(at.moving, bend, off))).ravel()
