@@ -68,6 +68,7 @@ ONLY_IN = {
     "pyamg": ("linear",),
     "typer": ("cli",),
     "mumps": ("linear.factorisation",),
+    "pypardiso": ("linear.pardiso",),
 }
 
 FILES = sorted(PACKAGE.rglob("*.py"))
