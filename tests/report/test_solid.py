@@ -137,8 +137,9 @@ def test_maps_of_two_boundaries() -> None:
     for name in ("bottom", "right"):
         assert name in words
         state = solution.on(name).state
-        for kind in ContactState:
+        for kind in (ContactState.OPEN, ContactState.STICK, ContactState.SLIP):
             assert f"{kind.label} ({np.count_nonzero(state == kind)})" in words
+    assert "bonded" not in words
 
 
 def test_maps_of_a_slanted_boundary() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import shown
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hemivar.engines.petsc import DistributedSolution
     from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
-    from hemivar.solvers import Progress, Solution
+    from hemivar.solvers import ContactState, Progress, Solution
     from hemivar.workflows import Event
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "StageView",
     "console",
     "print_contact",
+    "print_extremes",
     "print_head",
     "print_not_converged",
     "print_step",
@@ -196,9 +197,8 @@ def print_not_converged(solution: Solution | DistributedSolution) -> None:
 
 def print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
     """Print what was found."""
-    import numpy as np
-
-    from hemivar.solvers import ContactState, Status
+    from hemivar.solvers import Status
+    from hemivar.solvers.solution import state_counts
 
     good = solution.status is Status.CONVERGED
     console.print("\nstatus            ", end="")
@@ -221,26 +221,27 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     elif friction.size:
         vector = -solution.problem.contact.weights @ solution.friction_vectors
         print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
-    contact = solution.contact
-    counts = [int(np.sum(solution.state == state)) for state in ContactState]
-    print_contact(solution.measured, solution.contact_length, float(contact.weights.sum()), counts)
-    pulled = int(
-        np.sum((solution.state != ContactState.OPEN) & (solution.penetration < 0.0) & (solution.pressure < 0.0))
-    )
-    if pulled:
-        print(f"held in tension   {pulled} of these points have lifted and are pulled back by the foundation")
-    deepest = float(solution.penetration.max())
+    whole = float(solution.contact.weights.sum())
+    print_contact(solution.measured, solution.contact_length, whole, state_counts(solution.state))
+    print_extremes(float(solution.penetration.max()), float(solution.pressure.max()))
+
+
+def print_contact(what: str, closed: float, whole: float, counts: Mapping[ContactState, int]) -> None:
+    """Print how much of the contact boundary is closed, and how many points are in each state."""
+    from hemivar.solvers import ContactState
+
+    print(f"contact {what:<10}{closed:.6g} of {whole:.6g}")
+    bonded = counts.get(ContactState.BONDED, 0)
+    told = (f"{count} {kind.label}" for kind, count in counts.items() if count or kind is not ContactState.BONDED)
+    print(f"contact points    {', '.join(told)}")
+    if bonded:
+        print(f"{'':<18}bonded points have lifted and are pulled back by the foundation")
+
+
+def print_extremes(deepest: float, pressure: float) -> None:
+    """Print the largest penetration, or the least opening where nothing penetrates, and the largest pressure."""
     if deepest < 0.0:
         print(f"least opening     {-deepest:.6g} (no point penetrates)")
     else:
         print(f"max penetration   {deepest:.6g}")
-    print(f"max pressure      {solution.pressure.max():.6g}")
-
-
-def print_contact(what: str, closed: float, whole: float, counts: Sequence[int]) -> None:
-    """Print how much of the contact boundary is closed, and how many points are open, stick and slip."""
-    from hemivar.solvers import ContactState
-
-    print(f"contact {what:<10}{closed:.6g} of {whole:.6g}")
-    states = (f"{count} {state.label}" for count, state in zip(counts, ContactState, strict=True))
-    print(f"contact points    {', '.join(states)}")
+    print(f"max pressure      {pressure:.6g}")

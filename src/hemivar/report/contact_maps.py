@@ -13,6 +13,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.report.style import GREY, MANY_FACETS, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState, Solution
+from hemivar.solvers.solution import state_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,11 +116,11 @@ def _state_map(
     size = float(np.clip(0.5 * 150.0 / math.sqrt(np.count_nonzero(seen)), 0.7, 7.0))
     extent = float(np.ptp(places if window is None else window, axis=0).max())
     handles = []
-    for kind, colour in STATE_COLOURS.items():
-        here = state == kind
-        if here.any():
+    for kind, count in state_counts(state).items():
+        here, colour = state == kind, STATE_COLOURS[kind]
+        if count:
             panel.plot(*places[here].T, "s", color=colour, mec=GREY, mew=0.3, ms=size, zorder=1)
-        label = f"{kind.label} ({np.count_nonzero(here)})"
+        label = f"{kind.label} ({count})"
         handles.append(Line2D([], [], marker="s", ls="", color=colour, mec=GREY, mew=0.3, ms=5.0, label=label))
     slip = solution.slip_vectors[boundary.index] @ axes.T
     length = np.linalg.norm(slip, axis=1)

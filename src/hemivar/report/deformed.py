@@ -16,6 +16,7 @@ from hemivar.fem import nodal_average, von_mises
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import ContactState, Solution
+from hemivar.solvers.solution import state_counts
 
 __all__ = ["DeformedBody", "round_number"]
 
@@ -95,9 +96,8 @@ class DeformedBody:
 
     def states(self) -> Iterator[tuple[ContactState, BoolArray, str]]:
         """Each contact state, which points are in it, (m,), and what a legend says of it."""
-        for kind in ContactState:
-            here = np.asarray(self.solution.state == kind)
-            yield kind, here, f"{kind.label} ({np.count_nonzero(here)})"
+        for kind, count in state_counts(self.solution.state).items():
+            yield kind, np.asarray(self.solution.state == kind), f"{kind.label} ({count})"
 
     @cached_property
     def surface(self) -> tuple[Array, str]:

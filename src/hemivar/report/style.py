@@ -79,9 +79,10 @@ MARKERS: Mapping[ContactState, dict[str, Any]] = {
     ContactState.OPEN: {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"},
     ContactState.STICK: {"marker": "s", "markerfacecolor": BLUE, "markeredgecolor": BLUE},
     ContactState.SLIP: {"marker": "^", "markerfacecolor": ORANGE, "markeredgecolor": "black"},
+    ContactState.BONDED: {"marker": "D", "markerfacecolor": PURPLE, "markeredgecolor": "black"},
 }
 
-STATE_COLOURS = {ContactState.OPEN: "white", ContactState.STICK: BLUE, ContactState.SLIP: ORANGE}
+STATE_COLOURS = {kind: mark["markerfacecolor"] for kind, mark in MARKERS.items()}
 
 
 def state_mark(kind: ContactState, label: str) -> Line2D:
