@@ -815,7 +815,10 @@ def test_the_picture_tells_the_kind_that_was_certified(folder: Path, capsys: pyt
     code, out, _ = run(capsys, "solve", "part.toml", "--quiet", "--plot", "a.svg")
     assert code == 0
     told = re.search(r"^kind +(.*); (.*)$", out, re.MULTILINE)
+    distance = re.search(r"^distance .*relative (\S+), to the exact discrete solution$", out, re.MULTILINE)
     assert told is not None
+    assert distance is not None
     picture = (folder / "a.svg").read_text()
-    for part in told.groups():
-        assert part in picture
+    (line,) = re.findall(r">residual .*exact discrete solution<", picture)
+    assert told[1] in line
+    assert f"at most {float(distance[1]):.1g}"[:9] in line

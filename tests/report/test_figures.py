@@ -10,18 +10,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem import discretize
-from hemivar.gallery import beam, survey, survey_cube
+from hemivar.fem import discretize, von_mises
+from hemivar.gallery import beam, membrane_obstacle, survey, survey_cube
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Tresca
+from hemivar.mechanics import ContactProblem
 from hemivar.mesh import rectangle
-from hemivar.report import Arrows, plot_contact, plot_errors, plot_history, plot_solution, save
+from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.law_figures import law_captions
+from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.statement_figure import painted, plot_problem
-from hemivar.solvers import ContactState, Solution, solve
+from hemivar.solvers import ContactState, Controls, Solution, solve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,8 +32,6 @@ if TYPE_CHECKING:
 
 def texts(figure: Figure) -> str:
     """Everything that is written on a figure."""
-    from matplotlib.text import Text
-
     return " | ".join(item.get_text() for item in figure.findobj(Text))
 
 
@@ -150,6 +151,73 @@ def test_many_cells_are_coloured_instead_of_lined(tmp_path: Path) -> None:
     save(figure, tmp_path / "figure.png", dpi=40)
 
 
+def test_few_cells_are_coloured_on_demand(plane: Solution) -> None:
+    """By the stress of each cell, or by the displacement of each vertex; nothing by itself, and no other colours."""
+    from matplotlib.collections import PolyCollection, TriMesh
+
+    stated = plane.problem.origin
+    assert isinstance(stated, ContactProblem)
+    assert not plot_solution(plane, arrows="none").findobj(PolyCollection)
+    (cells,) = plot_solution(plane, colour="stress", arrows="none").axes[0].findobj(PolyCollection)
+    np.testing.assert_array_equal(cells.get_array(), von_mises(stated, plane.displacement))
+    assert "von Mises stress (MPa)" in texts(plot_solution(plane, colour=BodyColour.STRESS, stress_unit="MPa"))
+    figure = plot_solution(plane, colour="displacement", unit="mm")
+    (mesh,) = figure.axes[0].findobj(TriMesh)
+    np.testing.assert_allclose(mesh.get_array(), np.linalg.norm(plane.displacement, axis=1))
+    assert "displacement (mm)" in texts(figure)
+
+
+def test_many_cells_need_no_colours() -> None:
+    from matplotlib.collections import PolyCollection
+
+    dense = solve(discretize(survey("figure2", 40)))
+    assert not plot_solution(dense, colour="none", arrows="none").findobj(PolyCollection)
+
+
+@pytest.mark.parametrize("colour", [*BodyColour])
+def test_a_solid_has_the_same_colours(solid: Solution, colour: BodyColour) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    figure = plot_solution(solid, colour=colour)
+    (surface,) = figure.findobj(Poly3DCollection)
+    assert (surface.get_array() is None) == (colour is BodyColour.NONE)
+    assert ("von Mises stress" in texts(figure)) == (colour is BodyColour.STRESS)
+    assert ("displacement" in texts(figure)) == (colour is BodyColour.DISPLACEMENT)
+
+
+def test_a_scalar_problem_keeps_its_own_colours() -> None:
+    with pytest.raises(ProblemError, match="scalar problem"):
+        plot_solution(solve(membrane_obstacle(6).problem), colour="stress")
+
+
+def test_every_picture_of_a_solution_tells_what_it_is_worth(plane: Solution, solid: Solution) -> None:
+    """The certificate in one line, or the residual and that nothing was certified; inside the figure's own edges."""
+    scalar = solve(membrane_obstacle(6).problem)
+    for solution in (plane, solid, scalar):
+        certificate = solution.certify()
+        for draw in (plot_solution, plot_contact):
+            assert certificate.brief() in texts(draw(solution, certificate=certificate))
+            assert f"residual {solution.residual.relative:.1e}, not certified" in texts(draw(solution))
+    figure = plot_solution(plane, colour="stress")
+    figure.draw_without_rendering()
+    (line,) = figure.findobj(lambda part: isinstance(part, Text) and part.get_text().startswith("residual"))
+    assert line.get_window_extent().y0 >= 0.0
+
+
+def test_a_solution_that_did_not_converge_says_so_in_its_picture() -> None:
+    stopped = solve(discretize(survey("figure4", 8)), controls=Controls(max_steps=1))
+    assert f"{stopped.status.value}: residual" in texts(plot_solution(stopped))
+
+
+def test_lines_of_a_mesh_are_one_path_and_fade_with_their_density() -> None:
+    points = rectangle((1.0, 1.0), 4).points
+    edges = rectangle((1.0, 1.0), 4).edges
+    few, many = (mesh_lines(points, edges, cells, 3.0) for cells in (32, 4000))
+    np.testing.assert_array_equal(few.get_path().vertices.reshape(-1, 2, 2), points[edges])
+    assert many.get_linewidth() < few.get_linewidth()
+    assert many.get_alpha() < few.get_alpha() == 1.0
+
+
 def test_own_axes_are_used(plane: Solution) -> None:
     from matplotlib.figure import Figure
 
@@ -195,7 +263,9 @@ def test_history_shows_every_step(plane: Solution, bar: Solution) -> None:
     np.testing.assert_array_equal(energies.lines[0].get_ydata(), above[above > 0.0])
 
 
-@pytest.mark.parametrize("options", [{"scale": -1.0}, {"scale": "big"}, {"scale": np.nan}, {"arrows": "long"}])
+@pytest.mark.parametrize(
+    "options", [{"scale": -1.0}, {"scale": "big"}, {"scale": np.nan}, {"arrows": "long"}, {"colour": "strain"}]
+)
 def test_options_are_checked(plane: Solution, options: dict[str, object]) -> None:
     with pytest.raises(ProblemError, match=next(iter(options))):
         plot_solution(plane, **options)  # type: ignore[arg-type]
@@ -267,7 +337,7 @@ def test_statement_shows_its_conditions(plane: Solution) -> None:
     figure = plot_problem(stated, unit="mm")
     for words in ("support: left", "contact: bottom", "x (mm)"):
         assert words in texts(figure)
-    lines = [part.get_segments() for part in figure.findobj(LineCollection)][1:]
+    lines = [part.get_segments() for part in figure.findobj(LineCollection)]
     np.testing.assert_array_equal(lines[0], stated.mesh.points[stated.mesh.boundaries["left"]])
     np.testing.assert_array_equal(lines[1], stated.mesh.points[stated.mesh.boundaries["bottom"]])
 

@@ -3,6 +3,7 @@
 from hemivar.report.adaptive_figures import plot_adaptive, plot_meshes
 from hemivar.report.animation import animate
 from hemivar.report.bodies import plot_solution
+from hemivar.report.body_colour import BodyColour
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
@@ -22,6 +23,7 @@ __all__ = [
     "MARCH_FIGURES",
     "PAPER_TABLE_1",
     "Arrows",
+    "BodyColour",
     "FilmColour",
     "SurveyReport",
     "Table",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
+from hemivar.report.certificate_line import write_foot
 from hemivar.report.style import GREY, MANY_FACETS, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState, Solution
 from hemivar.solvers.solution import state_counts
@@ -24,7 +25,7 @@ __all__ = ["contact_maps"]
 _MOST_ARROWS = 14
 
 
-def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
+def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: str, line: str) -> Figure:
     """Pressure, friction, penetration and states of each contact boundary, projected along its mean normal.
 
     Where only a small part of a boundary touches, that part is shown, with as much again around it.
@@ -39,6 +40,7 @@ def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: 
         name = boundary.name + _maps(solution, boundary, panels, unit, stress_unit)
         heading = [text for text in (title if part is subfigures[0] else "", name) if text]
         part.suptitle(": ".join(heading), fontsize=10)
+    write_foot(fig, line)
     return fig
 
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.fem import von_mises
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
-from hemivar.mechanics import ContactProblem
+from hemivar.report.body_colour import BodyColour
 from hemivar.report.deformed import DeformedBody, round_number
 from hemivar.report.law_figures import law_captions
-from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, state_mark, with_unit
+from hemivar.report.mesh_lines import mesh_lines
+from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, state_mark
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrows", "PlaneBody"]
 
+#: Width of a body on the usual figure, about.
+_INCHES = 3.2
 #: Least distance along the boundary, relative to the body, at which two marks or arrows are told apart.
 _APART = 0.012
 
@@ -42,20 +44,23 @@ class Arrows(StrEnum):
 class PlaneBody:
     """Everything that is drawn of one plane solution, and what the legend says of it."""
 
-    def __init__(self, body: DeformedBody, stress_unit: str) -> None:
+    def __init__(self, body: DeformedBody, units: tuple[str, str]) -> None:
         self.body, self.mesh, self.problem = body, body.mesh, body.problem
-        self.stress_unit = stress_unit
+        self.units = units
         self.boundaries = contact_boundaries(body.problem)
         self.outline = polylines(body.mesh.boundary_facets)
         self.size = float(np.linalg.norm(np.ptp(body.mesh.points, axis=0)))
         self.handles: list[Artist] = []
         self.keys: list[tuple[Quiver, str, float, float]] = []
 
-    def draw(self, ax: Axes, arrows: Arrows, note: str, legend: bool) -> None:
-        """The body deformed and at rest, the foundations, states and forces, and the legend to the right of them."""
+    def draw(self, ax: Axes, arrows: Arrows, colour: BodyColour, note: str, legend: bool) -> Axes:
+        """The body deformed and at rest, the foundations, states and forces, and the legend to the right of them.
+
+        Returns the lowest axes: those of the scale of colours, if there is one.
+        """
         from matplotlib.lines import Line2D
 
-        self._body(ax)
+        lowest = self._body(ax, colour)
         for line in self.outline:
             ax.plot(*self.mesh.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
         self.handles.append(Line2D([], [], color=GREY, lw=0.8, ls=DASHES, label="body at rest"))
@@ -66,31 +71,45 @@ class PlaneBody:
             self._states(ax)
         if legend:
             self._legend(ax, note)
+        return lowest
 
-    def _body(self, ax: Axes) -> None:
-        from matplotlib.collections import LineCollection
+    def _body(self, ax: Axes, colour: BodyColour) -> Axes:
         from matplotlib.lines import Line2D
+
+        moved, lowest = self.body.vertices, ax
+        self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
+        if colour is BodyColour.NONE:
+            for line in self.outline:
+                ax.fill(*moved[line].T, color="#d9e6f2", alpha=0.45, lw=0.0, zorder=1.5)
+        else:
+            lowest = self._colours(ax, colour)
+        if self.mesh.number_of_cells <= MANY_CELLS:
+            ink = ("#8f8f8f", 1.0) if colour is BodyColour.NONE else ("black", 0.3)
+            ax.add_patch(mesh_lines(moved, self.mesh.edges, self.mesh.number_of_cells, _INCHES, *ink))
+        for line in self.outline:
+            ax.plot(*moved[line].T, color="black", lw=0.9, zorder=3)
+        return lowest
+
+    def _colours(self, ax: Axes, colour: BodyColour) -> Axes:
+        """Cells in one colour by their stress, or vertices by their displacement; returns the axes of the scale."""
         from matplotlib.tri import Triangulation
 
         moved = self.body.vertices
-        self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
-        if self.mesh.number_of_cells <= MANY_CELLS:
-            for line in self.outline:
-                ax.fill(*moved[line].T, color="#d9e6f2", alpha=0.45, lw=0.0, zorder=1.5)
-            width = float(np.clip(12.0 / math.sqrt(self.mesh.number_of_cells), 0.25, 0.6))
-            ax.add_collection(
-                LineCollection(list(moved[self.mesh.edges]), colors="#8f8f8f", linewidths=width, zorder=2)
-            )
-        elif isinstance(self.problem.origin, ContactProblem):
-            stress = von_mises(self.problem.origin, self.body.solution.displacement)
-            colours = ax.tripcolor(
-                Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells), facecolors=stress, cmap="cividis",
-                vmax=float(np.quantile(stress, 0.999)), zorder=2, rasterized=True,
-            )  # fmt: skip
-            bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, extend="max")
-            bar.set_label(with_unit("von Mises stress", self.stress_unit))
-        for line in self.outline:
-            ax.plot(*moved[line].T, color="black", lw=0.9, zorder=3)
+        grid = Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells)
+        peak: dict[str, Any] = {}
+        colours: Any
+        if colour is BodyColour.STRESS:
+            stress = self.body.cell_stress()
+            # a corner may hold what makes all else dark; of few cells none is left out
+            most = float(np.quantile(stress, 0.999)) if len(stress) > MANY_CELLS else float(stress.max())
+            colours = ax.tripcolor(grid, facecolors=stress, cmap="cividis", vmax=most, zorder=1.8, rasterized=True)
+            peak = {"extend": "max"} if most < stress.max() else {}
+        else:
+            values = self.body.values(colour)
+            colours = ax.tripcolor(grid, values, shading="gouraud", cmap="cividis", zorder=1.8, rasterized=True)
+        bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, **peak)
+        bar.set_label(colour.label(*self.units))
+        return bar.ax
 
     def _foundation(self, ax: Axes, boundary: ContactBoundary, reach: float) -> None:
         """The foundation down to a depth of ``reach`` and some more, hatched along its surface."""
