@@ -93,7 +93,7 @@ def plot_solution(
         if body.mesh.dim == 3:
             return draw_solid(body, coloured, title, (unit, stress_unit), line)
         fig, ax = body_axes(ax, body.mesh.points, title, unit, foot=FOOT if legend else 0.0)
-        lowest = PlaneBody(body, (unit, stress_unit)).draw(ax, arrows, coloured, note, legend)
+        lowest, below = PlaneBody(body, (unit, stress_unit)).draw(ax, arrows, coloured, note, legend)
         if legend:
-            write_below(lowest, line)
+            write_below(lowest, line, below)
     return fig

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrows", "PlaneBody"]
 
+#: Points below axes that the names of their scales take.
+_BELOW = 36.0
 #: Width of a body on the usual figure, about.
 _INCHES = 3.2
-#: Least distance along the boundary, relative to the body, at which two marks or arrows are told apart.
-_APART = 0.012
+#: Least distance along the boundary, relative to the body, at which two marks, or two arrows, are told apart.
+_APART, _ARROWS_APART = 0.018, 0.022
 
 
 class Arrows(StrEnum):
@@ -53,10 +55,11 @@ class PlaneBody:
         self.handles: list[Artist] = []
         self.keys: list[tuple[Quiver, str, float, float]] = []
 
-    def draw(self, ax: Axes, arrows: Arrows, colour: BodyColour, note: str, legend: bool) -> Axes:
+    def draw(self, ax: Axes, arrows: Arrows, colour: BodyColour, note: str, legend: bool) -> tuple[Axes, float]:
         """The body deformed and at rest, the foundations, states and forces, and the legend to the right of them.
 
-        Returns the lowest axes: those of the scale of colours, if there is one.
+        Returns the lowest axes, those of the scale of colours if there is one, and how many points below them all is
+        empty.
         """
         from matplotlib.lines import Line2D
 
@@ -69,9 +72,12 @@ class PlaneBody:
             for boundary in self.boundaries:
                 self._foundation(ax, boundary, longest)
             self._states(ax)
-        if legend:
-            self._legend(ax, note)
-        return lowest
+        if not legend:
+            return lowest, _BELOW
+        bottom = self._legend(ax, note)
+        fig = figure_of(ax)
+        drop = (lowest.get_window_extent().transformed(fig.transFigure.inverted()).y0 - bottom) * fig.get_figheight()
+        return lowest, max(72.0 * drop, _BELOW)
 
     def _body(self, ax: Axes, colour: BodyColour) -> Axes:
         from matplotlib.lines import Line2D
@@ -143,24 +149,32 @@ class PlaneBody:
                 ax.add_patch(Polygon(np.vstack([surface, below[::-1]]), closed=True, zorder=0.5, **style))
             ax.plot(*surface.T, color="#3a3a3a", lw=1.0, zorder=1)
 
-    def _apart(self, index: IntArray) -> IntArray:
-        """Those of some contact points that are far enough from each other along the boundary to be told apart."""
+    def _apart(self, distance: float) -> IntArray:
+        """Contact points that stand at least so far from each other, in parts of the body, evenly along a boundary.
+
+        Counted from the middle of the part that bears, so that what is symmetric stays so.
+        """
         points, kept = self.problem.contact.points, []
         assert points is not None
+        bears = np.linalg.norm(self.body.solution.multiplier, axis=1)
         for boundary in self.boundaries:
-            here = np.isin(boundary.index, index)
-            where = boundary.position(points)[0][here]
-            first = np.unique(np.floor(where / (_APART * self.size)), return_index=True)[1]
-            kept.append(boundary.index[here][first])
+            index = boundary.index
+            order = np.argsort(boundary.position(points)[0], kind="stable")
+            index, where = index[order], boundary.position(points)[0][order]
+            bearing = np.flatnonzero(bears[index] > 1e-9 * bears.max(initial=0.0))
+            middle = int(bearing[len(bearing) // 2]) if len(bearing) else len(index) // 2
+            kept.append(index[_spread(where, middle, distance * self.size)])
         return np.sort(np.concatenate(kept))
 
     def _states(self, ax: Axes) -> None:
         places = self.body.contact_places
         size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
+        shown = self._apart(_APART)
         for kind, here, label in self.body.states():
             if here.any():
                 ax.plot(
-                    *places[self._apart(np.flatnonzero(here))].T,
+                    # one mark at least of each state that there is
+                    *places[shown[here[shown]] if here[shown].any() else np.flatnonzero(here)[:1]].T,
                     ls="",
                     ms=size,
                     mew=0.6,
@@ -178,7 +192,7 @@ class PlaneBody:
         along = self.body.solution.friction_vectors
         outward = along - self.body.solution.tractions
         places = self.body.contact_places
-        shown = self._apart(np.arange(len(places)))
+        shown = self._apart(_ARROWS_APART)
         sets = (
             [("force", outward + along, RED)]
             if arrows is Arrows.FORCE
@@ -200,7 +214,8 @@ class PlaneBody:
         ax.autoscale_view()
         return length
 
-    def _legend(self, ax: Axes, note: str) -> None:
+    def _legend(self, ax: Axes, note: str) -> float:
+        """The legend to the right; returns where it ends, in fractions of the figure."""
         from matplotlib.patches import Patch
 
         if self.boundaries:
@@ -230,6 +245,21 @@ class PlaneBody:
             key.set_in_layout(False)
             fig.text(tip + 0.08 / width, bottom, name, va="center", fontsize=8)
             bottom -= 0.2 / height
+        return float(bottom)
+
+
+def _spread(where: Array, first: int, distance: float) -> IntArray:
+    """Which of these increasing places (k,) stand ``distance`` apart, counted from one of them to both sides."""
+    chosen = [first]
+    for way in (1, -1):
+        last = first
+        while True:
+            ahead = where[last] + way * distance * (1.0 - 1e-9)
+            last = int(np.searchsorted(where, ahead)) if way > 0 else int(np.searchsorted(where, ahead, "right")) - 1
+            if not 0 <= last < len(where):
+                break
+            chosen.append(last)
+    return np.sort(np.array(chosen))
 
 
 def _unit(vector: Array) -> Array:
