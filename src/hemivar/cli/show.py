@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,9 @@ __all__ = [
     "print_table",
     "unread",
 ]
+
+#: Parts that tell how long the others take, and seconds from which on minutes are told.
+_SOME, _LONG = 4, 100.0
 
 
 def console(plain: bool = False) -> Console:
@@ -111,6 +115,7 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
         self._console = console
         self._context = contextlib.ExitStack()
         self._bar: Bar | None = None
+        self._began = time.monotonic()
 
     def __call__(self, event: Event) -> None:
         """Show a stage, a start of a search or a point of a path.
@@ -128,12 +133,21 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
                 if not self._console.is_terminal:
                     print(name, flush=True)
                 self._show(name, number, count)
-            case SearchProgress(starts, found):
-                self._show(f"{starts} starts, {found} solutions" if starts else f"{found} solutions")
+            case SearchProgress(starts, found, planned):
+                tried = f"{starts} of {planned} starts" if starts < planned else f"{starts} starts" if starts else ""
+                told = (tried, f"{found} solutions", self._left(starts, planned))
+                self._show(", ".join(part for part in told if part), starts, planned or None)
             case PathProgress(points, load_factor):
                 self._show(f"{points} points, load factor {load_factor:.4g}")
         if unread():
             raise KeyboardInterrupt
+
+    def _left(self, done: int, count: int) -> str:
+        """About how long it takes yet, once some parts of the whole are done."""
+        if not _SOME <= done < count:
+            return ""
+        seconds = (time.monotonic() - self._began) / done * (count - done)
+        return f"about {seconds:.0f} s left" if seconds < _LONG else f"about {seconds / 60.0:.0f} min left"
 
     def _show(self, text: str, number: int = 0, count: int | None = None) -> None:
         """Move the bar of a terminal; without a count it tells only that the work goes on."""
@@ -145,7 +159,7 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
             columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
             self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
             self._bar.add_task("", total=count)
-        self._bar.update(TaskID(0), description=text, completed=number)
+        self._bar.update(TaskID(0), description=text, completed=number, total=count)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -13,6 +13,7 @@ from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
 from hemivar.report.scene import render_solution
+from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.statement_figure import plot_problem
 from hemivar.report.study_figures import plot_study, plot_sweep
 from hemivar.report.study_tables import study_table, sweep_table
@@ -41,6 +42,7 @@ __all__ = [
     "plot_path",
     "plot_problem",
     "plot_solution",
+    "plot_solutions",
     "plot_study",
     "plot_sweep",
     "render_solution",
