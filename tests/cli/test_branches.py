@@ -151,12 +151,12 @@ def test_each_solution_is_drawn_and_all_side_by_side(
 ) -> None:
     out, record = tmp_path / "all.svg", tmp_path / "all.json"
     files = ["--plot", str(out), "--json", str(record)]
-    assert cli.main(["solutions", str(block), *files, "--colour", "stress", "--set", "mesh.cells=[2, 1]"]) == 0
+    assert cli.main(["solutions", str(block), *files, "--colour", "stress", "--max-solutions", "2"]) == 0
     energies = [f"energy {solution['energy']:.6g}" for solution in json.loads(record.read_text())["solutions"]]
-    assert len(energies) > 1
+    assert len(energies) == 2
     overview = out.read_text()
     assert all(energy in overview for energy in energies)
-    assert f"{len(energies)} solutions; no others exist" in overview
+    assert "2 solutions; there may be others" in overview
     for number, energy in enumerate(energies, start=1):
         own = (tmp_path / f"all_{number}.svg").read_text()
         assert f"solution {number}: {energy}" in own

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import html
 import itertools
 import os
@@ -17,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, read_bytes, write_text
+from hemivar.basics.disk import make_folder, write_text
 from hemivar.basics.generators import result_of
-from hemivar.errors import FileError, HemivarError
+from hemivar.errors import HemivarError
 from hemivar.files import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA
 from hemivar.report.bodies import plot_solution
