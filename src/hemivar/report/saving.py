@@ -49,10 +49,13 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
 def svg(fig: Figure) -> bytes:
     """The bytes of a figure as SVG, cropped to what is drawn, its letters as outlines: the same wherever it is read."""
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     stream = io.BytesIO()
     with drawing(), matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "hemivar"}):
-        fig.savefig(stream, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.05)
+        FigureCanvasSVG(fig).print_figure(
+            stream, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.05
+        )
     return stream.getvalue()
 
 

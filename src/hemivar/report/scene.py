@@ -142,12 +142,13 @@ class _Scene:
             plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(self.size), lighting="none")
             try:
                 self._draw(plotter)
+                plotter.show(auto_close=False, interactive=False)
                 moved, camera = self.body.vertices, plotter.camera
                 middle = 0.5 * (moved.min(axis=0) + moved.max(axis=0))
                 plotter.camera_position = [middle + 2.4 * self.length * self.towards, middle, (0.0, 0.0, 1.0)]
                 for _ in range(_ROUNDS):  # axes keep the size of their letters, so that one round is not exact
                     plotter.render()
-                    low, high = _extent(plotter.screenshot(return_img=True))
+                    low, high = _extent(plotter.image)
                     zoom = _FILLED * 2.0 / max(float((high - low).max()), 1e-3)
                     centre = np.array(camera.GetWindowCenter()) + 0.5 * (low + high)
                     camera.SetWindowCenter(*(zoom * centre))
@@ -155,7 +156,7 @@ class _Scene:
                 plotter.render()
                 matrix = camera.GetCompositeProjectionTransformMatrix(self.size[0] / self.size[1], -1.0, 1.0)
                 projection = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-                return plotter.screenshot(return_img=True), projection
+                return plotter.image, projection
             finally:
                 plotter.close()
 
