@@ -17,7 +17,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
 from hemivar.gallery import beam, membrane_obstacle, survey, survey_cube
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Tresca
-from hemivar.mechanics import ContactProblem
+from hemivar.mechanics import Contact, ContactProblem
 from hemivar.mesh import rectangle
 from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
@@ -307,8 +307,31 @@ def test_marks_and_arrows_do_not_pile_up() -> None:
         apart = np.diff(np.sort(quiver.XY[:, 0]))
         assert 2 < len(quiver.U) <= most
         assert len(quiver.U) > 30 or apart.mean() > 0.2
-        np.testing.assert_allclose(apart, apart[0])  # even, and counted from the middle of what bears
+        drawn = DeformedBody.of(solution, 1.0).contact_places
+        index = [int(np.argmin(np.linalg.norm(drawn - place, axis=1))) for place in quiver.XY]
+        assert solution.problem.contact.points is not None
+        at_rest = np.diff(np.sort(solution.problem.contact.points[index, 0]))
+        np.testing.assert_allclose(at_rest, at_rest[0])  # even on the body
         assert f"slip ({np.count_nonzero(solution.state == ContactState.SLIP)})" in texts(figure)
+
+
+@pytest.mark.parametrize("reach", [0.05, 0.5])
+def test_a_small_part_that_bears_is_enlarged(reach: float) -> None:
+    """Beside the body, where arrows would lie on each other; with all its points and their forces."""
+    from matplotlib.quiver import Quiver
+
+    flat = Contact(Compliance(5.0), gap=lambda x: np.where(np.abs(x[:, 0] - 1.0) < reach, 0.0, 1.0))
+    block = replace(survey("5.1", 4), mesh=rectangle((2.0, 1.0), (128, 4)), contact={"bottom": flat})
+    solution = solve(discretize(replace(block, body_force=(0.0, -0.01)))).raise_for_status()
+    enlarged = [panel for panel in plot_solution(solution).axes if panel.get_title() == "the part that bears"]
+    bears = solution.pressure > 0.0
+    assert len(enlarged) == (reach < 0.1)
+    for panel in enlarged:
+        (quiver,) = panel.findobj(Quiver)
+        assert np.count_nonzero(bears) == 7
+        assert np.count_nonzero(np.hypot(quiver.U, quiver.V) > 1e-9) == 7
+        low, high = panel.get_xlim()
+        assert low < 0.95 < 1.05 < high < low + 0.3
 
 
 def test_friction_is_named_after_its_bound() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,8 @@ __all__ = ["Arrows", "PlaneBody"]
 
 #: Points below axes that the names of their scales take.
 _BELOW = 36.0
+#: The part that bears is enlarged where it has so many points and is as small a part of the body; to that size.
+_FEW, _SMALL, _BESIDE = 5, 0.06, (1.7, 1.3)
 #: Width of a body on the usual figure, about.
 _INCHES = 3.2
 #: Least distance along the boundary, relative to the body, at which two marks, or two arrows, are told apart.
@@ -74,7 +77,7 @@ class PlaneBody:
             self._states(ax)
         if not legend:
             return lowest, _BELOW
-        bottom = self._legend(ax, note)
+        bottom = self._enlarged(ax, arrows, self._legend(ax, note))
         fig = figure_of(ax)
         drop = (lowest.get_window_extent().transformed(fig.transFigure.inverted()).y0 - bottom) * fig.get_figheight()
         return lowest, max(72.0 * drop, _BELOW)
@@ -213,6 +216,35 @@ class PlaneBody:
             ax.update_datalim(places[shown] + vectors[shown] * (length / largest))
         ax.autoscale_view()
         return length
+
+    def _enlarged(self, ax: Axes, arrows: Arrows, bottom: float) -> float:
+        """The part that bears, larger below the legend where it is too small to be seen; returns where all ends."""
+        bears = np.linalg.norm(self.body.solution.multiplier, axis=1)
+        places = self.body.contact_places[bears > 1e-9 * bears.max(initial=0.0)]
+        if len(places) < _FEW or (extent := float(np.ptp(places, axis=0).max())) > _SMALL * self.size:
+            return bottom
+        fig = figure_of(ax)
+        width, height = fig.get_size_inches()
+        left = ax.get_window_extent().transformed(fig.transFigure.inverted()).x1 + 0.5 / width
+        bottom -= (0.35 + _BESIDE[1]) / height
+        inset = fig.add_axes((left, bottom, _BESIDE[0] / width, _BESIDE[1] / height))
+        part = copy.copy(self)
+        part.size, part.handles, part.keys = 2.0 * extent, [], []
+        for line in self.outline:
+            inset.plot(*self.body.vertices[line].T, color="black", lw=0.9, zorder=3)
+        longest = part._forces(inset, arrows) if arrows is not Arrows.NONE else 0.0
+        for boundary in self.boundaries:
+            part._foundation(inset, boundary, longest)
+        part._states(inset)
+        for artist in inset.lines:
+            artist.set_clip_on(True)
+        middle, half = 0.5 * (places.min(axis=0) + places.max(axis=0)), 0.75 * extent
+        low = middle[1] - half * _BESIDE[1] / _BESIDE[0] - 0.5 * longest
+        inset.set(xlim=(middle[0] - half, middle[0] + half), ylim=(low, low + 2.0 * half * _BESIDE[1] / _BESIDE[0]))
+        inset.locator_params(nbins=3)
+        inset.tick_params(labelsize=6.5)
+        inset.set_title("the part that bears", fontsize=7.0, pad=3.0)
+        return float(bottom - 0.3 / height)
 
     def _legend(self, ax: Axes, note: str) -> float:
         """The legend to the right; returns where it ends, in fractions of the figure."""
