@@ -135,7 +135,7 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
                 self._show(name, number, count)
             case SearchProgress(starts, found, planned):
                 tried = f"{starts} of {planned} starts" if starts < planned else f"{starts} starts" if starts else ""
-                told = (tried, f"{found} solutions", self._left(starts, planned))
+                told = (tried, f"{found} solution{'' if found == 1 else 's'}", self._left(starts, planned))
                 self._show(", ".join(part for part in told if part), starts, planned or None)
             case PathProgress(points, load_factor):
                 self._show(f"{points} points, load factor {load_factor:.4g}")

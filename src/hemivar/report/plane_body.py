@@ -29,8 +29,6 @@ __all__ = ["Arrows", "PlaneBody"]
 _BELOW = 36.0
 #: The part that bears is enlarged where it has so many points and is as small a part of the body; to that size.
 _FEW, _SMALL, _BESIDE = 5, 0.06, (1.7, 1.3)
-#: Width of a body on the usual figure, about.
-_INCHES = 3.2
 #: Least distance along the boundary, relative to the body, at which two marks, or two arrows, are told apart.
 _APART, _ARROWS_APART = 0.018, 0.022
 
@@ -94,7 +92,8 @@ class PlaneBody:
             lowest = self._colours(ax, colour)
         if self.mesh.number_of_cells <= MANY_CELLS:
             ink = ("#8f8f8f", 1.0) if colour is BodyColour.NONE else ("black", 0.3)
-            ax.add_patch(mesh_lines(moved, self.mesh.edges, self.mesh.number_of_cells, _INCHES, *ink))
+            inches = 0.9 * ax.get_window_extent().width / figure_of(ax).dpi
+            ax.add_patch(mesh_lines(moved, self.mesh.edges, self.mesh.number_of_cells, inches, *ink))
         for line in self.outline:
             ax.plot(*moved[line].T, color="black", lw=0.9, zorder=3)
         return lowest
