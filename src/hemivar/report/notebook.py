@@ -25,7 +25,8 @@ from hemivar.report.saving import png
 from hemivar.report.statement_figure import plot_problem
 from hemivar.report.style import MANY_CELLS
 from hemivar.report.tables import Table
-from hemivar.solvers import ContactState, Solution, Status
+from hemivar.solvers import Solution, Status
+from hemivar.solvers.solution import state_counts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,7 +91,7 @@ def _rows(rows: Iterable[_Row]) -> Table:
 
 def _solution(solution: Solution) -> _Shown:
     problem = solution.problem
-    counts = {kind.label: int(np.count_nonzero(solution.state == kind)) for kind in ContactState}
+    counts = state_counts(solution.state)
     rows: list[_Row] = [
         ("status", solution.status.value),
         ("remedy", None if solution.status is Status.CONVERGED else solution.status.remedy),
@@ -99,7 +100,7 @@ def _solution(solution: Solution) -> _Shown:
         ("energy", solution.energy),
         ("kind", solution.kind),
         ("unknowns", problem.unknowns),
-        ("contact points", ", ".join(f"{count} {name}" for name, count in counts.items() if count) or 0),
+        ("contact points", ", ".join(f"{count} {kind.label}" for kind, count in counts.items() if count) or 0),
         (f"contact {solution.measured}", solution.contact_length),
         ("normal force", solution.normal_force),
         ("friction force", _numbers(solution.friction_force) if problem.contact.components > 1 else None),
