@@ -7,6 +7,7 @@ import importlib
 import inspect
 import re
 import runpy
+import sys
 import zlib
 from pathlib import Path
 
@@ -41,6 +42,26 @@ def test_every_public_name_is_described() -> None:
     missing = [sorted(names) for names in places.values() if not names & known]
     assert missing == []
     assert len(places) > 250
+
+
+def test_a_function_is_shown_with_its_sections() -> None:
+    entries: dict[str, str] = {}
+    for page in (SITE / "reference").glob("*.html"):
+        for entry in page.read_text(encoding="utf-8").split('<dl class="py ')[1:]:
+            found = re.search(r'<dt [^>]*id="([^"]+)"', entry)
+            if found is not None:
+                entries[found[1]] = entry
+    shown = 0
+    for name, entry in entries.items():
+        module, _, last = name.rpartition(".")
+        value = getattr(importlib.import_module(module), last) if module in sys.modules else None
+        if not inspect.isfunction(value):
+            continue
+        shown += 1
+        for section in ("Parameters", "Returns", "Yields", "Raises"):
+            if re.search(rf"^{section}\n-+$", inspect.getdoc(value) or "", re.MULTILINE):
+                assert f">{section}<" in entry, f"{name}: {section}"
+    assert shown > 120
 
 
 def test_what_classes_can_do_is_described() -> None:

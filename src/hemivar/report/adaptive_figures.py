@@ -37,6 +37,11 @@ def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figur
     ----------
     found : AdaptiveSolution
     title : str, optional
+
+    Raises
+    ------
+    ProblemError
+        No mesh has a distance.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter

@@ -223,6 +223,11 @@ def studying(problem: Statement | str | Path, options: StudyOptions | None = Non
     problem : ContactProblem, ScalarProblem, or path of a problem file
     options : StudyOptions, optional
 
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Study`.
+
     Raises
     ------
     ProblemError, MethodError, FileError

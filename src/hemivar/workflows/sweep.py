@@ -85,6 +85,15 @@ def read_axis(text: str) -> SweepAxis | Change:
     The values are rounded to 12 digits; they are whole numbers if the ends and all between are.  What is no range is a
     value, put in place of the file's.
 
+    Parameters
+    ----------
+    text : str
+        ``key=low:high:count``, or ``key=value``.
+
+    Returns
+    -------
+    SweepAxis or Change
+
     Raises
     ------
     ProblemError
@@ -144,7 +153,12 @@ class SweepOptions:
 
 @dataclass(frozen=True, eq=False)
 class Swept(Notice):
-    """A point is done."""
+    """A point is done.
+
+    Attributes
+    ----------
+    point : SweepPoint
+    """
 
     point: SweepPoint
 
@@ -274,6 +288,11 @@ def sweeping(
     axes : mapping of key to values, or sequence of SweepAxis
         At least one.
     options : SweepOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Sweep`.
 
     Raises
     ------
