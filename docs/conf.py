@@ -17,6 +17,7 @@ ROOT = DOCS.parent
 sys.path[:0] = [str(ROOT / "src"), str(DOCS)]
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import tutorial_figures  # noqa: E402
 from sphinx.util.nodes import make_refnode  # noqa: E402
 
 import hemivar  # noqa: E402
@@ -130,7 +131,21 @@ def _reference(app: Any, env: Any, node: Any, text: Any) -> Any:
     return text if any(last in vars(module) for module in modules) else None  # not public, so on no page
 
 
+def _drawn(app: Any) -> None:
+    """Figures of the tutorials, from the code that stands in them; the files in images/ are for readers elsewhere."""
+    if os.environ.get("HEMIVAR_GALLERY") is None:
+        for page in tutorial_figures.PAGES:
+            tutorial_figures.draw(page, DOCS / "drawn")
+
+
+def _shown(app: Any, page: str, source: list[str]) -> None:
+    if page in tutorial_figures.PAGES and os.environ.get("HEMIVAR_GALLERY") is None:
+        source[0] = source[0].replace("](images/tutorial-", "](drawn/tutorial-")
+
+
 def setup(app: Any) -> None:
+    app.connect("builder-inited", _drawn)
+    app.connect("source-read", _shown)
     app.connect("autodoc-process-docstring", _bars, priority=900)
     app.connect("missing-reference", _reference)
 

@@ -1,10 +1,10 @@
 """Docstrings of public names by the rules of numpydoc, and what they leave out.
 
 Held of every public function: a summary; each parameter, under its name, in order, with its type; what it returns or
-yields; sections in their order; the errors that it raises itself, or what they are kinds of.  Of every public class: a
-summary; each field of a dataclass under Parameters or Attributes, its own or those of a class it derives from.  Of every
-public method: a docstring, its own or that of the class it overrides, and no parameter that it does not have; what a
-sentence says of its parameters needs no section.
+yields; sections in their order; the errors that it raises itself, or what they are kinds of.  Of every public class:
+a summary; each field of a dataclass under Parameters or Attributes, its own or those of a class it derives from.  Of
+every public method: a docstring, its own or that of the class it overrides, and no parameter that it does not have;
+what a sentence says of its parameters needs no section.
 """
 
 from __future__ import annotations

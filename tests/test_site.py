@@ -17,6 +17,7 @@ import hemivar as hv
 
 ROOT = Path(__file__).parents[1]
 SITE = ROOT / "docs" / "_build" / "html"
+TUTORIALS = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer")
 EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
 pytestmark = pytest.mark.skipif(not (SITE / "objects.inv").exists(), reason="make -C docs html has not been run")
 
@@ -100,6 +101,15 @@ def test_the_gallery_shows_each_example(name: str) -> None:
     for figure in figures:
         assert (SITE / "_images" / figure).stat().st_size > 5000
     assert "Traceback" not in page
+
+
+@pytest.mark.parametrize("page", TUTORIALS)
+def test_a_tutorial_shows_the_figures_of_its_code(page: str) -> None:
+    shown = re.findall(r'src="_images/(tutorial-[^"]+)"', (SITE / f"{page}.html").read_text(encoding="utf-8"))
+    assert len(shown) >= 3
+    for name in shown:
+        drawn = ROOT / "docs" / "drawn" / name  # by this build
+        assert (SITE / "_images" / name).read_bytes() == drawn.read_bytes()
 
 
 def test_the_gallery_has_at_least_twenty() -> None:
