@@ -25,7 +25,10 @@ import hemivar  # noqa: E402
 project = "hemivar"
 author = "The hemivar developers"
 copyright = author
-version = release = hemivar.__version__
+version = hemivar.__version__
+#: What the site is of: a release, or (by default) the state between the last one and the next.
+_released = os.environ.get("HEMIVAR_SITE_VERSION", "dev").removeprefix("v")
+release = version if _released == version else f"{version} dev"
 
 extensions = [
     "sphinx.ext.autodoc",
@@ -78,15 +81,17 @@ sphinx_gallery_conf = {
 warnings.filterwarnings("ignore", message="FigureCanvasAgg is non-interactive")
 
 html_theme = "pydata_sphinx_theme"
-html_title = "hemivar"
+html_title = f"hemivar {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_sidebars = {"index": []}
 html_theme_options = {
+    "logo": {"text": html_title},
+    "external_links": [{"name": "Versions", "url": "https://hemivar.github.io/hemivar/versions.html"}],
     "show_prev_next": False,
     "navbar_align": "left",
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 8,
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],

@@ -84,6 +84,13 @@ def test_pages_ask_no_other_host() -> None:
         assert not re.search(r"(url\(|@import)\s*[\"']?(https?:)?//", style.read_text(encoding="utf-8")), style.name
 
 
+def test_every_page_names_its_version() -> None:
+    for page in SITE.rglob("*.html"):
+        if "_static" not in page.parts:
+            text = page.read_text(encoding="utf-8")
+            assert re.search(rf"<title>[^<]*hemivar {re.escape(hv.__version__)}( dev)?</title>", text), page.name
+
+
 def test_equations_have_their_typesetter() -> None:
     page = (SITE / "theory.html").read_text(encoding="utf-8")
     (source,) = re.findall(r'src="([^"]*mathjax[^"?]*)', page)

@@ -37,8 +37,8 @@ def test_the_files_are_what_the_code_draws(page: str, tmp_path: Path) -> None:
             np.asarray(Image.open(folder / name).convert("L").resize((96, 72)), dtype=float)
             for folder in (tmp_path, IMAGES)
         )
-        # other fonts and versions move letters and ticks, another solution moves more
-        assert np.abs(now - kept).mean() < 4.0, f"{name}: python docs/tutorial_figures.py"
+        # another version of the plotter may move a letter; another number of an axis or a node moves more
+        assert np.abs(now - kept).mean() < 1.5, f"{name}: python docs/tutorial_figures.py"
         assert now.std() > 5.0
 
 
