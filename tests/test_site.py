@@ -10,6 +10,7 @@ import runpy
 import sys
 import zlib
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
@@ -82,6 +83,38 @@ def test_pages_ask_no_other_host() -> None:
             assert not re.match(r"(https?:)?//", "".join(found)), f"{page.name}: {''.join(found)}"
     for style in SITE.rglob("*.css"):
         assert not re.search(r"(url\(|@import)\s*[\"']?(https?:)?//", style.read_text(encoding="utf-8")), style.name
+
+
+@pytest.mark.parametrize(
+    ("page", "least"), [("theory", 110), ("certificates", 90), ("bounds", 140), ("evolution", 50), ("laws", 35)]
+)
+def test_formulas_are_set_as_formulas(page: str, least: int) -> None:
+    text = (SITE / f"{page}.html").read_text(encoding="utf-8")
+    body = text[text.index("<article") : text.index("</article>")]
+    assert body.count('class="math notranslate nohighlight"') >= least
+    words = re.sub(r"<(code|pre)\b.*?</\1>", "", body, flags=re.DOTALL)
+    words = re.sub(r'<(span|div) class="math .*?</\1>', "", words, flags=re.DOTALL)
+    plain = html.unescape(re.sub(r"<[^>]+>", "", words))
+    assert not re.search(r"(?<![\w.\-])(lam|alpha|zeta|xi|dj\()(?![\w.])|\$", plain)
+
+
+def test_links_inside_the_site_lead_somewhere() -> None:
+    pages = {
+        page.resolve(): page.read_text(encoding="utf-8") for page in SITE.rglob("*.html") if "_static" not in page.parts
+    }
+    names = {page: set(re.findall(r'\bid="([^"]+)"', text)) for page, text in pages.items()}
+    lost, followed = [], 0
+    for page, text in pages.items():
+        for link in re.findall(r'<a\b[^>]*\bhref="([^"]*)"', text):
+            path, _, anchor = unquote(html.unescape(link)).partition("#")
+            if re.match(r"[a-z]+:", path) or (not path and not anchor):
+                continue
+            target = (page.parent / path).resolve() if path else page
+            followed += 1
+            if not target.exists() or (anchor and target in names and anchor not in names[target]):
+                lost.append(f"{page.name}: {link}")
+    assert lost == []
+    assert followed > 5000
 
 
 def test_every_page_names_its_version() -> None:
