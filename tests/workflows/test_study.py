@@ -125,6 +125,13 @@ def test_an_interruption_keeps_the_meshes_that_are_done(problem: hv.ContactProbl
     assert np.isnan(found.errors("energy")[-1])
 
 
+def test_every_mesh_begins_with_the_solution_on_the_one_before(exact: hv.Study) -> None:
+    for level in exact.levels[1:]:
+        warm, cold = level.solution, hv.solve(level.solution.problem)
+        above = [one.history[0].energy - one.energy for one in (warm, cold)]
+        assert 0.0 <= above[0] < 0.1 * above[1]
+
+
 def stopped_after(problem: hv.ContactProblem, count: int, options: StudyOptions) -> hv.Study:
     """A study that is interrupted after so many meshes."""
     seen: list[StudyLevel] = []
