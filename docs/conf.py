@@ -17,6 +17,7 @@ ROOT = DOCS.parent
 sys.path[:0] = [str(ROOT / "src"), str(DOCS)]
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+import tutorial_figures  # noqa: E402
 from sphinx.util.nodes import make_refnode  # noqa: E402
 
 import hemivar  # noqa: E402
@@ -24,7 +25,10 @@ import hemivar  # noqa: E402
 project = "hemivar"
 author = "The hemivar developers"
 copyright = author
-version = release = hemivar.__version__
+version = hemivar.__version__
+#: What the site is of: a release, or (by default) the state between the last one and the next.
+_released = os.environ.get("HEMIVAR_SITE_VERSION", "dev").removeprefix("v")
+release = version if _released == version else f"{version} dev"
 
 extensions = [
     "sphinx.ext.autodoc",
@@ -77,15 +81,17 @@ sphinx_gallery_conf = {
 warnings.filterwarnings("ignore", message="FigureCanvasAgg is non-interactive")
 
 html_theme = "pydata_sphinx_theme"
-html_title = "hemivar"
+html_title = f"hemivar {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_sidebars = {"index": []}
 html_theme_options = {
+    "logo": {"text": html_title},
+    "external_links": [{"name": "Versions", "url": "https://hemivar.github.io/hemivar/versions.html"}],
     "show_prev_next": False,
     "navbar_align": "left",
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 8,
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],
@@ -130,7 +136,21 @@ def _reference(app: Any, env: Any, node: Any, text: Any) -> Any:
     return text if any(last in vars(module) for module in modules) else None  # not public, so on no page
 
 
+def _drawn(app: Any) -> None:
+    """Figures of the tutorials, from the code that stands in them; the files in images/ are for readers elsewhere."""
+    if os.environ.get("HEMIVAR_GALLERY") is None:
+        for page in tutorial_figures.PAGES:
+            tutorial_figures.draw(page, DOCS / "drawn")
+
+
+def _shown(app: Any, page: str, source: list[str]) -> None:
+    if page in tutorial_figures.PAGES and os.environ.get("HEMIVAR_GALLERY") is None:
+        source[0] = source[0].replace("](images/tutorial-", "](drawn/tutorial-")
+
+
 def setup(app: Any) -> None:
+    app.connect("builder-inited", _drawn)
+    app.connect("source-read", _shown)
     app.connect("autodoc-process-docstring", _bars, priority=900)
     app.connect("missing-reference", _reference)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import runpy
 import subprocess
 import tarfile
 import tomllib
@@ -42,6 +44,75 @@ def test_every_command_is_in_the_readme_or_the_docs() -> None:
     text = "".join(path.read_text(encoding="utf-8") for path in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
     for command in app.registered_commands:
         assert f"hemivar {command.name}" in text, command.name
+
+
+def test_tests_docs_wheels_and_publication_have_workflows() -> None:
+    yaml = pytest.importorskip("yaml")
+    found = {path.stem: yaml.safe_load(path.read_text()) for path in (ROOT / ".github" / "workflows").glob("*.yml")}
+    assert set(found) >= {"test", "docs", "wheels", "publish"}
+    runs = {name: json.dumps(one["jobs"]) for name, one in found.items()}
+    for name, command in (
+        ("test", "python -m pytest"),
+        ("test", ".ci/run"),
+        ("docs", "make -C docs html"),
+        ("docs", "docs/publish.py"),
+        ("wheels", "python -m build"),
+        ("wheels", "twine check --strict"),
+        ("publish", "gh-action-pypi-publish"),
+    ):
+        assert command in runs[name], f"{name}: {command}"
+    for one in found.values():
+        for job in one["jobs"].values():
+            for step in job.get("steps", ()):
+                for name in re.findall(r"(?:tests|docs)/[\w/]+\.py", step.get("run", "")):
+                    assert (ROOT / name).exists(), name
+
+
+def test_sites_of_versions_stand_beside_each_other(tmp_path: Path) -> None:
+    publish = runpy.run_path(str(ROOT / "docs" / "publish.py"))["publish"]
+    pages, site = tmp_path / "pages", tmp_path / "site"
+    (site / ".doctrees").mkdir(parents=True)
+    with pytest.raises(ValueError, match="holds no site"):
+        publish(site, pages, "dev")
+
+    def put(version: str, text: str) -> str:
+        (site / "index.html").write_text(text)
+        publish(site, pages, version)
+        return (pages / "index.html").read_text()
+
+    assert "url=dev/index.html" in put("dev", "a")
+    assert "url=0.9.0/index.html" in put("v0.9.0", "b")
+    assert "url=0.10.0/index.html" in put("0.10.0", "c")  # which is newer than 0.9.0
+    assert "url=0.10.0/index.html" in put("0.9.1", "d")
+    assert "url=0.10.0/index.html" in put("dev", "e")
+    assert {one.name: (one / "index.html").read_text() for one in pages.iterdir() if one.is_dir()} == {
+        "dev": "e", "0.9.0": "b", "0.9.1": "d", "0.10.0": "c",
+    }  # fmt: skip
+    assert not (pages / "dev" / ".doctrees").exists()
+    listed = re.findall(r'href="([^"]+)/index.html">([^<]+)<', (pages / "versions.html").read_text())
+    assert [name for name, _ in listed] == ["0.10.0", "0.9.1", "0.9.0", "dev"]
+    assert listed[0][1] == "0.10.0: newest release"
+    with pytest.raises(ValueError, match="neither dev nor a number"):
+        publish(site, pages, "../other")
+
+
+def test_the_manuscript_says_what_its_journal_asks_for() -> None:
+    text = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
+    head = re.match(r"---\n(.*?)\n---\n", text, re.DOTALL)
+    assert head is not None
+    for key in ("title", "tags", "authors", "affiliations", "date", "bibliography"):
+        assert re.search(rf"^{key}:", head[1], re.MULTILINE), key
+    body = text[head.end() :]
+    titles = re.findall(r"^# (.+)$", body, re.MULTILINE)
+    assert {"Summary", "Statement of need", "References"} <= set(titles)
+    entries = set(
+        re.findall(r"^@\w+\{([^,]+),", (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    )
+    cited = set(re.findall(r"(?<![\w.])@([A-Za-z][\w:-]*)", body))
+    assert cited == entries
+    for image in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", body):
+        assert (ROOT / "paper" / image).exists(), image
+    assert 250 <= len(body.split()) <= 1750
 
 
 @pytest.mark.skipif(not SDISTS, reason="no archive has been built")

@@ -7,8 +7,10 @@ import importlib
 import inspect
 import re
 import runpy
+import sys
 import zlib
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
@@ -16,6 +18,7 @@ import hemivar as hv
 
 ROOT = Path(__file__).parents[1]
 SITE = ROOT / "docs" / "_build" / "html"
+TUTORIALS = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer")
 EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
 pytestmark = pytest.mark.skipif(not (SITE / "objects.inv").exists(), reason="make -C docs html has not been run")
 
@@ -43,6 +46,26 @@ def test_every_public_name_is_described() -> None:
     assert len(places) > 250
 
 
+def test_a_function_is_shown_with_its_sections() -> None:
+    entries: dict[str, str] = {}
+    for page in (SITE / "reference").glob("*.html"):
+        for entry in page.read_text(encoding="utf-8").split('<dl class="py ')[1:]:
+            found = re.search(r'<dt [^>]*id="([^"]+)"', entry)
+            if found is not None:
+                entries[found[1]] = entry
+    shown = 0
+    for name, entry in entries.items():
+        module, _, last = name.rpartition(".")
+        value = getattr(importlib.import_module(module), last) if module in sys.modules else None
+        if not inspect.isfunction(value):
+            continue
+        shown += 1
+        for section in ("Parameters", "Returns", "Yields", "Raises"):
+            if re.search(rf"^{section}\n-+$", inspect.getdoc(value) or "", re.MULTILINE):
+                assert f">{section}<" in entry, f"{name}: {section}"
+    assert shown > 120
+
+
 def test_what_classes_can_do_is_described() -> None:
     known = described()
     for name in ("Solution.certify", "Mesh.refined", "History.plot", "DiscreteProblem.with_", "Status.CONVERGED"):
@@ -62,6 +85,45 @@ def test_pages_ask_no_other_host() -> None:
         assert not re.search(r"(url\(|@import)\s*[\"']?(https?:)?//", style.read_text(encoding="utf-8")), style.name
 
 
+@pytest.mark.parametrize(
+    ("page", "least"), [("theory", 110), ("certificates", 90), ("bounds", 140), ("evolution", 50), ("laws", 35)]
+)
+def test_formulas_are_set_as_formulas(page: str, least: int) -> None:
+    text = (SITE / f"{page}.html").read_text(encoding="utf-8")
+    body = text[text.index("<article") : text.index("</article>")]
+    assert body.count('class="math notranslate nohighlight"') >= least
+    words = re.sub(r"<(code|pre)\b.*?</\1>", "", body, flags=re.DOTALL)
+    words = re.sub(r'<(span|div) class="math .*?</\1>', "", words, flags=re.DOTALL)
+    plain = html.unescape(re.sub(r"<[^>]+>", "", words))
+    assert not re.search(r"(?<![\w.\-])(lam|alpha|zeta|xi|dj\()(?![\w.])|\$", plain)
+
+
+def test_links_inside_the_site_lead_somewhere() -> None:
+    pages = {
+        page.resolve(): page.read_text(encoding="utf-8") for page in SITE.rglob("*.html") if "_static" not in page.parts
+    }
+    names = {page: set(re.findall(r'\bid="([^"]+)"', text)) for page, text in pages.items()}
+    lost, followed = [], 0
+    for page, text in pages.items():
+        for link in re.findall(r'<a\b[^>]*\bhref="([^"]*)"', text):
+            path, _, anchor = unquote(html.unescape(link)).partition("#")
+            if re.match(r"[a-z]+:", path) or (not path and not anchor):
+                continue
+            target = (page.parent / path).resolve() if path else page
+            followed += 1
+            if not target.exists() or (anchor and target in names and anchor not in names[target]):
+                lost.append(f"{page.name}: {link}")
+    assert lost == []
+    assert followed > 5000
+
+
+def test_every_page_names_its_version() -> None:
+    for page in SITE.rglob("*.html"):
+        if "_static" not in page.parts:
+            text = page.read_text(encoding="utf-8")
+            assert re.search(rf"<title>[^<]*hemivar {re.escape(hv.__version__)}( dev)?</title>", text), page.name
+
+
 def test_equations_have_their_typesetter() -> None:
     page = (SITE / "theory.html").read_text(encoding="utf-8")
     (source,) = re.findall(r'src="([^"]*mathjax[^"?]*)', page)
@@ -79,6 +141,15 @@ def test_the_gallery_shows_each_example(name: str) -> None:
     for figure in figures:
         assert (SITE / "_images" / figure).stat().st_size > 5000
     assert "Traceback" not in page
+
+
+@pytest.mark.parametrize("page", TUTORIALS)
+def test_a_tutorial_shows_the_figures_of_its_code(page: str) -> None:
+    shown = re.findall(r'src="_images/(tutorial-[^"]+)"', (SITE / f"{page}.html").read_text(encoding="utf-8"))
+    assert len(shown) >= 3
+    for name in shown:
+        drawn = ROOT / "docs" / "drawn" / name  # by this build
+        assert (SITE / "_images" / name).read_bytes() == drawn.read_bytes()
 
 
 def test_the_gallery_has_at_least_twenty() -> None:

@@ -63,9 +63,16 @@ def test_a_value_is_used_and_told(block: Path, capsys: pytest.CaptureFixture[str
     assert "mesh              16 nodes" in out
 
 
-def test_study_writes_table_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    problem = tmp_path / "problem.toml"
-    problem.write_text(f'title = "a_b"\n{MANUFACTURED}')
+@pytest.fixture
+def manufactured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "problem.toml"
+    path.write_text(f'title = "a_b"\n{MANUFACTURED}')
+    return path
+
+
+def test_study_writes_table_and_figure(tmp_path: Path, manufactured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    problem = manufactured
     names = {suffix: tmp_path / f"out.{suffix}" for suffix in ("csv", "tex", "json", "png")}
     given = [f"--exact={text}" for text in MANUFACTURED_EXACT]
     given += ["--csv", str(names["csv"]), "--latex", str(names["tex"]), "--json", str(names["json"])]
@@ -81,15 +88,34 @@ def test_study_writes_table_and_figure(tmp_path: Path, capsys: pytest.CaptureFix
     assert names["png"].stat().st_size > 5000
 
 
-def test_study_begins_on_a_coarser_mesh_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    problem = tmp_path / "problem.toml"
-    problem.write_text(MANUFACTURED)
+def test_study_begins_on_a_coarser_mesh_of_the_file(
+    tmp_path: Path, manufactured: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    problem = manufactured
     out = tmp_path / "out.json"
     assert cli.main(["study", str(problem), "--refine", "2", "--coarser", "1", "--json", str(out)]) == 0
     sizes = [mesh["h"] for mesh in json.loads(out.read_text())["meshes"]]
     assert sizes[0] == pytest.approx(2.0 * 2.0**0.5 / 4.0)
     assert cli.main(["study", str(problem), "--coarser", "9"]) == 2
     assert "--coarser is 9" in capsys.readouterr().err
+
+
+def test_study_keeps_and_goes_on(manufactured: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["study", str(manufactured), "--refine", "1"]
+    assert cli.main(given) == 0
+    assert ": kept" not in capsys.readouterr().out
+    (kept,) = manufactured.parent.glob("problem-*.study.jsonl")
+    before = kept.read_bytes()
+    assert cli.main([*given, "--exact", MANUFACTURED_EXACT[0], "--exact", MANUFACTURED_EXACT[1]]) == 0
+    out = capsys.readouterr().out
+    assert out.count(" unknowns: kept\n") == 2
+    assert f"kept              {kept.name}" in out
+    assert kept.read_bytes() == before
+    assert cli.main([*given, "--set", "loads.body.0=0.5", "--keep", kept.name]) == 2
+    error = capsys.readouterr().err
+    assert f"{kept.name}: the file holds another study, or the problem has changed since" in error
+    assert error.count("\n") == 1
+    assert kept.read_bytes() == before
 
 
 def test_sweep_counts_keeps_and_goes_on(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -158,6 +184,48 @@ def test_templates_are_listed_and_others_refused(tmp_path: Path, capsys: pytest.
     assert all(f"{name} " in capsys.readouterr().out for name in ("softening",))
     assert cli.main(["new", str(tmp_path / "a.toml"), "--template", "hertzz"]) == 2
     assert "template 'hertzz' is not known; did you mean 'hertz'?" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_a_study_of_processes_is_stopped_and_goes_on(block: Path, end: signal.Signals) -> None:
+    command = [sys.executable, "-m", "hemivar", "study", str(block), "--refine", "7", "--jobs", "2"]
+    kept = Path("a.jsonl")
+    process = subprocess.Popen(
+        [*command, "--keep", "a.jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    late = time.monotonic() + 120.0
+    while time.monotonic() < late and (not kept.exists() or kept.read_text().count("\n") < 4):
+        time.sleep(0.01)
+    process.send_signal(end)  # to this process alone: the others end with it
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == (130 if end is signal.SIGINT else -signal.SIGKILL), err
+    done = kept.read_text().splitlines()
+    assert 4 <= len(done) < 9
+    if end is signal.SIGINT:
+        assert err == "hemivar: interrupted\n"
+        told = re.search(r"interrupted: (\d) of 8 meshes are done; the same command goes on from there", out)
+        assert told is not None
+        assert int(told[1]) in (len(done) - 1, len(done) - 2)  # it may come when a mesh was kept and is to be told
+    late = time.monotonic() + 20.0
+    while time.monotonic() < late and others_of(process.pid):
+        time.sleep(0.05)
+    assert not others_of(process.pid)
+    again = [*command, "--keep", "a.jsonl", "--csv", "a.csv"]
+    resumed = subprocess.run(again, capture_output=True, text=True, timeout=300)
+    assert resumed.returncode == 0, resumed.stderr
+    assert resumed.stdout.count(": kept\n") == len(done) - 1
+    assert kept.read_text().splitlines()[: len(done)] == done
+    alone = [*command[:-1], "1", "--keep", "b.jsonl", "--csv", "b.csv"]
+    subprocess.run(alone, capture_output=True, timeout=300, check=True)
+    assert Path("b.csv").read_bytes() == Path("a.csv").read_bytes()
+
+
+def others_of(session: int) -> list[int]:
+    """Processes of a session that are still there."""
+    found = subprocess.run(["ps", "-o", "pid=", "-s", str(session)], capture_output=True, text=True)
+    return [int(pid) for pid in found.stdout.split()]
 
 
 @pytest.mark.slow

@@ -411,7 +411,8 @@ class _Maker:
                 words = ["study", "problem.toml", "--max-time", "1", *rng.choice(
                     [["--refine", number], ["--refine", "1", "--exact", rng.choice(["", "x", "t", "1/x", "sqrt(x)"])],
                      ["--refine", "1", "--coarser", number], ["--refine", "1", "--csv", table],
-                     ["--refine", "1", "--latex", file], ["--refine", "1", "--plot", file]])]  # fmt: skip
+                     ["--refine", "1", "--latex", file], ["--refine", "1", "--plot", file],
+                     ["--refine", "1", "--keep", file], ["--refine", "1", "--jobs", number]])]  # fmt: skip
             case "sweep":
                 ranges = ["1e-9:1e-8:2", f"{number}:1:2", f"1:{number}:2", f"1:2:{number}", "0:1:2:log", "1:2:3:4"]
                 key = rng.choice(["solver.rtol", "contact.bottom.gap", "loads.body.0", strange_name(rng)])

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.errors import ProblemError
+from hemivar.errors import FileError, ProblemError
 from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.files.problem_file import parse_problem
 from hemivar.report import plot_study, study_table
-from hemivar.workflows import StudyLevel, result_of, studying
+from hemivar.workflows import Begun, StudyLevel, StudyOptions, result_of, studying
 from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT
 
 
@@ -123,9 +125,144 @@ def test_an_interruption_keeps_the_meshes_that_are_done(problem: hv.ContactProbl
     assert np.isnan(found.errors("energy")[-1])
 
 
+def test_every_mesh_begins_with_the_solution_on_the_one_before(exact: hv.Study) -> None:
+    for level in exact.levels[1:]:
+        warm, cold = level.solution, hv.solve(level.solution.problem)
+        above = [one.history[0].energy - one.energy for one in (warm, cold)]
+        assert 0.0 <= above[0] < 0.1 * above[1]
+
+
+def stopped_after(problem: hv.ContactProblem, count: int, options: StudyOptions) -> hv.Study:
+    """A study that is interrupted after so many meshes."""
+    seen: list[StudyLevel] = []
+
+    def view(event: object) -> None:
+        if isinstance(event, StudyLevel):
+            seen.append(event)
+            if len(seen) == count:
+                raise KeyboardInterrupt
+
+    return result_of(studying(problem, options), view)
+
+
+def same_bits(one: hv.Study, other: hv.Study) -> None:
+    assert len(one.levels) == len(other.levels)
+    for mine, theirs in zip(one.levels, other.levels, strict=True):
+        for name in ("unknowns", "multiplier", "displacement", "local", "pressure", "state"):
+            np.testing.assert_array_equal(getattr(mine.solution, name), getattr(theirs.solution, name))
+        for name in ("status", "method", "steps", "evaluations", "residual", "energy", "error_bound", "kind"):
+            assert getattr(mine.solution, name) == getattr(theirs.solution, name), name
+    for name in one.norms:
+        np.testing.assert_array_equal(one.errors(name), other.errors(name))
+        assert one.norms[name] == other.norms[name]
+
+
+def solved(problem: hv.ContactProblem, options: StudyOptions) -> tuple[list[int], hv.Study]:
+    """Which meshes were solved, and the study."""
+    begun: list[int] = []
+
+    def view(event: object) -> None:
+        if isinstance(event, Begun):
+            begun.append(event.number)
+
+    return begun, result_of(studying(problem, options), view)
+
+
+def test_what_was_interrupted_goes_on_with_the_same_bits(problem: hv.ContactProblem, tmp_path: Path) -> None:
+    keep = tmp_path / "a.jsonl"
+    whole = hv.study(problem, 3)
+    first = stopped_after(problem, 2, StudyOptions(3, keep=keep))
+    assert first.interrupted
+    lines = keep.read_text().splitlines()
+    assert len(lines) == 3
+    keep.write_text("\n".join(lines) + "\n" + lines[-1][:50])  # killed while it wrote the next mesh
+    begun, last = solved(problem, StudyOptions(3, keep=keep))
+    assert begun == [2, 3]
+    same_bits(last, whole)
+    assert keep.read_text().splitlines()[:3] == lines
+    assert solved(problem, StudyOptions(3, keep=keep))[0] == []
+
+
+def test_more_meshes_and_an_exact_solution_go_on_from_the_same_file(
+    problem: hv.ContactProblem, exact: hv.Study, tmp_path: Path
+) -> None:
+    keep = tmp_path / "a.jsonl"
+    hv.study(problem, 1, keep=keep)
+    begun, found = solved(problem, StudyOptions(3, MANUFACTURED_EXACT, keep=keep))
+    assert begun == [2, 3]
+    same_bits(found, exact)
+    fewer = hv.study(problem, 2, exact=MANUFACTURED_EXACT, keep=keep)
+    np.testing.assert_array_equal(fewer.errors("energy"), exact.errors("energy")[:3])
+
+
+def test_the_record_of_other_work_is_refused(problem: hv.ContactProblem, tmp_path: Path) -> None:
+    keep = tmp_path / "a.jsonl"
+    hv.study(problem, 1, keep=keep)
+    hv.study(replace(problem, title="another name"), 1, keep=keep)
+    before = keep.read_bytes()
+    finer = problem.on(problem.mesh.refined())
+    for other, options in (
+        (replace(problem, body_force=(0.0, -1.0)), StudyOptions(1, keep=keep)),
+        (finer, StudyOptions(1, keep=keep)),
+        (problem, StudyOptions(1, controls=hv.Controls(rtol=1e-8), keep=keep)),
+        (problem, StudyOptions(1, solver=hv.NonsmoothMultigrid(), keep=keep)),
+    ):
+        with pytest.raises(
+            FileError, match=r"a\.jsonl: the file holds another study, or the problem has changed since"
+        ):
+            result_of(studying(other, options))
+    hv.sweep(lambda _: problem, {"none": [0.0]}, keep=tmp_path / "b.jsonl")
+    with pytest.raises(FileError, match="is no record of a study; name another file, or remove it"):
+        hv.study(problem, 1, keep=tmp_path / "b.jsonl")
+    assert keep.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [('"unknowns"', '"unknown"'), ('"data": "', '"data": "?'), ('"converged"', '"done"'), ('"scale"', '"scales"')],
+)
+def test_a_line_that_was_changed_is_named(problem: hv.ContactProblem, tmp_path: Path, old: str, new: str) -> None:
+    keep = tmp_path / "a.jsonl"
+    hv.study(problem, 1, keep=keep)
+    head, *lines = keep.read_text().splitlines(keepends=True)
+    assert old in lines[1]
+    keep.write_text(head + lines[0] + lines[1].replace(old, new))
+    with pytest.raises(FileError, match="line 3: this is no mesh of a study; remove the line, or the file"):
+        hv.study(problem, 1, keep=keep)
+    one = json.loads(lines[0])
+    keep.write_text(head + json.dumps(one | {"number": 1}) + "\n" + json.dumps(json.loads(lines[1]) | {"number": 0}))
+    keep.write_text(keep.read_text() + "\n")
+    with pytest.raises(ProblemError, match="what is kept of mesh 0 is of"):
+        hv.study(problem, 1, keep=keep)
+
+
+def test_what_a_time_limit_ended_is_tried_again(problem: hv.ContactProblem, tmp_path: Path) -> None:
+    keep = tmp_path / "a.jsonl"
+    options = StudyOptions(1, controls=hv.Controls(max_time=0.0), keep=keep)
+    begun, found = solved(problem, options)
+    assert not found.converged
+    assert keep.read_text().count("\n") == 1
+    assert solved(problem, options)[0] == begun == [0, 1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [2, 5])
+def test_processes_find_the_same_bits(problem: hv.ContactProblem, exact: hv.Study, tmp_path: Path, jobs: int) -> None:
+    same_bits(hv.study(problem, 3, exact=MANUFACTURED_EXACT, jobs=jobs), exact)
+    keep = tmp_path / "a.jsonl"
+    stopped_after(problem, 1, StudyOptions(3, keep=keep, jobs=jobs))
+    assert keep.read_text().count("\n") == 2
+    same_bits(hv.study(problem, 3, exact=MANUFACTURED_EXACT, jobs=jobs, keep=keep), exact)
+    assert keep.read_text().count("\n") == 5
+
+
 def test_what_makes_no_sense_is_refused(problem: hv.ContactProblem) -> None:
     with pytest.raises(ProblemError, match="refine is 0"):
         hv.study(problem, 0)
+    with pytest.raises(ProblemError, match="jobs is 0"):
+        hv.study(problem, 1, jobs=0)
+    with pytest.raises(ProblemError, match="calls no function"):
+        hv.study(problem, 1, jobs=2, controls=hv.Controls(callback=lambda _: None))
     with pytest.raises(ProblemError, match="has 1 components and the displacement 2"):
         hv.study(problem, 1, exact=["x"])
     with pytest.raises(ProblemError, match="uses t"):

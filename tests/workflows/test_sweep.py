@@ -13,7 +13,7 @@ import hemivar as hv
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.changes import Change
-from hemivar.files.sweep_record import SweepPoint
+from hemivar.files.sweep_point import SweepPoint
 from hemivar.report import plot_sweep, sweep_table
 from hemivar.workflows import SweepAxis, SweepOptions, Swept, read_axis, result_of, sweeping
 from tests.problem_files import block_file

@@ -268,6 +268,11 @@ def solving_adaptive(
         For every mesh; chosen by its size by default.
     controls : Controls, optional
         Of every solve.
+
+    Yields
+    ------
+    AdaptiveLevel
+        Every mesh; the generator returns an :class:`AdaptiveSolution`.
     """
     began = time.perf_counter()
     problem, wanted = _checked(problem, rtol, share, max_unknowns, max_time, max_memory, goal)

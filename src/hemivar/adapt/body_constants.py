@@ -24,6 +24,10 @@ def body_constants(problem: DiscreteProblem, workspace: Workspace) -> TraceBound
         From :func:`hemivar.discretize` of a body.
     workspace : Workspace
         Keeps them.
+
+    Returns
+    -------
+    TraceBounds
     """
     stated = problem.origin
     known = discrete_trace_bounds(problem, workspace)

@@ -39,6 +39,10 @@ def distance_to_exact(
         Seconds; nothing is begun after them, and what has begun is finished.
     workspace : Workspace, optional
         Keeps the trace constants of the body.
+
+    Returns
+    -------
+    DistanceToExact
     """
     began = time.perf_counter()
 

@@ -157,6 +157,10 @@ def exact_distance(
     sweeps : tuple of PatchKind, optional
         By which the stress is improved; by default :data:`SWEEPS`, with quadratic elements two over vertices.
 
+    Returns
+    -------
+    ExactDistance
+
     Raises
     ------
     ProblemError

@@ -143,6 +143,10 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
     constants : TraceBounds
         Of the body, as they were taken for the distance.
 
+    Returns
+    -------
+    GoalValue
+
     Raises
     ------
     ProblemError

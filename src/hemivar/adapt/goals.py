@@ -63,7 +63,16 @@ class Goal:
 
 
 def known_goals(problem: ContactProblem) -> tuple[str, ...]:
-    """The goals of a problem, without the components."""
+    """The goals of a problem, without the components.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+
+    Returns
+    -------
+    tuple of str
+    """
     parts = (
         (GoalKind.CONTACT_FORCE, problem.contact),
         (GoalKind.REACTION, problem.supports),
@@ -74,6 +83,17 @@ def known_goals(problem: ContactProblem) -> tuple[str, ...]:
 
 def goal_named(problem: ContactProblem, name: str) -> Goal:
     """The goal of a name.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    name : str
+        As :func:`known_goals` has them, such as ``contact.bottom.force``, with a component at the end where there
+        are several.
+
+    Returns
+    -------
+    Goal
 
     Raises
     ------

@@ -24,6 +24,10 @@ def result_of(
     on_event : function, optional
         Called with every event; what it returns goes to the work, which ends early, with what it has, where that is
         True after a step.  Ctrl-C while it runs reaches the work as if it had come there.
+
+    Returns
+    -------
+    Result
     """
     with closing(work):
         try:

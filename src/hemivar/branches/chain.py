@@ -267,6 +267,16 @@ class Chain(Segments):
 def chain_of(system: CondensedProblem, kind: type[_Kind] = Chain) -> _Kind:  # type: ignore[assignment]
     """The curves of all free components of a condensed problem, of one kind or another.
 
+    Parameters
+    ----------
+    system : CondensedProblem
+    kind : type
+        Class of the curves.
+
+    Returns
+    -------
+    Chain, or the given class
+
     Raises
     ------
     MethodError

@@ -30,6 +30,17 @@ __all__ = ["PathOptions", "follow_path", "following"]
 class PathOptions:
     """How far to follow; see :func:`follow_path`.
 
+    Parameters
+    ----------
+    load_factor : tuple of two floats
+        Where the path begins and ends.
+    max_points : int
+        Limit of the points.
+    max_time : float
+        Limit in seconds.
+    largest_step : float
+        Of the arc length, as a part of the whole.
+
     Raises
     ------
     ProblemError
@@ -89,6 +100,10 @@ def follow_path(
     workspace : Workspace, optional
         Keeps what is expensive for other calls on the same body.
 
+    Returns
+    -------
+    Path
+
     Raises
     ------
     MethodError
@@ -108,7 +123,31 @@ def following(
     start: Solution | Array | None = None,
     workspace: Workspace | None = None,
 ) -> Generator[PathProgress, bool | None, Path]:
-    """:func:`follow_path` point by point: yields every point, ends after it if it is sent True, returns the path."""
+    """:func:`follow_path` point by point: yields every point, ends after it if it is sent True, returns the path.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    options : PathOptions
+    unloaded : DiscreteProblem, optional
+        As in :func:`follow_path`.
+    start : Solution or array, optional
+        As in :func:`follow_path`.
+    workspace : Workspace, optional
+        Where factors and levels are kept.
+
+    Yields
+    ------
+    PathProgress
+        Every point; the generator returns a :class:`Path`.
+
+    Raises
+    ------
+    MethodError
+        The friction bound depends on the solution.
+    ProblemError
+        There is no contact point that can move, or no equilibrium from which to start within the time.
+    """
     problem = posed(problem, "follow_path")
     if unloaded is not None:
         expect(unloaded, DiscreteProblem, "the unloaded problem", "discretise it first, hemivar.discretize(problem)")

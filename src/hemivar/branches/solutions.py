@@ -94,6 +94,19 @@ class SolutionSet(Sequence[Solution], Displayed):
 class SolutionsOptions:
     """How far to search; see :func:`find_solutions`.
 
+    Parameters
+    ----------
+    starts : int
+        Random starts of each kind.
+    max_solutions : int
+        Stop after so many.
+    seed : int
+        Of the random starts.
+    controls : Controls
+        Tolerances and limits of each solve.
+    enumerate_up_to : int
+        Combinations of pieces of the law that are tried one by one.
+
     Raises
     ------
     ProblemError
@@ -164,7 +177,20 @@ def find_solutions(
 def finding(
     problem: DiscreteProblem | Statement, options: SolutionsOptions, workspace: Workspace | None = None
 ) -> Generator[SearchProgress, bool | None, SolutionSet]:
-    """:func:`find_solutions` start by start: yields each, ends after it if it is sent True, returns the solutions."""
+    """:func:`find_solutions` start by start: yields each, ends after it if it is sent True, returns the solutions.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    options : SolutionsOptions
+    workspace : Workspace, optional
+        Where factors and levels are kept.
+
+    Yields
+    ------
+    SearchProgress
+        Every start; the generator returns a :class:`SolutionSet`.
+    """
     kept = Workspace.given(workspace)
     problem = posed(problem, "find_solutions")
     budget = Budget(options.controls.max_time)

@@ -84,12 +84,34 @@ class Point:
 
 
 def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
-    """The multiplier (m, d) that balances ``f - K u`` on the contact unknowns, in the sense of least squares."""
+    """The multiplier (m, d) that balances ``f - K u`` on the contact unknowns, in the sense of least squares.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    u : array
+        Unknowns, shape (n,).
+
+    Returns
+    -------
+    array
+    """
     return trace_force(problem, -problem.bulk.gradient(u)) / problem.contact.weights[:, None]
 
 
 def trace_force(problem: DiscreteProblem, force: Array) -> Array:
-    """The contact forces (m, d) that balance a force (n,) on the contact unknowns, in the sense of least squares."""
+    """The contact forces (m, d) that balance a force (n,) on the contact unknowns, in the sense of least squares.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    force : array
+        Shape (n,).
+
+    Returns
+    -------
+    array
+    """
     active = np.diff(problem.contact.trace.indptr) > 0
     inner = gram_solve(problem.contact.trace, np.where(active, problem.contact.trace @ force, 0.0), active)
     shape = (problem.contact_points, problem.contact.components)

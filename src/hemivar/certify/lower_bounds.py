@@ -112,6 +112,10 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
         Keeps them for all problems of the body: they belong to its coarsest mesh, its material and where it is held and
         touches, not to refined meshes, laws and loads.
 
+    Returns
+    -------
+    LowerBounds
+
     Raises
     ------
     ProblemError

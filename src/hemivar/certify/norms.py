@@ -20,6 +20,16 @@ def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) ->
     """The energy norm of a problem: factorised where that takes no more than a moment, by multigrid beyond.
 
     A workspace keeps it for other loads, gaps and laws of the body.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    workspace : Workspace, optional
+        Where factors and levels are kept.
+
+    Returns
+    -------
+    Norm
     """
     kept = Workspace() if workspace is None else workspace
 
@@ -34,6 +44,15 @@ def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) ->
 
 
 def factorises(problem: DiscreteProblem) -> bool:
-    """Whether :func:`energy_norm` factorises the stiffness of a problem."""
+    """Whether :func:`energy_norm` factorises the stiffness of a problem.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+
+    Returns
+    -------
+    bool
+    """
     dimension = problem.contact.components if problem.field is None else problem.field.mesh.dim
     return problem.unknowns <= FACTORISED[dimension == 3]

@@ -323,7 +323,17 @@ def _margin(energy: Norm | None, c: float, coupling: float) -> float:
 
 
 def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
-    """Whether the constants prove that the discrete problem has one solution: nothing sampled, nothing unknown."""
+    """Whether the constants prove that the discrete problem has one solution: nothing sampled, nothing unknown.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    constants : Smallness
+
+    Returns
+    -------
+    bool
+    """
     return bool(constants.margin > 0.0 and not constants.sampled)
 
 
@@ -341,6 +351,14 @@ def ellipticity(statement: Statement) -> float:
     """m_A, the smallest eigenvalue of the elasticity tensor over the body: ``eps : C eps >= m_A eps : eps``.
 
     That of the coefficient for one component.  What varies is sampled at the quadrature points of the stiffness matrix.
+
+    Parameters
+    ----------
+    statement : ContactProblem or ScalarProblem
+
+    Returns
+    -------
+    float
     """
     if isinstance(statement, ScalarProblem):
         return least_coefficient(statement)
@@ -363,6 +381,14 @@ def trace_constants(problem: DiscreteProblem) -> TraceConstants:
     ``M_V`` is the matrix of ``int eps(u) : eps(v)``, or of ``int grad u . grad v`` for one component; the integral over
     the contact boundary is that of the discretisation, by nodes or by midpoints.  Grows to its limit as the mesh is
     refined.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+
+    Returns
+    -------
+    TraceConstants
 
     Raises
     ------

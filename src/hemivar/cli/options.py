@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ENGINES",
+    "MOST_JOBS",
     "MOST_STEPS",
     "Colour",
     "EngineName",
@@ -36,6 +37,8 @@ __all__ = [
 ]
 
 _LARGEST_RTOL = 1e-2
+#: Most processes that can be asked for.
+MOST_JOBS = 256
 #: Most steps and points that can be asked for.
 MOST_STEPS = 10**9
 

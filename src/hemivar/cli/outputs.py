@@ -24,6 +24,7 @@ __all__ = [
     "files_of",
     "internal_error",
     "keep_off",
+    "kept_file",
     "one_line",
 ]
 
@@ -103,6 +104,20 @@ def keep_off(files: Mapping[str, Iterable[Path]], inputs: Iterable[Path]) -> Non
             for read in inputs:
                 if same_file(file, read):
                     raise ProblemError(f"{option} {file}: {read} was read for this problem; name another file")
+
+
+def kept_file(problem: Path, kind: str, digest: str, outputs: Mapping[str, Path | None], writer: Writer) -> Path:
+    """The file in which work is kept that was given no name: made of the problem's and of what the work depends on.
+
+    Raises
+    ------
+    ProblemError
+        It could not be written, or is one of the other files.
+    """
+    keep = Path(f"{problem.stem}-{digest[:8]}.{kind}.jsonl")
+    check_outputs({"--keep": keep, **outputs}, problem)
+    keep_off(files_of({"--keep": keep}), writer.inputs)
+    return keep
 
 
 def check_folder(path: Path, names: Iterable[str]) -> None:

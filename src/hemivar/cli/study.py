@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import Exit, Given, MaxSteps, MaxTime, ProblemPath, Rtol, method_named
-from hemivar.cli.outputs import one_line
+from hemivar.cli.options import MOST_JOBS, Exit, Given, MaxSteps, MaxTime, ProblemPath, Rtol, method_named
+from hemivar.cli.outputs import kept_file, one_line
 from hemivar.cli.session import Session, naming_file
 from hemivar.cli.show import StageView, console, print_table
-from hemivar.errors import HemivarError, ProblemError
+from hemivar.errors import FileError, HemivarError, ProblemError
 
 if TYPE_CHECKING:
     from hemivar.workflows import Study
@@ -30,6 +31,11 @@ def study(
         typer.Option(metavar="FORMULA", help="Exact solution of x and y, once for each component (the finest mesh)."),
     ] = None,
     method: Annotated[str | None, typer.Option(metavar="NAME", help="Method (by predicted cost).")] = None,
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes that work at once.")] = 1,
+    keep: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.jsonl", help="Where solutions are kept, to go on (own name)."),
+    ] = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Write the table.")] = None,
     latex: Annotated[Path | None, typer.Option(metavar="FILE.tex", help="Write the table for LaTeX.")] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write errors and orders.")] = None,
@@ -41,16 +47,17 @@ def study(
     max_steps: MaxSteps = None,
     given: Given = None,
 ) -> int:
-    """Solve on meshes that are halved; errors against the finest or an exact solution, and observed orders.
+    """Solve on meshes that are halved; errors, and observed orders; goes on where it was interrupted.
 
-    Exit code 0 if every solve converged. Ctrl-C ends with the meshes that are done.
+    Exit code 0 if every solve converged.
     """
     from hemivar.report.study_figures import plot_study
     from hemivar.report.study_tables import study_table
     from hemivar.workflows import StudyOptions, result_of, studying
+    from hemivar.workflows.study import study_digest
 
     outputs = {"--csv": csv, "--latex": latex, "--json": json, "--plot": plot}
-    session = Session(problem, outputs, rtol, max_time, max_steps, given=given)
+    session = Session(problem, {**outputs, "--keep": keep}, rtol, max_time, max_steps, given=given)
     stated, writer = session.stated, session.writer
     solver = session.method if method is None else method_named(method)
     meshes = [*stated.coarser_meshes(), stated.problem.mesh]
@@ -59,14 +66,19 @@ def study(
             f"--coarser is {coarser}, and {stated.name} describes {len(meshes) - 1} coarser meshes; give even numbers "
             "of cells, or [mesh] refine"
         )
-    options = StudyOptions(refine, exact or None, solver, session.controls)
+    first = stated.problem.on(meshes[-1 - coarser])
+    options = StudyOptions(refine, exact or None, solver, session.controls, jobs)
+    keep = kept_file(problem, "study", study_digest(first, options), outputs, writer) if keep is None else keep
+    options = replace(options, keep=keep)
     terminal = console()
     print(one_line(stated.problem.title) or shown(stated.name))
     for change in stated.changes:
         print(f"set               {shown(change)}")
     try:
         with StageView(terminal) as view:
-            found = result_of(studying(stated.problem.on(meshes[-1 - coarser]), options), view)
+            found = result_of(studying(first, options), view)
+    except FileError:
+        raise
     except HemivarError as error:
         raise naming_file(error, stated.name) from error
     table = study_table(found)
@@ -85,8 +97,9 @@ def study(
     if found.quantities:
         writer.write("--plot", plot, draw, picture=True)
     writer.tell()
+    print(f"kept              {shown(keep)}")
     if found.interrupted:
-        print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done")
+        print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done; the same command goes on from there")
         return writer.ended(Exit.INTERRUPTED)
     done = found.converged and len(found.levels) == refine + 1
     return writer.ended(Exit.CONVERGED if done else Exit.NOT_CONVERGED)

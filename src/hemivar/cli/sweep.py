@@ -9,15 +9,14 @@ from typing import Annotated
 import typer
 
 from hemivar.basics.disk import shown
-from hemivar.cli.options import Exit, ProblemPath, Rtol, check_limits, controls_of
-from hemivar.cli.outputs import check_outputs, files_of, keep_off, one_line
+from hemivar.cli.options import MOST_JOBS, Exit, ProblemPath, Rtol, check_limits, controls_of
+from hemivar.cli.outputs import kept_file, one_line
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import ProblemError
 
 __all__ = ["sweep"]
 
-_MOST_JOBS = 256
 _SHOWN = 40
 
 
@@ -31,7 +30,7 @@ def sweep(
             help="A range of a key of the file (with :log in the logarithm), or a value KEY=VALUE.",
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=_MOST_JOBS, help="Processes that work at once.")] = 1,
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes that work at once.")] = 1,
     keep: Annotated[
         Path | None,
         typer.Option(metavar="FILE.jsonl", help="Where points are kept, to go on (own name)."),
@@ -76,9 +75,7 @@ def sweep(
     search = SolutionsOptions(starts, max_solutions, seed, controls_of(stated, rtol, max_time))
     options = SweepOptions(search, jobs, None, changes)
     if keep is None:
-        keep = Path(f"{problem.stem}-{sweep_digest(problem, axes, options)[:8]}.sweep.jsonl")
-        check_outputs({"--keep": keep, **outputs}, problem)
-        keep_off(files_of({"--keep": keep}), writer.inputs)
+        keep = kept_file(problem, "sweep", sweep_digest(problem, axes, options), outputs, writer)
     points = math.prod(len(axis.values) for axis in axes)
     terminal = console()
     print(one_line(stated.problem.title) or shown(stated.name))

@@ -166,6 +166,10 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
         Pressure and friction at the contact points. A friction bound that depends on the state is taken at
         this very displacement and pressure.
 
+    Returns
+    -------
+    Residual
+
     Raises
     ------
     ProblemError

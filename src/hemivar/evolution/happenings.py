@@ -71,7 +71,15 @@ class Event(ABC):
 
 @dataclass(frozen=True)
 class Touch(Event):
-    """The first contact point reaches the foundation."""
+    """The first contact point reaches the foundation.
+
+    Parameters
+    ----------
+    then : OnEvent
+        What happens then.
+    boundary : str, optional
+        The contact boundary that is looked at; all by default.
+    """
 
     name: ClassVar[str] = "touch"
 
@@ -81,7 +89,15 @@ class Touch(Event):
 
 @dataclass(frozen=True)
 class Release(Event):
-    """The last contact point leaves the foundation."""
+    """The last contact point leaves the foundation.
+
+    Parameters
+    ----------
+    then : OnEvent
+        What happens then.
+    boundary : str, optional
+        The contact boundary that is looked at; all by default.
+    """
 
     name: ClassVar[str] = "release"
 
@@ -97,6 +113,10 @@ class Slip(Event):
     ----------
     rate : float
         Below it a point counts as sticking.
+    then : OnEvent
+        What happens then.
+    boundary : str, optional
+        The contact boundary that is looked at; all by default.
     """
 
     name: ClassVar[str] = "slip"
@@ -119,6 +139,10 @@ class BondBroken(Event):
     ----------
     below : float
         Bond that counts as broken.
+    then : OnEvent
+        What happens then.
+    boundary : str, optional
+        The contact boundary that is looked at; all by default.
     """
 
     name: ClassVar[str] = "bond broken"
@@ -138,7 +162,15 @@ class BondBroken(Event):
 
 @dataclass(frozen=True)
 class MarginLost(Event):
-    """The problem of a step may have several solutions."""
+    """The problem of a step may have several solutions.
+
+    Parameters
+    ----------
+    then : OnEvent
+        What happens then.
+    boundary : str, optional
+        The contact boundary that is looked at; all by default.
+    """
 
     name: ClassVar[str] = "margin lost"
 
@@ -156,6 +188,10 @@ class When(Event):
         Called with the discrete evolution and the moment; returns a number.
     label : str
         What it is called in the history.
+    then : OnEvent
+        What happens then.
+    boundary : str, optional
+        The contact boundary that is looked at; all by default.
     """
 
     name: ClassVar[str] = "when"

@@ -59,7 +59,23 @@ def marching(
     workspace: Workspace | None = None,
     tools: Tools | None = None,
 ) -> Generator[Stepped, bool | None, History]:
-    """:func:`march` step by step: yields every step, ends after it if it is sent True, returns the history."""
+    """:func:`march` step by step: yields every step, ends after it if it is sent True, returns the history.
+
+    Parameters
+    ----------
+    evolution : Evolution or DiscreteEvolution
+    plan : March
+        Until when, by which scheme and steps.
+    workspace : Workspace, optional
+        Where factors and levels are kept.
+    tools : Tools, optional
+        Of another engine.
+
+    Yields
+    ------
+    Stepped
+        Every step; the generator returns a :class:`History`.
+    """
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"
     expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
     stated = evolution.evolution if isinstance(evolution, DiscreteEvolution) else evolution

@@ -88,6 +88,10 @@ def error_norms(problem: Statement, values: Array, known: KnownField | None = No
         u at the nodes.
     known : KnownField, optional
 
+    Returns
+    -------
+    ErrorNorms
+
     Raises
     ------
     ProblemError

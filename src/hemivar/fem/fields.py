@@ -107,6 +107,11 @@ def nodal_average(source: FieldSource | Mesh, values: Array) -> Array:
     Returns
     -------
     array, shape (nodes, ...)
+
+    Raises
+    ------
+    ProblemError
+        There is not one entry for each cell.
     """
     mesh = source if isinstance(source, Mesh) else source.mesh
     order = 1 if isinstance(source, Mesh) else source.order
@@ -134,6 +139,10 @@ def v_norm(source: FieldSource | Mesh, displacement: Array) -> float:
     source : Field, ContactProblem or Mesh
         For a mesh the order follows from the number of rows of ``displacement``.
     displacement : array, shape (nodes, d)
+
+    Returns
+    -------
+    float
     """
     field = real_array(displacement, "the displacement", finite=False)
     mesh, order = _mesh_and_order(source, field)

@@ -57,6 +57,10 @@ def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) 
     check_coercivity : bool
         Refuse problems whose energy is not bounded below along a constant.
 
+    Returns
+    -------
+    DiscreteProblem
+
     Raises
     ------
     ProblemError
@@ -415,7 +419,18 @@ def gradient_norm_problem(problem: ScalarProblem) -> ScalarProblem:
 
 
 def gradient(problem: ScalarProblem, values: Array) -> tuple[Array, Array]:
-    """Gradient of nodal values (nodes, 1) in the middle of each cell, and the flux ``A grad u`` there, each (M, d)."""
+    """Gradient of nodal values (nodes, 1) in the middle of each cell, and the flux ``A grad u`` there, each (M, d).
+
+    Parameters
+    ----------
+    problem : ScalarProblem
+    values : array
+        Shape (nodes, 1).
+
+    Returns
+    -------
+    tuple of two arrays
+    """
     mesh, order = problem.mesh, problem.order
     middle = np.full(mesh.dim + 1, 1.0 / (mesh.dim + 1))
     shapes = np.einsum("la,kad->kld", shape_derivatives(order, middle), barycentric_gradients(mesh))

@@ -13,7 +13,7 @@ from hemivar.files.history_table import (
 )
 from hemivar.files.problem_file import ProblemFile, SolverSettings, read_problem, read_problem_file, write_problem
 from hemivar.files.record import read_json, solution_record, write_json
-from hemivar.files.sweep_record import SweepPoint
+from hemivar.files.sweep_point import SweepPoint
 from hemivar.files.vtu import write_vtu
 
 __all__ = [

@@ -70,6 +70,15 @@ class Change:
 def read_change(text: str) -> Change:
     """The change that ``key=value`` asks for, the value as TOML has it.
 
+    Parameters
+    ----------
+    text : str
+        ``key=value``.
+
+    Returns
+    -------
+    Change
+
     Raises
     ------
     ProblemError

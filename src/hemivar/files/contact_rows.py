@@ -20,13 +20,32 @@ def contact_columns(solution: Solution) -> dict[str, list[Any]]:
 
     ``boundary, x, y, (z,) normal_x, ..., weight, gap, penetration, slip, pressure, friction, state``; in 3D slip and
     friction have two columns each, ``slip_1, slip_2``. Columns that the problem does not know are left out.
+
+    Parameters
+    ----------
+    solution : Solution
+
+    Returns
+    -------
+    dict of name to list
     """
     columns = table_columns(solution.contact_table)
     return {name: values.tolist() for name, values in columns.items() if not name.startswith("force")}
 
 
 def write_csv(solution: Solution, path: str | Path) -> Path:
-    """Write one line for each contact point, columns as in :func:`contact_columns`; returns the path."""
+    """Write one line for each contact point, columns as in :func:`contact_columns`; returns the path.
+
+    Parameters
+    ----------
+    solution : Solution
+    path : str or Path
+        Name of the file.
+
+    Returns
+    -------
+    Path
+    """
     path = prepared(path, ".csv")
     columns = contact_columns(solution)
     _write_rows(path, list(columns), zip(*columns.values(), strict=True))

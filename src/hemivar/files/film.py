@@ -78,6 +78,14 @@ class Film:
 def film_of(history: History) -> Film:
     """The frames of a history.
 
+    Parameters
+    ----------
+    history : History
+
+    Returns
+    -------
+    Film
+
     Raises
     ------
     ProblemError
@@ -117,6 +125,15 @@ def _worn(memory: Mapping[str, Array]) -> Array | float:
 
 def read_film(path: str | Path) -> Film:
     """The frames that a PVD file names, as ``hemivar march FILE --fields run.pvd`` writes them.
+
+    Parameters
+    ----------
+    path : str or Path
+        Name of the PVD file.
+
+    Returns
+    -------
+    Film
 
     Raises
     ------

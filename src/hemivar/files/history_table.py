@@ -132,6 +132,15 @@ def _arrow() -> tuple[Any, Any]:
 def read_history_table(path: str | Path) -> dict[str, Array]:
     """A table that :func:`write_history_table` wrote, by columns.
 
+    Parameters
+    ----------
+    path : str or Path
+        Name of the file.
+
+    Returns
+    -------
+    dict of name to array
+
     Raises
     ------
     FileError
@@ -176,6 +185,14 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
 def history_frame(history: History) -> DataFrame:
     """The table as a pandas DataFrame.
 
+    Parameters
+    ----------
+    history : History
+
+    Returns
+    -------
+    DataFrame
+
     Raises
     ------
     ProblemError
@@ -191,7 +208,18 @@ def history_frame(history: History) -> DataFrame:
 
 
 def write_history_json(history: History, path: str | Path) -> Path:
-    """Write :func:`history_record` to a file that ends in ``.json``; returns its path."""
+    """Write :func:`history_record` to a file that ends in ``.json``; returns its path.
+
+    Parameters
+    ----------
+    history : History
+    path : str or Path
+        Name of the file.
+
+    Returns
+    -------
+    Path
+    """
     path = prepared(path, ".json")
     write_text(path, json.dumps(history_record(history), allow_nan=False) + "\n")
     return path
@@ -202,6 +230,14 @@ def history_record(history: History) -> dict[str, Any]:
 
     ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
     ``time_error`` (norm, bound, why), ``events`` (time, name), ``messages``, and ``table``: a list for each column.
+
+    Parameters
+    ----------
+    history : History
+
+    Returns
+    -------
+    dict
     """
     error = history.time_error
     record = {

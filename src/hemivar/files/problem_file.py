@@ -120,6 +120,10 @@ def read_problem(path: str | Path) -> Statement:
     path : str or Path
         Mesh files named in it are looked for in its folder.
 
+    Returns
+    -------
+    ContactProblem or ScalarProblem
+
     Raises
     ------
     ProblemError
@@ -132,6 +136,17 @@ def read_problem_file(path: str | Path, changes: Sequence[Change] = ()) -> Probl
     """Like :func:`read_problem`, with the settings for the solver and the hierarchy of meshes.
 
     ``changes`` are put in place of what the file says.
+
+    Parameters
+    ----------
+    path : str or Path
+        Name of the TOML file.
+    changes : sequence of Change
+        Values put in place of those of the file.
+
+    Returns
+    -------
+    ProblemFile
     """
     return parse_problem_file(read_text(path), Path(path).parent, str(path), changes=changes)
 

@@ -86,6 +86,16 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     "bonded") and ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
     Slip and friction are numbers in 2D (along the normal turned by +90 degrees), vectors of two local components in
     3D, and null in 1D. Numbers that are not finite become null.
+
+    Parameters
+    ----------
+    solution : Solution
+    certificate : Certificate, optional
+        Written beside it.
+
+    Returns
+    -------
+    dict
     """
     problem = solution.problem
     residual = solution.residual
@@ -179,7 +189,22 @@ def write_json(
     certificate: Certificate | None = None,
     more: Mapping[str, Any] | None = None,
 ) -> Path:
-    """Write :func:`solution_record`, and ``more`` keys, to a JSON file; returns its path."""
+    """Write :func:`solution_record`, and ``more`` keys, to a JSON file; returns its path.
+
+    Parameters
+    ----------
+    solution : Solution
+    path : str or Path
+        Name of the file.
+    certificate : Certificate, optional
+        Written beside the solution.
+    more : mapping of key to value, optional
+        Keys and values, ready for JSON.
+
+    Returns
+    -------
+    Path
+    """
     path = prepared(path, ".json")
     record = solution_record(solution, certificate)
     record |= {key: plain(value) for key, value in ({} if more is None else more).items()}
@@ -193,6 +218,15 @@ def write_json(
 
 def read_json(path: str | Path) -> dict[str, Any]:
     """A record written by :func:`write_json`.
+
+    Parameters
+    ----------
+    path : str or Path
+        Name of the file.
+
+    Returns
+    -------
+    dict
 
     Raises
     ------

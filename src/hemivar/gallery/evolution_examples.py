@@ -72,6 +72,10 @@ def screwed_arch(data: str | ScrewedArchData = "four screws", n: int = 8) -> Evo
     n : int
         Cells along the height; 4 or more.
 
+    Returns
+    -------
+    Evolution
+
     Raises
     ------
     ProblemError
@@ -126,6 +130,10 @@ def viscoelastic_beam(
         Of the rate of the slip; none by default.
     force : (float, float)
         Per area.
+
+    Returns
+    -------
+    Evolution
     """
     problem = ContactProblem(
         mesh=rectangle((2.5, 1.0), (round(2.5 * n), n), pattern="cross"),

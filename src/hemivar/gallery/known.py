@@ -68,6 +68,15 @@ def elastic_bar(
         Number of linear elements.
     rigidity, length, load : float
         EA (force), L and b (force per length).
+
+    Returns
+    -------
+    DiscreteProblem
+
+    Raises
+    ------
+    ProblemError
+        A number is not positive.
     """
     if elements < 1 or not (rigidity > 0.0 and length > 0.0):
         raise ProblemError(
@@ -111,6 +120,15 @@ def elastic_bar_penetrations(
         r0, the end displacement without foundation.
     stiffness, limit, softening : float
         Parameters of that law; with softening < kappa there is one solution, otherwise up to three.
+
+    Returns
+    -------
+    tuple of float
+
+    Raises
+    ------
+    ProblemError
+        The softening equals the stiffness.
     """
     if softening == kappa:
         raise ProblemError("softening equals kappa: the falling branch holds a whole interval of solutions or none")
@@ -158,6 +176,15 @@ def weighted_block(
         D of the patch version.
     lame : (float, float)
         lam and mu.
+
+    Returns
+    -------
+    KnownProblem
+
+    Raises
+    ------
+    ProblemError
+        The law is another one, or varies.
     """
     law = SurveyLaw(0.3, 2.0) if law is None else law
     if not isinstance(law, SurveyLaw) or callable(law.q_max) or callable(law.p_const):
@@ -202,6 +229,10 @@ def manufactured_spring(n: int = 8, *, lame: tuple[float, float] = (4.0, 4.0), o
         lam and mu.
     order : int
         Polynomial degree of the elements.
+
+    Returns
+    -------
+    KnownProblem
     """
     lam, mu = lame
     modulus = lam + 2.0 * mu
@@ -242,6 +273,10 @@ def beam() -> ContactProblem:
     """Linear elasticity alone: a cantilever 2.5 x 1 of squares of side 0.5, each cut into four triangles.
 
     Clamped at x = 0, Lame constants 4 and 4, body force (0, 0.2), no contact; see :data:`BEAM_DISPLACEMENTS`.
+
+    Returns
+    -------
+    ContactProblem
     """
     return ContactProblem(
         mesh=rectangle((2.5, 1.0), (5, 2), pattern="cross"),

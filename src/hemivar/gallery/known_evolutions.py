@@ -110,6 +110,10 @@ def relaxing_block(
         Uniaxial moduli of spring and branch, relaxation time T.
     stiffness, depth : float
         p and D.
+
+    Returns
+    -------
+    KnownEvolution
     """
     quick, p = modulus + branch, stiffness
     first, last = (k * p * depth / (k + p) for k in (quick, modulus))
@@ -134,6 +138,10 @@ def penetration_memory_block(
     ----------
     modulus, stiffness, weight, time, depth : float
         kappa, k, b, T, r0.
+
+    Returns
+    -------
+    KnownEvolution
     """
     kappa, k, b = modulus, stiffness, weight
     rate = 1.0 / time + b / (kappa + k)
@@ -161,6 +169,10 @@ def wearing_block(
     ----------
     modulus, stiffness, coefficient, speed, depth : float
         kappa, p, k, V, D.
+
+    Returns
+    -------
+    KnownEvolution
     """
     series = modulus * stiffness / (modulus + stiffness)
 
@@ -195,6 +207,15 @@ def bonded_block(
     ----------
     stiffness, opening, energy, viscosity : float
         gamma, r, w0, eta.
+
+    Returns
+    -------
+    KnownEvolution
+
+    Raises
+    ------
+    ProblemError
+        The bond would not break.
     """
     pull = stiffness * opening**2
     rest = energy / pull
@@ -221,6 +242,15 @@ def bouncing_block(stiffness: float = 100.0, damping: float = 4.0, speed: float 
     ----------
     stiffness, damping, speed : float
         k, c, v0; with ``c^2 < 4 k``.
+
+    Returns
+    -------
+    KnownEvolution
+
+    Raises
+    ------
+    ProblemError
+        The damper stops the block.
     """
     if not 0.0 <= damping**2 < 4.0 * stiffness:
         raise ProblemError("the damper stops the block: take damping^2 < 4 stiffness")
@@ -236,7 +266,19 @@ def bouncing_block(stiffness: float = 100.0, damping: float = 4.0, speed: float 
 
 
 def bounce(stiffness: float, damping: float) -> tuple[float, float]:
-    """Time in contact and restitution of a mass 1 on a spring and a damper that cannot pull."""
+    """Time in contact and restitution of a mass 1 on a spring and a damper that cannot pull.
+
+    Parameters
+    ----------
+    stiffness : float
+        Of the spring.
+    damping : float
+        Of the damper.
+
+    Returns
+    -------
+    tuple of two floats
+    """
     d = 0.5 * damping
     w = sqrt(stiffness - d**2)
     # k r + c r' = exp(-d t)/w ((k - c d) sin w t + c w cos w t) = 0
@@ -254,6 +296,10 @@ def sliding_block(speed: float = 1.0, friction: float = 0.3, density: float = 5.
     ----------
     speed, friction, density : float
         v0, the bound F per length, and the density, of mass m = density/5.
+
+    Returns
+    -------
+    KnownEvolution
     """
     slowing = friction / (0.2 * density)
     problem = ContactProblem(
@@ -290,6 +336,15 @@ def jumping_block(
         kappa, k, delta, alpha.
     viscosity : float, optional
         Of the body, uniaxial.
+
+    Returns
+    -------
+    KnownEvolution
+
+    Raises
+    ------
+    ProblemError
+        There is no jump.
     """
     if not softening > modulus:
         raise ProblemError(f"softening = {softening:g} does not exceed the modulus {modulus:g}: there is no jump")

@@ -57,6 +57,10 @@ def moving_bar(
         Displacement of the lower end at the start, the upper one being where it was.
     mass : str
         As in :class:`~hemivar.Evolution`.
+
+    Returns
+    -------
+    Evolution
     """
     supports: dict[str, Any] = {"left": Roller(), "right": Roller()}
     if clamped:
@@ -92,6 +96,10 @@ def bar_on_wall(cells: int, mass: str = "redistributed") -> Evolution:
     cells : int
     mass : str
         ``"redistributed"`` for schemes without a law of impact.
+
+    Returns
+    -------
+    Evolution
     """
     return moving_bar(cells, Contact(Signorini()), clamped=True, stretched=0.5, mass=mass)
 
@@ -101,6 +109,15 @@ def thrown_bar(cells: int) -> Evolution:
 
     Waves of the speed c = 2 carry the impedance z = 6: ``z r' = z v0 - p(t) - 2 sum_k p(t - 2 k L/c)``, ``p = 24 r``,
     so that ``r(1) = 0.025 (1 - exp(-4))`` when the first wave comes back, and the bar leaves at t = 1.41821665.
+
+    Parameters
+    ----------
+    cells : int
+        In its length.
+
+    Returns
+    -------
+    Evolution
     """
     return moving_bar(cells, Contact(Compliance(24.0)), modulus=12.0, density=3.0, velocity=0.1)
 
@@ -125,7 +142,17 @@ CANTILEVER: Mapping[str, Any] = MappingProxyType(
 
 
 def viscoelastic_cantilever(inertia: bool = True) -> Evolution:
-    """The cantilever of :func:`beam`, of density 1 and with the viscosities 4 and 4: see :data:`CANTILEVER`."""
+    """The cantilever of :func:`beam`, of density 1 and with the viscosities 4 and 4: see :data:`CANTILEVER`.
+
+    Parameters
+    ----------
+    inertia : bool
+        Whether it has mass.
+
+    Returns
+    -------
+    Evolution
+    """
     problem = ContactProblem(
         mesh=rectangle((2.5, 1.0), (5, 2), pattern="cross"),
         material=Material.lame(4.0, 4.0, density=1.0, viscosity=(4.0, 4.0)),

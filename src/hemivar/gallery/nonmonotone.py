@@ -54,6 +54,10 @@ def broken_foundation(n: int = 16, pattern: Literal["cross", "right", "left"] = 
         Cells along the height; twice as many along the length.
     pattern : {"cross", "right", "left"}
         How the cells are cut into triangles.
+
+    Returns
+    -------
+    ContactProblem
     """
     bound = PenetrationBound(([0.0, 0.1], [0.0, 0.8]))
     return ContactProblem(
@@ -90,6 +94,10 @@ def delamination(
     plane : {"stress", "strain"}
     pattern : {"cross", "right", "left"}
         How the cells are cut into triangles.
+
+    Returns
+    -------
+    ContactProblem
     """
     m, kpa = length, stress
     glue = SawTooth(
@@ -135,6 +143,10 @@ def softening_block(
         a and b.
     lame : (float, float)
         lam and mu.
+
+    Returns
+    -------
+    tuple of KnownProblem
     """
     lam, mu = lame
     kappa = (lam + 2.0 * mu) / height
@@ -173,6 +185,15 @@ def shear_block_slips(
         w0, the slip without friction.
     bound, static, kinetic, rate : float
         Of :func:`hemivar.laws.SlipWeakening`, static > kinetic.
+
+    Returns
+    -------
+    tuple of float
+
+    Raises
+    ------
+    ProblemError
+        The numbers make no sense.
     """
     if not (kappa > 0.0 and free >= 0.0 and static > kinetic and rate > 0.0):
         raise ProblemError(
@@ -206,6 +227,25 @@ def shear_column(
 
     ``-mu u'' = f`` on (0, b), u(b) = 0, friction at y = 0, where the body cannot move normally. Linear elements are
     exact at the nodes; the slips are those of :func:`shear_block_slips` with kappa = mu/b and w0 = f b^2/(2 mu).
+
+    Parameters
+    ----------
+    bound : float
+        Force per area.
+    elements : int
+        In the height.
+    shear_modulus : float
+    height : float
+    load : float
+        Force at the upper end.
+    static : float
+        Of friction that weakens, as the next two.
+    kinetic : float
+    rate : float
+
+    Returns
+    -------
+    DiscreteProblem
     """
     stiffness, forces = column(elements, shear_modulus, height, load)
     foot = np.zeros((1, 2))
@@ -244,6 +284,29 @@ def shear_block(
     The side tractions belong to the solution, so that problems differ; one is returned for each uniform solution, in
     the order of the slip. :class:`KnownProblem`'s pressure is zero; T is the friction. Elements of order 2, the
     default, hold the solutions exactly.
+
+    Parameters
+    ----------
+    bound : float
+        Force per area.
+    n : int
+        Cells on each side.
+    width : float
+    height : float
+    load : float
+        Traction on the upper face.
+    lame : tuple of two floats
+        Lame constants.
+    static : float
+        Of :class:`~hemivar.laws.SlipWeakening`, as the next two.
+    kinetic : float
+    rate : float
+    order : int
+        Of the elements, 1 or 2.
+
+    Returns
+    -------
+    tuple of KnownProblem
     """
     lam, mu = lame
     kappa, free = mu / height, load * height**2 / (2.0 * mu)
@@ -293,6 +356,10 @@ def manufactured_softening(n: int = 8, pattern: Literal["cross", "right", "left"
         Cells along the height; twice as many along the length. Take it even: the kinks are then at nodes.
     pattern : {"cross", "right", "left"}
         How the cells are cut into triangles.
+
+    Returns
+    -------
+    KnownProblem
     """
     lam = mu = 40.0
     modulus = lam + 2.0 * mu

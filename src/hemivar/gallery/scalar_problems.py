@@ -41,7 +41,26 @@ class KnownScalarProblem:
 
 
 def membrane_radius(height: float, radius: float, load: float = 0.0) -> float:
-    """Radius a of the contact of :func:`membrane_obstacle`: the root in (0, 1) of its equation."""
+    """Radius a of the contact of :func:`membrane_obstacle`: the root in (0, 1) of its equation.
+
+    Parameters
+    ----------
+    height : float
+        Of the hill.
+    radius : float
+        Of the hill.
+    load : float
+        Force per area, down.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ProblemError
+        There is no contact inside the rim.
+    """
 
     def off(a: float) -> float:
         c = load / 4.0
@@ -80,6 +99,15 @@ def membrane_obstacle(
         q, load per area over the tension.
     tension : float
         T.
+
+    Returns
+    -------
+    KnownScalarProblem
+
+    Raises
+    ------
+    ProblemError
+        The contact reaches the rim.
     """
     H, R, T, c = height, radius, tension, load / 4.0
     a = membrane_radius(H, R, load)
@@ -134,6 +162,15 @@ def antiplane_friction(
         Cells along the height.
     modulus, bound, opening : float
         mu, g and k, with ``0 < mu k < 4 g/3``.
+
+    Returns
+    -------
+    KnownScalarProblem
+
+    Raises
+    ------
+    ProblemError
+        The solution by hand holds for other data.
     """
     mu, g, k = modulus, bound, opening
     if not 0.0 < mu * k < 4.0 * g / 3.0:

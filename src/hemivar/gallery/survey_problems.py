@@ -86,6 +86,10 @@ def survey(
     pattern : {"cross", "right", "left"}
         How the squares are cut into triangles.
 
+    Returns
+    -------
+    ContactProblem
+
     Raises
     ------
     ProblemError
@@ -125,6 +129,10 @@ def survey_cube(
         Body force along y, force per volume.
     friction : Friction, optional
         In place of Tresca's law with the bound of the data.
+
+    Returns
+    -------
+    ContactProblem
     """
     plane = survey(data, 1)
     title = plane.title
@@ -156,6 +164,10 @@ def survey_logarithmic(
         Number of contact edges, 1/h.
     pattern : {"cross", "right", "left"}
         How the squares are cut into triangles.
+
+    Returns
+    -------
+    ContactProblem
     """
     problem = survey("5.1", n, pattern)
     contact = {"bottom": Contact(problem.contact["bottom"].normal, Logarithmic(bound))}
@@ -173,6 +185,10 @@ def survey_cube_logarithmic(bound: float = 0.3, n: int = 8) -> ContactProblem:
         Friction against the first slip, force per area.
     n : int
         Cells along each side.
+
+    Returns
+    -------
+    ContactProblem
     """
     problem = survey_cube("5.1", n, friction=Logarithmic(bound))
     return replace(problem, title=f"survey's body on a cube, friction {bound:g} ln(1 + |u_tau|)")

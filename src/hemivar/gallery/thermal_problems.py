@@ -49,6 +49,10 @@ def thermoviscoelastic(n: int = 16, share: float = 0.1) -> WarmBody:
     n : int
         Cells over the height, an even number.
     share : float
+
+    Returns
+    -------
+    WarmBody
     """
     sides = {"left": 48.0, "right": -44.0}
 

@@ -32,7 +32,15 @@ _MANY = 40
 
 @dataclass(frozen=True)
 class Interval:
-    """Closed intervals ``[lower, upper]``, one for each contact point; bounds may be infinite."""
+    """Closed intervals ``[lower, upper]``, one for each contact point; bounds may be infinite.
+
+    Attributes
+    ----------
+    lower : array
+        Shape (m,).
+    upper : array
+        Shape (m,).
+    """
 
     lower: Array
     upper: Array

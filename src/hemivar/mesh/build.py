@@ -49,6 +49,10 @@ def rectangle(
     origin : pair of floats
         The lower left corner.
 
+    Returns
+    -------
+    Mesh
+
     Raises
     ------
     ProblemError
@@ -109,6 +113,10 @@ def box(
         Number of small boxes along x, y and z; one number serves for all.
     origin : three floats
         The corner of lowest coordinates.
+
+    Returns
+    -------
+    Mesh
 
     Raises
     ------

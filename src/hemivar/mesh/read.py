@@ -36,6 +36,10 @@ def read_mesh(path: str | Path) -> Mesh:
     ----------
     path : str or Path
 
+    Returns
+    -------
+    Mesh
+
     Raises
     ------
     ProblemError

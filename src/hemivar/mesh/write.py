@@ -16,6 +16,14 @@ __all__ = ["msh_text"]
 def msh_text(mesh: Mesh) -> str:
     """The mesh with its boundaries and regions as physical groups; elements of several groups are repeated.
 
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    str
+
     Raises
     ------
     ProblemError

@@ -45,6 +45,11 @@ def plot_adaptive(
     title : str, optional
     certificate : Certificate, optional
         What is known about the last solution, for the line below; without it the line has residual and distance.
+
+    Raises
+    ------
+    ProblemError
+        No mesh has a distance.
     """
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter

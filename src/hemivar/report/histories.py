@@ -140,6 +140,11 @@ def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None 
     ----------
     solutions : Solution or sequence of Solution
     title : str, optional
+
+    Raises
+    ------
+    ProblemError
+        There is no solution.
     """
     from matplotlib.figure import Figure
 

@@ -26,6 +26,10 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
     dpi : int
         Dots per inch, 10 to 2400.
 
+    Returns
+    -------
+    Path
+
     Raises
     ------
     ProblemError

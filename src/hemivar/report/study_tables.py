@@ -22,6 +22,10 @@ def study_table(study: Study, title: str = "", *, relative: bool = False, brief:
         Errors relative to the norms of the reference.
     brief : bool
         Without energy and force, and without the status where all solves converged.
+
+    Returns
+    -------
+    Table
     """
     names = study.quantities
     columns = ["h", "unknowns"]
@@ -52,6 +56,10 @@ def sweep_table(sweep: Sweep, title: str = "") -> Table:
     ----------
     sweep : Sweep
     title : str, optional
+
+    Returns
+    -------
+    Table
     """
     columns = (
         *(axis.key for axis in sweep.axes), "solutions", "minima", "others", "margin", "energy", "penetration", "force",

@@ -89,6 +89,10 @@ def run_survey(
     progress : function, optional
         Called with every :class:`~hemivar.workflows.Stage` when it begins.
 
+    Returns
+    -------
+    SurveyReport
+
     Raises
     ------
     ProblemError

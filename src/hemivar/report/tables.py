@@ -187,6 +187,16 @@ def adaptive_table(found: AdaptiveSolution, *, title: str = "") -> Table:
     """The meshes of an adaptive solve: the rows of :meth:`hemivar.adapt.AdaptiveSolution.rows`.
 
     ``guaranteed`` is 1 where the relative bound is one, 0 where it is an estimate.
+
+    Parameters
+    ----------
+    found : AdaptiveSolution
+    title : str
+        For LaTeX.
+
+    Returns
+    -------
+    Table
     """
     rows = found.rows()
     return Table(tuple(rows[0]), tuple(tuple(row.values()) for row in rows), title)

@@ -24,6 +24,15 @@ __all__ = ["solve_nested", "transfer_solution"]
 def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
     """The displacement of a solution as unknowns (n,) of a problem on another mesh of the same body.
 
+    Parameters
+    ----------
+    solution : Solution
+    problem : DiscreteProblem
+
+    Returns
+    -------
+    array
+
     Raises
     ------
     ProblemError
@@ -59,6 +68,11 @@ def solve_nested(
     -------
     list of Solution
         One for each mesh; the last is the one wanted.  A solve that is interrupted or runs out of memory is the last.
+
+    Raises
+    ------
+    ProblemError
+        The problems are no list, or there is none.
     """
     if isinstance(problems, DiscreteProblem | Statement | str):
         raise ProblemError(f"the problems are {described(problems)}; give a list of them, from coarse to fine")

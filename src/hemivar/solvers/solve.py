@@ -100,7 +100,27 @@ def solving(
     initial: Solution | Array | None = None,
     workspace: Workspace | None = None,
 ) -> Generator[Progress, bool | None, Solution]:
-    """:func:`solve` step by step: yields every step, ends after it if it is sent True, returns the solution."""
+    """:func:`solve` step by step: yields every step, ends after it if it is sent True, returns the solution.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    solver : Solver, optional
+        As in :func:`solve`, like all that follow.
+    controls : Controls, optional
+    initial : Solution or array, optional
+    workspace : Workspace, optional
+
+    Yields
+    ------
+    Progress
+        Every step; the generator returns a :class:`Solution`.
+
+    Raises
+    ------
+    MethodError, ProblemError
+        As :func:`solve`.
+    """
     problem = posed(problem, "solve")
     if solver is not None and not isinstance(solver, Solver):
         raise _no_method(solver)
@@ -214,7 +234,17 @@ def _solution(system: PosedSystem, end: _End) -> Solution:
 
 
 def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
-    """The method, inside a :class:`FixedPoint` where the law of the problem depends on the solution."""
+    """The method, inside a :class:`FixedPoint` where the law of the problem depends on the solution.
+
+    Parameters
+    ----------
+    solver : Solver
+    problem : DiscreteProblem
+
+    Returns
+    -------
+    Solver
+    """
     return FixedPoint(solver) if problem.law.state_dependent and not solver.handles_state else solver
 
 

@@ -380,6 +380,10 @@ def condense(problem: DiscreteProblem | Statement, many: bool = False) -> Conden
         The same body will be asked for under many loads: the factors are split in two for a fourth of their price,
         and every load and its way back cost half of a sparse solve each.
 
+    Returns
+    -------
+    CondensedProblem
+
     Raises
     ------
     ProblemError

@@ -53,7 +53,14 @@ class AdaptOptions:
 
 @dataclass(frozen=True, eq=False)
 class Refined(Notice):
-    """A mesh is done, the ``number``-th (from 0)."""
+    """A mesh is done, the ``number``-th (from 0).
+
+    Attributes
+    ----------
+    level : AdaptiveLevel
+    number : int
+        Which mesh, from 0.
+    """
 
     level: AdaptiveLevel
     number: int
@@ -92,6 +99,11 @@ def adapt(problem: ContactProblem, options: AdaptOptions | None = None) -> Work[
     ----------
     problem : ContactProblem
     options : AdaptOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`AdaptResult`.
 
     Raises
     ------

@@ -58,6 +58,11 @@ def certify(
         Recomputed from equilibrium if not given.
     options : CertifyOptions, optional
 
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Certificate`.
+
     Raises
     ------
     ProblemError, MethodError

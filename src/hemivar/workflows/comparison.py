@@ -39,7 +39,15 @@ class CompareOptions:
 @dataclass(frozen=True, eq=False)
 class Condensed(Notice):
     """The body was condensed onto its contact boundary for all methods, in so many seconds; None if it could not be,
-    for the ``reason``."""
+    for the ``reason``.
+
+    Attributes
+    ----------
+    seconds : float or None
+        None if it could not be.
+    reason : str
+        Why it could not be.
+    """
 
     seconds: float | None
     reason: str = ""
@@ -102,6 +110,11 @@ def compare(problem: DiscreteProblem | Statement, options: CompareOptions | None
     ----------
     problem : DiscreteProblem, ContactProblem or ScalarProblem
     options : CompareOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Comparison`.
     """
     options = CompareOptions() if options is None else options
     problem = posed(problem, "compare")
@@ -154,7 +167,22 @@ def attempt(
 
 
 def energy_norm_difference(one: Solution, other: Solution) -> float:
-    """``|u - v|_K / |v|_K`` for two solutions of the same discrete problem (v the second one)."""
+    """``|u - v|_K / |v|_K`` for two solutions of the same discrete problem (v the second one).
+
+    Parameters
+    ----------
+    one : Solution
+    other : Solution
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ProblemError
+        The solutions are of different problems.
+    """
     if one.problem is not other.problem:
         raise ProblemError("the two solutions belong to different discrete problems; compare them by interpolation")
     K = other.problem.linear.stiffness

@@ -123,9 +123,10 @@ def diagnose(*, limit: float = 30.0) -> Generator[Stage, bool | None, Diagnosis]
         Seconds that each optional package may take to be imported, in a process of its own: one that ends its process
         or hangs is told as broken.
 
-    Returns
-    -------
-    Diagnosis
+    Yields
+    ------
+    Stage
+        What is looked at; the generator returns a :class:`Diagnosis`.
     """
     from hemivar import __version__
 

@@ -18,6 +18,16 @@ def solutions(problem: DiscreteProblem | Statement, options: SolutionsOptions | 
     Yields :class:`Warned`, every start, and when the search is over :class:`Found` for every solution, by their
     energy.  An interruption ends the search with what was found.
 
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    options : SolutionsOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`SolutionSet`.
+
     Raises
     ------
     ProblemError
@@ -37,6 +47,16 @@ def path(problem: DiscreteProblem | Statement, options: PathOptions | None = Non
     """The equilibria while all loads grow, with the prescribed displacements if a statement is given.
 
     Yields :class:`Warned`, and every point.  An interruption ends the path where it is.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    options : PathOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Path`.
 
     Raises
     ------

@@ -21,14 +21,30 @@ class Notice:
 
 @dataclass(frozen=True, eq=False)
 class Warned(Notice):
-    """Something that the numbers do not show by themselves, in a sentence."""
+    """Something that the numbers do not show by themselves, in a sentence.
+
+    Attributes
+    ----------
+    text : str
+        A sentence.
+    """
 
     text: str
 
 
 @dataclass(frozen=True, eq=False)
 class Stage(Notice):
-    """A part of long work begins: what it is, and which of how many (from 0)."""
+    """A part of long work begins: what it is, and which of how many (from 0).
+
+    Attributes
+    ----------
+    name : str
+        What begins.
+    number : int
+        Which part, from 0.
+    count : int
+        Of how many.
+    """
 
     name: str
     number: int
@@ -37,7 +53,14 @@ class Stage(Notice):
 
 @dataclass(frozen=True, eq=False)
 class Chosen(Notice):
-    """The method; the reason is empty if it was given."""
+    """The method; the reason is empty if it was given.
+
+    Attributes
+    ----------
+    solver : Solver
+    reason : str
+        Why; empty if it was given.
+    """
 
     solver: Solver
     reason: str
@@ -45,7 +68,16 @@ class Chosen(Notice):
 
 @dataclass(frozen=True, eq=False)
 class Begun(Notice):
-    """The solve of a problem begins, the ``number``-th (from 0) of ``count`` on meshes from coarse to fine."""
+    """The solve of a problem begins, the ``number``-th (from 0) of ``count`` on meshes from coarse to fine.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+    number : int
+        Which mesh, from 0.
+    count : int
+        Of how many.
+    """
 
     problem: DiscreteProblem
     number: int
@@ -54,14 +86,24 @@ class Begun(Notice):
 
 @dataclass(frozen=True, eq=False)
 class Found(Notice):
-    """A solution, or the best iterate of a solve that did not converge."""
+    """A solution, or the best iterate of a solve that did not converge.
+
+    Attributes
+    ----------
+    solution : Solution
+    """
 
     solution: Solution
 
 
 @dataclass(frozen=True, eq=False)
 class Certified(Notice):
-    """What is known about the solution."""
+    """What is known about the solution.
+
+    Attributes
+    ----------
+    certificate : Certificate
+    """
 
     certificate: Certificate
 

@@ -65,6 +65,11 @@ def study_law(
     label : str
         What stands before the name of a parameter in messages.
 
+    Yields
+    ------
+    Event
+        What happens; the generator returns a tuple of LawStudy.
+
     Raises
     ------
     ProblemError

@@ -39,7 +39,12 @@ __all__ = ["MarchSettings", "Ready", "Taken", "evolution_of", "march", "plan_of"
 
 @dataclass(frozen=True, eq=False)
 class Ready(Notice):
-    """The evolution is discretised, and the first step begins."""
+    """The evolution is discretised, and the first step begins.
+
+    Attributes
+    ----------
+    discrete : DiscreteEvolution
+    """
 
     discrete: DiscreteEvolution
 
@@ -101,6 +106,14 @@ class MarchSettings:
 def evolution_of(stated: ProblemFile) -> Evolution:
     """The evolution that a problem file states; without a table ``[time]`` the body has no inertia and starts at rest.
 
+    Parameters
+    ----------
+    stated : ProblemFile
+
+    Returns
+    -------
+    Evolution
+
     Raises
     ------
     ProblemError
@@ -119,6 +132,16 @@ def evolution_of(stated: ProblemFile) -> Evolution:
 
 def plan_of(stated: ProblemFile, settings: MarchSettings) -> March:
     """How the evolution of a problem file is computed.
+
+    Parameters
+    ----------
+    stated : ProblemFile
+    settings : MarchSettings
+        What goes before the file.
+
+    Returns
+    -------
+    March
 
     Raises
     ------
@@ -192,6 +215,19 @@ def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Tools | 
 
     Yields :class:`Warned` for what its problem warns of, :class:`Ready`, and :class:`Taken` after every step; ends
     after a step if it is sent True or interrupted there.
+
+    Parameters
+    ----------
+    evolution : Evolution or DiscreteEvolution
+    plan : March
+        Until when, by which scheme and steps.
+    tools : Tools, optional
+        Of another engine.
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`History`.
 
     Raises
     ------

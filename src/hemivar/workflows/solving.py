@@ -85,6 +85,11 @@ def run(
         What is known of the body, and stays known; by default the certificate gets the levels of the solve, and factors
         of the solve make room for it.
 
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`RunResult`.
+
     Raises
     ------
     ProblemError, MethodError

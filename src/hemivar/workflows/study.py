@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import math
+import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,14 +16,21 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import described, expect, whole_number
+from hemivar.basics.content import content
+from hemivar.basics.disk import read_text, write_text
 from hemivar.basics.generators import result_of
+from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.error_norms import KnownField, error_norms, voigt_strain
 from hemivar.fem.transfer import interpolation_matrix
+from hemivar.files.kept_solution import KeptSolution
+from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import read_problem_file
+from hemivar.linear.threads import one_thread
 from hemivar.mechanics import Statement
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mesh import Mesh
@@ -28,12 +39,18 @@ from hemivar.solvers.choice import choose
 from hemivar.workflows.events import Begun, Chosen, Notice, Stage, Warned, Work
 from hemivar.workflows.survey_runs import observed_order
 
-__all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "studying"]
+__all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
 
 #: Errors that a study tells, by name.
 QUANTITIES = ("energy", "displacement", "pressure")
 #: Halvings that can be asked for.
 _MOST_REFINED = 12
+#: Bytes of a file with solutions that is read.
+_MOST_KEPT = 2**36
+#: Ends of a solve after which a mesh is not done.
+_NO_LEVEL = (Status.INTERRUPTED, Status.OUT_OF_MEMORY)
+#: Seconds between two looks for a solution of another process.
+_PAUSE = 0.02
 
 
 @dataclass(frozen=True)
@@ -51,23 +68,37 @@ class StudyOptions:
         The method; chosen for the finest mesh by predicted cost and memory if not given.
     controls : Controls
         Tolerances and limits of each solve; the tolerance must lie far below the errors.
+    jobs : int
+        Processes that work at once: the finest mesh is made and assembled while the coarser ones are solved.  A script
+        that asks for more than one does so below ``if __name__ == "__main__":``, for each process reads it anew.
+    keep : str or Path, optional
+        A file to which the solution on every mesh goes when it is done; meshes that it holds are not solved again, also
+        where the mesh is now halved more often, or compared with another exact solution.
 
     Raises
     ------
     ProblemError
-        The number of halvings makes no sense, or a formula is none.
+        The number of halvings or of processes makes no sense, a formula is none, or the controls have a function to
+        call in other processes.
     """
 
     refine: int = 4
     exact: KnownField | Sequence[str] | None = None
     solver: Solver | None = None
     controls: Controls = field(default_factory=Controls)
+    jobs: int = 1
+    keep: str | Path | None = None
 
     def __post_init__(self) -> None:
         count = whole_number(self.refine, "refine", 1)
         if count > _MOST_REFINED:
             raise ProblemError(f"refine is {count}; a mesh can be halved {_MOST_REFINED} times at most")
         expect(self.controls, Controls, "controls", "pass Controls(rtol=..., max_time=...)")
+        if whole_number(self.jobs, "jobs", 1) > 1 and self.controls.callback is not None:
+            raise ProblemError(
+                "a study by several processes calls no function after every step; leave the callback of its controls "
+                "out, or take jobs = 1"
+            )
         if self.exact is not None and not isinstance(self.exact, KnownField):
             object.__setattr__(self, "exact", KnownField(self.exact))
 
@@ -182,18 +213,26 @@ def studying(problem: Statement | str | Path, options: StudyOptions | None = Non
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 
     Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Stage`, :class:`Begun`, the steps of the solve and
-    :class:`StudyLevel`.  An interruption ends the work; where the finest mesh is the reference, it is the finest then
-    reached.  Where a problem has several solutions, that on each mesh is the one that its coarser neighbour leads to.
+    :class:`StudyLevel`; of a mesh that was kept or that another process solves, :class:`Stage` and :class:`StudyLevel`.
+    An interruption ends the work; where the finest mesh is the reference, it is the finest then reached.  Every mesh is
+    solved by one thread, so that the numbers depend neither on the number of processes nor on what was kept.
+    Where a problem has several solutions, that on each mesh is the one that its coarser neighbour leads to.
 
     Parameters
     ----------
     problem : ContactProblem, ScalarProblem, or path of a problem file
     options : StudyOptions, optional
 
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Study`.
+
     Raises
     ------
-    ProblemError, MethodError
-        As :func:`hemivar.solve`; the problem is no statement, or the exact solution does not fit.
+    ProblemError, MethodError, FileError
+        As :func:`hemivar.solve`; the problem is no statement, or the exact solution does not fit; a process ended; the
+        record is that of another study.
     """
     options = StudyOptions() if options is None else options
     stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else problem
@@ -203,39 +242,38 @@ def studying(problem: Statement | str | Path, options: StudyOptions | None = Non
             "whose mesh can be refined"
         )
     known = options.exact if isinstance(options.exact, KnownField) else None
+    if known is not None:
+        error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), _components(stated))), known)
+    kept: KeptWork[KeptSolution] | None = None
+    if options.keep is not None:
+        digest = study_digest(stated, options)
+        kept = KeptWork(options.keep, "study", "mesh", digest, KeptSolution.of_line, most_bytes=_MOST_KEPT)
     levels: list[StudyLevel] = []
     interrupted = False
-    solver = options.solver
-    mesh = stated.mesh
-    last: Solution | None = None
     try:
-        for number in range(options.refine + 1):
-            mesh = mesh if number == 0 else mesh.refined()
-            discrete = discretize(stated.on(mesh))
-            if number == 0:
-                if known is not None:
-                    error_norms(stated, np.zeros((len(mesh.nodes(stated.order)), _components(stated))), known)
-                for warning in discrete.warnings:
-                    yield Warned(warning)
-                if solver is not None:
-                    yield Chosen(solver, "")
-            yield Stage(f"h = {mesh.size:.4g}, {discrete.unknowns} unknowns", number, options.refine + 1)
-            yield Begun(discrete, number, options.refine + 1)
-            chosen = choose(discrete)[0] if solver is None else solver
-            guess = None if last is None else transfer_solution(last, discrete)
-            last = yield from solving(discrete, suited(chosen, discrete), options.controls, initial=guess)
-            interrupted = last.status is Status.INTERRUPTED
-            if interrupted or last.status is Status.OUT_OF_MEMORY:
-                break
-            level = StudyLevel(last, mesh.size)
-            level = level if known is None else _against(level, stated.on(mesh), known)
-            levels.append(level)
-            yield level
+        interrupted = yield from _levels(stated, options, kept, levels)
     except KeyboardInterrupt:
         interrupted = True
     if not levels:
         raise ProblemError("study: no mesh was solved before the end of the work; take a coarser mesh, or more time")
     return _measured(options, levels, stated, known, interrupted)
+
+
+def study_digest(problem: Statement, options: StudyOptions) -> str:
+    """What tells whether two studies solve the same problems: of the statement with its mesh, the method, the controls.
+
+    How often the mesh is halved, and what the solutions are compared with, do not count.
+
+    Parameters
+    ----------
+    problem : ContactProblem or ScalarProblem
+    options : StudyOptions
+    """
+    digest = hashlib.sha256()
+    for part in (problem, options.solver, replace(options.controls, callback=None)):
+        for piece in content(part):
+            digest.update(piece)
+    return digest.hexdigest()
 
 
 def study(
@@ -245,13 +283,15 @@ def study(
     exact: KnownField | Sequence[str] | None = None,
     solver: Solver | None = None,
     controls: Controls | None = None,
+    jobs: int = 1,
+    keep: str | Path | None = None,
 ) -> Study:
     """:func:`studying` to its end, as a value.
 
     Parameters
     ----------
     problem : ContactProblem, ScalarProblem, or path of a problem file
-    refine, exact, solver, controls
+    refine, exact, solver, controls, jobs, keep
         As in :class:`StudyOptions`.
 
     Returns
@@ -260,11 +300,158 @@ def study(
 
     Raises
     ------
-    ProblemError, MethodError
+    ProblemError, MethodError, FileError
         As :func:`studying`.
     """
-    given = StudyOptions(refine, exact, solver, Controls() if controls is None else controls)
+    given = StudyOptions(refine, exact, solver, Controls() if controls is None else controls, jobs, keep)
     return result_of(studying(problem, given))
+
+
+# ---- the meshes, one after the other or by processes -----------------------------------------------------------
+
+
+def _levels(
+    stated: Statement, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
+) -> Work[bool]:
+    """All meshes from coarse to fine, put into the list when they are done; returns whether it was interrupted."""
+    count = options.refine + 1
+    there = {} if kept is None else {one.number: one for one in kept}
+    mesh = stated.mesh
+    last: Solution | None = None
+    number = 0
+    while number < count and number in there:  # nothing is known of a mesh without those before it
+        mesh = mesh if number == 0 else mesh.refined()
+        last = there[number].solution(discretize(stated.on(mesh)))
+        if number == 0:
+            yield from _opening(last.problem, options)
+        yield Stage(f"{_named(mesh, last.problem)}: kept", number, count)
+        levels.append(_level(last, mesh, options))
+        yield levels[-1]
+        number += 1
+    if number == count:
+        return False
+    if min(options.jobs, count - number) > 1:
+        return (yield from _by_processes(stated, options, kept, levels))
+    for mine in range(number, count):
+        mesh = mesh if mine == 0 else mesh.refined()
+        discrete = discretize(stated.on(mesh))
+        if mine == 0:
+            yield from _opening(discrete, options)
+        yield Stage(_named(mesh, discrete), mine, count)
+        yield Begun(discrete, mine, count)
+        last = yield from _solving(discrete, last, options)
+        if last.status in _NO_LEVEL:
+            return last.status is Status.INTERRUPTED
+        _keep(kept, mine, last)
+        levels.append(_level(last, mesh, options))
+        yield levels[-1]
+    return False
+
+
+def _opening(discrete: DiscreteProblem, options: StudyOptions) -> Work[None]:
+    """What is told before the first mesh."""
+    for warning in discrete.warnings:
+        yield Warned(warning)
+    if options.solver is not None:
+        yield Chosen(options.solver, "")
+
+
+def _named(mesh: Mesh, discrete: DiscreteProblem) -> str:
+    return f"h = {mesh.size:.4g}, {discrete.unknowns} unknowns"
+
+
+def _keep(kept: KeptWork[KeptSolution] | None, number: int, solution: Solution) -> None:
+    """Keep what is the same whenever it is computed: not what a time limit ended."""
+    if kept is not None and solution.status is not Status.MAX_TIME:
+        kept.add(KeptSolution.of(number, solution))
+
+
+def _solving(discrete: DiscreteProblem, last: Solution | None, options: StudyOptions) -> Work[Solution]:
+    """The solution on one mesh from that on the mesh before, by one thread: the same bits in every process."""
+    with one_thread():
+        chosen = choose(discrete)[0] if options.solver is None else options.solver
+        guess = None if last is None else transfer_solution(last, discrete)
+        return (yield from solving(discrete, suited(chosen, discrete), options.controls, initial=guess))
+
+
+def _level(solution: Solution, mesh: Mesh, options: StudyOptions) -> StudyLevel:
+    """A mesh, with its errors if the exact solution is known."""
+    level = StudyLevel(solution, mesh.size)
+    if not isinstance(options.exact, KnownField):
+        return level
+    stated = solution.problem.origin
+    assert isinstance(stated, Statement)
+    return _against(level, stated, options.exact)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """One mesh, with all that a process needs for it."""
+
+    number: int
+    stated: Statement
+    options: StudyOptions
+    folder: Path
+    first: int
+    start: Solution | None
+
+
+def _by_processes(
+    stated: Statement, options: StudyOptions, kept: KeptWork[KeptSolution] | None, levels: list[StudyLevel]
+) -> Work[bool]:
+    """The meshes that are not in the list yet, by several processes; returns whether the work was interrupted.
+
+    Each mesh needs the solution on the one before, but not to be made and assembled.  The finest meshes come first,
+    each in a process of its own that has assembled its problem when the solution arrives; what is left is the chain of
+    the coarser ones for the last process, so that there is always one that waits for nothing.
+    """
+    first, count = len(levels), options.refine + 1
+    start = levels[-1].solution if levels else None
+    heads = min(options.jobs, count - first) - 1
+    order = [*range(count - 1, count - 1 - heads, -1), *range(first, count - heads)]
+    plain = replace(options, keep=None, jobs=1)
+    with tempfile.TemporaryDirectory(prefix="hemivar-study-") as folder:
+        tasks = [_Task(number, stated, plain, Path(folder), first, start) for number in order]
+        with contextlib.closing(results(_mesh, tasks, options.jobs)) as found:
+            done: dict[int, StudyLevel] = {}
+            for number, level in found:
+                done[number] = level
+                while len(levels) in done:  # two may be done at once, the finer first
+                    mine = len(levels)
+                    solution, size = done[mine].solution, done[mine].size
+                    if mine == 0:
+                        yield from _opening(solution.problem, options)
+                    if solution.status in _NO_LEVEL:
+                        return solution.status is Status.INTERRUPTED
+                    _keep(kept, mine, solution)
+                    levels.append(done.pop(mine))
+                    yield Stage(f"h = {size:.4g}, {solution.problem.unknowns} unknowns: done", mine, count)
+                    if (yield levels[-1]):
+                        return len(levels) < count
+    return False
+
+
+def _mesh(task: _Task) -> tuple[int, StudyLevel]:
+    """The solution on one mesh, in a process of its own."""
+    mesh = task.stated.mesh
+    before = mesh
+    for _ in range(task.number):
+        before, mesh = mesh, mesh.refined()
+    discrete = discretize(task.stated.on(mesh))
+    last = task.start
+    if task.number > task.first:
+        coarse = discretize(task.stated.on(before))
+        passed = task.folder / str(task.number - 1)
+        while not passed.exists():
+            time.sleep(_PAUSE)
+        last = KeptSolution.of_line(read_text(passed, "solution", _MOST_KEPT)).solution(coarse)
+    solution = result_of(_solving(discrete, last, task.options))
+    if task.number < task.options.refine and solution.status not in _NO_LEVEL:
+        write_text(task.folder / str(task.number), KeptSolution.of(task.number, solution).line())
+    return task.number, _level(solution, mesh, task.options)
+
+
+# ---- errors ----------------------------------------------------------------------------------------------------
 
 
 def _components(stated: Statement) -> int:

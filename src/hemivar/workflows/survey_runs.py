@@ -162,7 +162,15 @@ class SurveyRuns:
 
 @dataclass(frozen=True, eq=False)
 class Advanced(Notice):
-    """A part is done: "figure1" ... "figure4", "friction", "mesh", "errors" or "bounds"; with all found so far."""
+    """A part is done: "figure1" ... "figure4", "friction", "mesh", "errors" or "bounds"; with all found so far.
+
+    Attributes
+    ----------
+    part : str
+        What is done.
+    runs : SurveyRuns
+        All found so far.
+    """
 
     part: str
     runs: SurveyRuns
@@ -183,6 +191,11 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
     Parameters
     ----------
     options : SurveyOptions, optional
+
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`SurveyRuns`.
     """
     runs = SurveyRuns(SurveyOptions() if options is None else options)
     max_n = runs.options.max_n

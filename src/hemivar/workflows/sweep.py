@@ -26,8 +26,9 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.fem.posed import posed
 from hemivar.files.changes import Change, read_change
+from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import parse_problem_file, read_text
-from hemivar.files.sweep_record import SweepPoint, SweepRecord
+from hemivar.files.sweep_point import SweepPoint
 from hemivar.linear.threads import one_thread
 from hemivar.mechanics import Statement
 from hemivar.solvers import Controls
@@ -83,6 +84,15 @@ def read_axis(text: str) -> SweepAxis | Change:
 
     The values are rounded to 12 digits; they are whole numbers if the ends and all between are.  What is no range is a
     value, put in place of the file's.
+
+    Parameters
+    ----------
+    text : str
+        ``key=low:high:count``, or ``key=value``.
+
+    Returns
+    -------
+    SweepAxis or Change
 
     Raises
     ------
@@ -143,7 +153,12 @@ class SweepOptions:
 
 @dataclass(frozen=True, eq=False)
 class Swept(Notice):
-    """A point is done."""
+    """A point is done.
+
+    Attributes
+    ----------
+    point : SweepPoint
+    """
 
     point: SweepPoint
 
@@ -274,6 +289,11 @@ def sweeping(
         At least one.
     options : SweepOptions, optional
 
+    Yields
+    ------
+    Event
+        What happens; the generator returns a :class:`Sweep`.
+
     Raises
     ------
     ProblemError, MethodError, FileError
@@ -293,8 +313,12 @@ def sweeping(
             f"sweep: the problem is {described(problem)}; give the path of a problem file, or a function"
         )
     places = list(itertools.product(*(range(len(axis.values)) for axis in given)))
-    record = None if options.keep is None else SweepRecord(options.keep, sweep_digest(problem, given, options), keys)
-    done = {} if record is None else {point.place: point for point in record.among(places)}
+    record, done = None, dict[tuple[int, ...], SweepPoint]()
+    if options.keep is not None:
+        digest, said = sweep_digest(problem, given, options), {"parameters": list(keys)}
+        record = KeptWork(options.keep, "sweep", "point", digest, SweepPoint.of_line, said)
+        among = set(places)
+        done = {point.place: point for point in record if point.place in among}
     tasks = [
         _Task(place, _values(given, place), keys, source, options.search, options.changes)
         for place in places

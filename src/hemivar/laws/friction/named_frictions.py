@@ -15,12 +15,27 @@ __all__ = ["Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKin
 
 
 def Tresca(bound: Parameter | StateBound) -> Friction:  # noqa: N802 - a law, named as the others are
-    """Tresca's law: friction at most ``bound``, against the slip once it slips (j_tau = |.|)."""
+    """Tresca's law: friction at most ``bound``, against the slip once it slips (j_tau = |.|).
+
+    Parameters
+    ----------
+    bound : number, array, function or StateBound
+        Force per area.
+
+    Returns
+    -------
+    Friction
+    """
     return Friction(bound)
 
 
 def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
-    """No friction."""
+    """No friction.
+
+    Returns
+    -------
+    Friction
+    """
     return Friction(0.0)
 
 
@@ -30,19 +45,62 @@ def SlipWeakening(  # noqa: N802 - a law, named as the others are
     """Friction that falls with the slip from ``bound static`` to ``bound kinetic`` like exp(-rate |slip|).
 
     The defaults are the survey's j_tau(r) = 0.7 r - 0.3 exp(-r).
+
+    Parameters
+    ----------
+    bound : number, array, function or StateBound
+        Force per area.
+    static : number, array or function
+        Part of the bound at rest.
+    kinetic : number, array or function
+        Part of the bound after a long slip.
+    rate : number, array or function
+        One over a slip.
+
+    Returns
+    -------
+    Friction
     """
     return Friction(bound, ExponentialWeakening(static, kinetic, rate))
 
 
 def Logarithmic(bound: Parameter | StateBound, scale: Parameter = 1.0) -> Friction:  # noqa: N802
-    """Friction ``bound/(scale + |slip|)``, j_tau(r) = ln(1 + |r|/scale)."""
+    """Friction ``bound/(scale + |slip|)``, j_tau(r) = ln(1 + |r|/scale).
+
+    Parameters
+    ----------
+    bound : number, array, function or StateBound
+        Force per area.
+    scale : number, array or function
+        A slip.
+
+    Returns
+    -------
+    Friction
+    """
     return Friction(bound, LogarithmicWeakening(scale))
 
 
 def StaticKinetic(  # noqa: N802
     bound: Parameter | StateBound, slip: Parameter, static: Parameter = 1.0, kinetic: Parameter = 0.7
 ) -> Friction:
-    """Friction ``bound static`` up to the slip ``slip`` > 0, then at once ``bound kinetic``."""
+    """Friction ``bound static`` up to the slip ``slip`` > 0, then at once ``bound kinetic``.
+
+    Parameters
+    ----------
+    bound : number, array, function or StateBound
+        Force per area.
+    slip : number, array or function
+        A length.
+    static : number, array or function
+        Part of the bound before that slip.
+    kinetic : number, array or function
+        Part of the bound after it.
+
+    Returns
+    -------
+    Friction
+    """
     return Friction(bound, StaticKineticProfile(slip, static, kinetic))
 
 
@@ -58,6 +116,10 @@ def SlipTable(  # noqa: N802
         >= 0, not falling; a repeated one is a jump.
     values : sequence of float
         j_tau' at the slips.
+
+    Returns
+    -------
+    Friction
     """
     r, d = check_points(slips, values, "slips of law 'slip-table'", friction=True)
     stated = MappingProxyType({"law": "slip-table", "slips": r, "values": d})

@@ -33,6 +33,10 @@ def friction_in_increments(friction: Friction, rate: float) -> Friction:
         With resolved parameters; its bound may depend on the state.
     rate : float
         a > 0, the factor of the increment in the slip rate: 1/tau for implicit Euler.
+
+    Returns
+    -------
+    Friction
     """
     if homogeneous(friction.profile):
         return friction
@@ -45,6 +49,11 @@ class Chain(Memory):
 
     A chain of none is no memory.  The entries of its state are those of its parts, with the number of the part in
     front: ``0.opening``.
+
+    Parameters
+    ----------
+    parts : tuple of Memory
+        Memories, each with those before it.
     """
 
     parts: tuple[Memory, ...]
@@ -161,6 +170,8 @@ def law_of_step(
         ``Chain(())`` for none.
     state : mapping
         Of the memory.
+    step : LocalStep
+        Step and state from which it starts.
     damping : Superpotential, optional
         A law psi of the rate of the penetration; it adds ``psi'(v)`` to the pressure, in contact or not.
 

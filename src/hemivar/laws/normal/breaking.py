@@ -167,6 +167,10 @@ def Layered(  # noqa: N802 - a law, named as the others are
     base : float, optional
         Stiffness of the ground below all layers; left out: rigid.
 
+    Returns
+    -------
+    PiecewiseQuadratic
+
     Raises
     ------
     ProblemError
@@ -212,6 +216,10 @@ def SawTooth(  # noqa: N802 - a law, named as the others are
         Of the tension on each tooth (force per area); zero if left out.
     compression : float, optional
         Stiffness in penetration, >= 0; left out: rigid.
+
+    Returns
+    -------
+    PiecewiseQuadratic
 
     Raises
     ------

@@ -226,6 +226,14 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
         Length up to which kinks and constants are looked for: larger than any displacement that matters.
     even : bool
         The formula holds for r >= 0 and j(-r) = j(r): for friction.
+    name : str
+        What the law is called in messages.
+    where : str
+        What stands before messages about the formula.
+
+    Returns
+    -------
+    Superpotential
 
     Raises
     ------

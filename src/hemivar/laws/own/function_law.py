@@ -215,6 +215,12 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
         Length up to which the constants are sampled: larger than any displacement that matters.
     even : bool
         The functions hold for r >= 0 and j(-r) = j(r): for friction.
+    name : str
+        What the law is called in messages.
+
+    Returns
+    -------
+    Superpotential
 
     Raises
     ------

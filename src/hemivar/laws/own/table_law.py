@@ -95,6 +95,10 @@ def table_law(
     file : Path, optional
         Where the points come from.
 
+    Returns
+    -------
+    PiecewiseQuadratic
+
     Raises
     ------
     ProblemError
@@ -126,6 +130,21 @@ def read_law_table(
     path: str | Path, *, extend: str = Extension.CONSTANT, friction: bool = False, name: str = "table"
 ) -> PiecewiseQuadratic:
     """Like :func:`table_law`, from a CSV file with the columns r and derivative; see :func:`read_columns`.
+
+    Parameters
+    ----------
+    path : str or Path
+        Name of the file.
+    extend : str
+        How the law goes on beyond the table, as in :func:`table_law`.
+    friction : bool
+        Whether the table is of friction over the slip.
+    name : str
+        What the law is called in messages.
+
+    Returns
+    -------
+    PiecewiseQuadratic
 
     Raises
     ------

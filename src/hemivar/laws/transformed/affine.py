@@ -30,6 +30,10 @@ def affine(law: Superpotential, theta: Array | float, c: Array | float = 0.0) ->
     c : number or array (m,)
         Any.
 
+    Returns
+    -------
+    Superpotential
+
     Raises
     ------
     ProblemError

@@ -29,6 +29,10 @@ def averaged(law: Superpotential, before: Array | float) -> Superpotential:
         Piecewise quadratic, without an end; with resolved parameters.
     before : number or array (m,)
 
+    Returns
+    -------
+    Superpotential
+
     Raises
     ------
     ProblemError

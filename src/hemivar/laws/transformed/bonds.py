@@ -47,6 +47,15 @@ def bonded(
         beta_n, between 0 and 1.
     tau : float
         Length of the step, > 0.
+
+    Returns
+    -------
+    Superpotential
+
+    Raises
+    ------
+    ProblemError
+        The bonding field exceeds one.
     """
     what = "of a bond"
     beta = numbers(field, f"the bonding field {what}", least=0.0)

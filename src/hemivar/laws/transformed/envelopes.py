@@ -30,6 +30,10 @@ def envelope(law: Superpotential, compliance: Array | float) -> Superpotential:
     compliance : number or array (m,)
         c >= 0 (length per force per area); with zero the law stays what it is.
 
+    Returns
+    -------
+    Superpotential
+
     Raises
     ------
     ProblemError

@@ -26,6 +26,10 @@ def pushing(law: Superpotential, damping: Superpotential) -> Superpotential:
     law, damping : Superpotential
         Convex, with resolved parameters; of a rate, ``damping`` is first given its affine argument.
 
+    Returns
+    -------
+    Superpotential
+
     Raises
     ------
     ProblemError

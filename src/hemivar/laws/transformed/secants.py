@@ -31,6 +31,10 @@ def secant(law: Superpotential, opening: Array | float) -> Superpotential:
     opening : number or array (m,)
         D >= 0; more than the law allows counts as the end of its domain.
 
+    Returns
+    -------
+    Superpotential
+
     Raises
     ------
     ProblemError

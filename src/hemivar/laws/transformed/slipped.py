@@ -37,6 +37,10 @@ def slipped(profile: Superpotential, total: Array | float) -> Superpotential:
         Even, as friction profiles are; with resolved parameters.
     total : number or array (m,)
         s >= 0.
+
+    Returns
+    -------
+    Superpotential
     """
     known = numbers(total, f"the slip sum of friction law '{profile.name}'", least=0.0)
     stacked = by_parts(profile, lambda part, index: slipped(part, row(known, index)))

@@ -26,6 +26,15 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     The knots are those of all terms.  Its alpha is found piece by piece: it is at most the sum of theirs, less where
     one term is convex enough where another one falls, and finite where an upward jump outweighs a downward one.
 
+    Parameters
+    ----------
+    law : Superpotential
+    *others : Superpotential
+
+    Returns
+    -------
+    Superpotential
+
     Raises
     ------
     ProblemError

@@ -174,7 +174,13 @@ class RadialSets:
 
 @dataclass(frozen=True)
 class ExactInner(InnerSolver):
-    """Newton's method with a dense factorisation; one step where the pieces are linear, and one in 3D."""
+    """Newton's method with a dense factorisation; one step where the pieces are linear, and one in 3D.
+
+    Parameters
+    ----------
+    max_steps : int
+        Limit of the steps of Newton's method.
+    """
 
     max_steps: int = 30
 

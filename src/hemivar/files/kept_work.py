@@ -1,0 +1,117 @@
+"""What is done of long work: a line of JSON for each part, appended when it is done, so that work can go on from it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Generic, Protocol, TypeVar
+
+from hemivar.basics import disk
+from hemivar.errors import FileError
+
+__all__ = ["KeptWork", "plain_json"]
+
+_FORMAT = 1
+
+
+class _Part(Protocol):
+    def line(self) -> str: ...
+
+
+Part = TypeVar("Part", bound=_Part)
+
+
+def plain_json(value: object) -> object:
+    """A value as JSON has it: tuples as lists, numbers that are not finite as texts.
+
+    Parameters
+    ----------
+    value : object
+    """
+    if isinstance(value, tuple):
+        return [plain_json(one) for one in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)  # JSON has no such numbers
+    return value
+
+
+class KeptWork(Generic[Part]):
+    """A file that holds the parts of one work that are done, bound to that work by a digest.
+
+    A process that is killed leaves whole lines, and perhaps the beginning of one, which is left out.
+
+    Parameters
+    ----------
+    path : str or Path
+        Made if it is not there.
+    kind : str
+        The work, in a word: ``"sweep"``.
+    part : str
+        A part of it, in a word: ``"point"``.
+    digest : str
+        Of all that the parts depend on: the same work.
+    read : function
+        From a line to the part; ValueError, KeyError or TypeError where it is none.
+    said : mapping
+        What else stands in the first line, which must be the same as well.
+    most_bytes : int
+        A larger file is not read.
+
+    Raises
+    ------
+    FileError
+        The file cannot be read or written, or it is not the record of this work.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        kind: str,
+        part: str,
+        digest: str,
+        read: Callable[[str], Part],
+        said: Mapping[str, object] | None = None,
+        most_bytes: int = disk.MOST_BYTES,
+    ) -> None:
+        self.path = Path(path)
+        self._kind = kind
+        self._parts: list[Part] = []
+        head = json.dumps({f"hemivar-{kind}": _FORMAT, "digest": digest, **(said or {})})
+        if not os.path.lexists(self.path):
+            disk.write_text(self.path, head + "\n")
+            return
+        text = disk.read_text(self.path, f"record of a {kind}", most_bytes)
+        whole = text[: text.rfind("\n") + 1]
+        first, *lines = whole.splitlines() or [""]
+        if first != head:
+            self._refuse(first)
+        for number, line in enumerate(lines, start=2):
+            try:
+                self._parts.append(read(line))
+            except (ValueError, KeyError, TypeError) as error:
+                raise FileError(
+                    f"{disk.shown(path)}, line {number}: this is no {part} of a {kind}; remove the line, or the file"
+                ) from error
+        if whole != text:  # the process ended while it wrote the last line
+            disk.write_text(self.path, whole)
+
+    def _refuse(self, first: str) -> None:
+        try:
+            ours = f"hemivar-{self._kind}" in json.loads(first)
+        except (ValueError, TypeError):
+            ours = False
+        what = f"holds another {self._kind}, or the problem has changed since"
+        what = what if ours else f"is no record of a {self._kind}"
+        raise FileError(f"{disk.shown(self.path)}: the file {what}; name another file, or remove it")
+
+    def __iter__(self) -> Iterator[Part]:
+        """The parts that were there already, and those that were added."""
+        return iter(tuple(self._parts))
+
+    def add(self, part: Part) -> None:
+        """Keep a part: on return its line has reached the disk."""
+        disk.append_line(self.path, part.line())
+        self._parts.append(part)

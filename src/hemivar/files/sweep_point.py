@@ -1,0 +1,83 @@
+"""The points of a sweep, each a line of JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, fields
+
+from hemivar.files.kept_work import plain_json
+
+__all__ = ["SweepPoint"]
+
+_OF_SOLUTIONS = ("energies", "penetrations", "forces")
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """The solutions of a problem for one choice of its parameters.
+
+    Attributes
+    ----------
+    place : tuple of int
+        Which value of each parameter, from 0.
+    margin : float
+        The smallness margin ``1 - c``: positive where there is one solution; nan where it is not known.
+    energies : tuple of float
+        Of the solutions, increasing.
+    kinds : tuple of str
+        What kind of point each solution is; empty where it was not looked at.
+    penetrations, forces : tuple of float
+        Largest penetration and normal force of each solution.
+    exhaustive : bool
+        Whether there are no other solutions.
+    note : str
+        How far the search went; or why there is no result.
+    failed : bool
+        Whether the problem could not be stated or solved for these values.
+    """
+
+    place: tuple[int, ...]
+    margin: float = math.nan
+    energies: tuple[float, ...] = ()
+    kinds: tuple[str, ...] = ()
+    penetrations: tuple[float, ...] = ()
+    forces: tuple[float, ...] = ()
+    exhaustive: bool = False
+    note: str = ""
+    failed: bool = False
+
+    @property
+    def count(self) -> int:
+        """How many solutions were found."""
+        return len(self.energies)
+
+    @property
+    def minima(self) -> int:
+        """How many of them are local minimisers of the energy."""
+        return sum(kind.endswith("minimiser") for kind in self.kinds)
+
+    def line(self) -> str:
+        """The point on one line of JSON; every bit of its numbers comes back."""
+        return json.dumps({one.name: plain_json(getattr(self, one.name)) for one in fields(self)}, allow_nan=False)
+
+    @staticmethod
+    def of_line(text: str) -> SweepPoint:
+        """The point of a line.
+
+        Raises
+        ------
+        ValueError, KeyError, TypeError
+            It is no such line.
+        """
+        data = json.loads(text)
+        numbers = {name: tuple(float(value) for value in data[name]) for name in _OF_SOLUTIONS}
+        return SweepPoint(
+            tuple(int(one) for one in data["place"]),
+            float(data["margin"]),
+            kinds=tuple(str(one) for one in data["kinds"]),
+            exhaustive=data["exhaustive"] is True,
+            note=str(data["note"]),
+            failed=data["failed"] is True,
+            **numbers,
+        )
