@@ -134,10 +134,10 @@ class VertexRings:
         """
         corners = self._corners(compliance, difference)
         change = np.zeros((len(self.nodes), 3))
-        for batch in self.batches:
+        for number, batch in enumerate(self.batches):
             step = max(_CELLS // len(batch), 1)
             for start in range(0, batch.shape[1], step):
-                self._improve(batch[:, start : start + step], corners, change, moments)
+                self._improve(batch[:, start : start + step], number == 0, corners, change, moments)
 
     def _corners(self, compliance: Array, difference: Array) -> Array:
         """Compliance (6) and slopes of the five fields at each corner, shape (3 M, 11)."""
@@ -156,14 +156,15 @@ class VertexRings:
                     out[part][chosen, :, 6:] = (slope[chosen] @ fixed.named[side]).reshape(-1, 3, 5)
         return out.reshape(-1, 11)
 
-    def _improve(self, ring: IntArray, corners: Array, change: Array, moments: Array) -> None:
-        """Rings (c, k) that share no cell."""
+    def _improve(self, ring: IntArray, fresh: bool, corners: Array, change: Array, moments: Array) -> None:
+        """Rings (c, k) that share no cell, whose cells may be fresh: without a change so far."""
         fixed = _fixed()
         size, count = ring.shape
         flat = ring.ravel()
         one, two = _turned(flat, 1), _turned(flat, 2)
-        points = self.table.mesh.points
-        t = (points[self.nodes[one]] - points[self.nodes[flat]]).T.reshape(2, size, count)
+        ends = self.nodes[one], self.nodes[ring[0]]
+        t = np.take(self.table.mesh.points, ends[0], axis=0).T.reshape(2, size, count)
+        t = t - np.take(self.table.mesh.points, ends[1], axis=0).T[:, None]
         after = np.roll(t, -1, axis=1)
         J = t[0] * after[1] - t[1] * after[0]
         square = t[0] * t[0] + t[1] * t[1]
@@ -172,14 +173,16 @@ class VertexRings:
         inverse = 1.0 / J
         gradients = np.stack([after[1], -after[0], -t[1], t[0]]).reshape(2, 2, size, count) * inverse
 
-        known = corners[flat].T
+        known = np.ascontiguousarray(np.take(corners, flat, axis=0).T)
         D, slope = known[:6], known[6:]
-        moved = np.concatenate([change[flat], change[one], change[two]], axis=1).T
-        products = (D[:, None] * moved).reshape(-1, len(flat))
-        slope = (slope + fixed.coupling @ products).reshape(5, size, count)
+        moved = np.zeros((9, len(flat)))
+        if not fresh:
+            for row, corner in ((0, flat), (3, one), (6, two)):
+                moved[row : row + 3] = np.take(change, corner, axis=0).T
+            slope += fixed.coupling @ (D[:, None] * moved).reshape(54, -1)
         energy = np.empty((5, 6, size, count))  # the slopes are one column more
         energy[:, :5] = (fixed.energy @ D).reshape(5, 5, size, count)
-        energy[:, 5] = slope
+        energy[:, 5] = slope.reshape(5, size, count)
 
         # from T_in, T_out, f_1, f_2, c to tau_in, tau_out, F, M: rows, then columns
         for table in (energy, energy[:, :5].swapaxes(0, 1)):
@@ -192,25 +195,21 @@ class VertexRings:
         tau, flow = solved[:size], solved[size:]
 
         # what the cells see of it, and the facets
-        force = flow[:2, None]
-        out = np.zeros((9, size, count))
-        out[:] = fixed.couple[:, None, None] * (inverse * flow[2])
-        out[1] += gradients[0, 0] * flow[0] + gradients[0, 1] * flow[1]
-        out[2] += gradients[1, 0] * flow[0] + gradients[1, 1] * flow[1]
-        out[3] += np.roll(tau, -1, axis=0) - far * flow[2]
-        out[6] -= tau + near * flow[2]
-        moved += out.reshape(9, -1)
-        moved = moved.T
-        change[flat], change[one], change[two] = moved[:, :3], moved[:, 3:6], moved[:, 6:]
-        couple = np.stack([-t[1], t[0]]) * (flow[2] / square)
+        force, couple = flow[:2, None], flow[2]
+        seen = moved.reshape(9, size, count)
+        seen += fixed.couple[:, None, None] * (inverse * couple)
+        seen[1:3] += gradients[:, 0] * flow[0] + gradients[:, 1] * flow[1]
+        seen[3] += np.roll(tau, -1, axis=0) - far * couple
+        seen[6] -= tau + near * couple
+        for row, corner in ((0, flat), (3, one), (6, two)):
+            change[corner] = moved[row : row + 3].T
         along = t * tau
+        across = np.stack([-t[1], t[0]]) * (couple / square)
         sign = -self.outward[two]
-        ends = np.stack([along + force - couple, couple - along]).reshape(2, 2, -1) * sign
-        facet = 2 * self.across[two]
-        last = self.nodes[flat] > self.nodes[one]
+        facet, last = 2 * self.across[two], (ends[1] > ends[0].reshape(size, count)).ravel()
         rows = moments.reshape(-1, 2)
-        rows[facet + last] += ends[0].T
-        rows[facet + ~last] += ends[1].T
+        for place, values in ((facet + last, along + force - across), (facet + ~last, across - along)):
+            rows[place] += (values.reshape(2, -1) * sign).T
 
 
 def _turned(corners: IntArray, by: int) -> IntArray:
@@ -233,16 +232,19 @@ def _solved(energy: Array) -> Array:
         tau, F, M; zero for rings whose energy is not definite to rounding.
     """
     size, count = energy.shape[2:]
-    diagonal = energy[0, 0] + np.roll(energy[1, 1], 1, axis=0)
+    diagonal = energy[0, 0].copy()
+    diagonal[0] += energy[1, 1, -1]
+    diagonal[1:] += energy[1, 1, :-1]
     beside = energy[0, 1]
     # columns of what stays: the last tau, F, M; the slope
     rest = np.zeros((size, 5, count))
-    rest[:, 1:] = (energy[0, 2:] + np.roll(energy[1, 2:], 1, axis=1)).swapaxes(0, 1)
+    rest[:, 1:] = energy[0, 2:].swapaxes(0, 1)
+    rest[0, 1:] += energy[1, 2:, -1]
+    rest[1:, 1:] += energy[1, 2:, :-1].swapaxes(0, 1)
     rest[0, 0] = beside[-1]
     rest[-2, 0] += beside[-2]
     core = np.empty((4, 5, count))
     core[0, 0], core[0, 1:] = diagonal[-1], rest[-1, 1:]
-    core[1:, 0] = rest[-1, 1:4]
     core[1:, 1:] = energy[2:, 2:].sum(axis=2)
     definite = np.ones(count, dtype=bool)
     with np.errstate(all="ignore"):
@@ -254,11 +256,11 @@ def _solved(energy: Array) -> Array:
                 rest[i + 1] -= factor * rest[i]
         scaled = rest[:-1, :4] / diagonal[:-1, None]
         for row in range(4):
-            core[row] -= (scaled[:, row, None] * rest[:-1]).sum(axis=0)
+            core[row, row:] -= (scaled[:, row, None] * rest[:-1, row:]).sum(axis=0)
         for row in range(4):
             definite &= core[row, row] > 0.0
-            for below in range(row + 1, 4):
-                core[below, row + 1 :] -= core[below, row] / core[row, row] * core[row, row + 1 :]
+            for below in range(row + 1, 4):  # of the upper triangle alone
+                core[below, below:] -= core[row, below] / core[row, row] * core[row, below:]
         out = np.empty((size + 3, count))
         ends = out[size - 1 :]
         for row in range(3, -1, -1):
@@ -269,7 +271,8 @@ def _solved(energy: Array) -> Array:
                 right[i] += beside[i] * out[i + 1]
             out[i] = -right[i] / diagonal[i]
         definite &= np.isfinite(out).all(axis=0)
-    out[:, ~definite] = 0.0
+    if not definite.all():
+        out[:, ~definite] = 0.0
     return out
 
 
