@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from hemivar.adapt.body_data import BodyData
-from hemivar.adapt.vertex_moments import Tractions, equilibrated
+from hemivar.adapt.vertex_moments import Tractions, UnsettledTractions, equilibrated
 from hemivar.basics.types import Array
 from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_values
@@ -70,8 +70,7 @@ class AdmissibleStress:
         """
         data = self.data
         if not data.varies:
-            stress = self.element.at_nodes(self.difference)
-            return self.element.energy(stress, data.reference_compliance)
+            return self.element.energy_of(self.difference, data.reference_compliance)
         return self._varying_misfit()
 
     @cached_property
@@ -119,7 +118,9 @@ def _linear_at_nodes(piece: int, dim: int, order: int) -> Array:
     return np.vstack([corners, *middle])
 
 
-def admissible_stress(data: BodyData, pressures: Array | None = None) -> AdmissibleStress:
+def admissible_stress(
+    data: BodyData, pressures: Array | None = None, start: UnsettledTractions | None = None
+) -> AdmissibleStress:
     """The stress of tractions in equilibrium vertex by vertex.
 
     Parameters
@@ -127,11 +128,13 @@ def admissible_stress(data: BodyData, pressures: Array | None = None) -> Admissi
     data : BodyData
     pressures : array, shape (F, k, d), optional
         See :func:`hemivar.adapt.vertex_moments.equilibrated`; zero by default.
+    start : UnsettledTractions, optional
+        Those of the data, if they are known.
 
     Raises
     ------
     ProblemError
         Cells around a vertex are joined there through no facet.
     """
-    start = np.zeros(data.facet_loads.shape) if pressures is None else pressures
-    return AdmissibleStress(data, equilibrated(data, start))
+    given = np.zeros(data.facet_loads.shape) if pressures is None else pressures
+    return AdmissibleStress(data, equilibrated(data, given, start))
