@@ -26,6 +26,9 @@ from hemivar.mesh.keys import EDGES
 
 __all__ = ["AdmissibleStress", "admissible_stress"]
 
+#: Cells whose numbers are held at a time: they fit a cache.
+_CELLS = 1 << 12
+
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleStress:
@@ -54,12 +57,22 @@ class AdmissibleStress:
     def difference(self) -> Array:
         """Degrees of freedom (M, n), on the reference simplex, of the difference to ``stresses`` of the data."""
         data, table = self.data, self.data.table
-        moments = table.of_cells(self.tractions.moments) - data.cell_moments
+        element, dim = self.element, table.dim
+        every = data.cell_moments
         # the divergence of the data's stresses is constant on cells: the balance with the moments brings it in
         loads = data.linear(data.loads + self.tractions.defect)
-        both = np.concatenate([moments.reshape(len(moments), -1, table.dim), loads], axis=1)
-        back = np.einsum("mij,maj->mai", table.inverse, both, optimize=True).reshape(len(both), -1)
-        return self.element.settled(back @ self.element.loading.T, data.reference_compliance)
+        out = np.empty((len(loads), len(element.loading)))
+        for start in range(0, len(loads), _CELLS):
+            part = slice(start, start + _CELLS)
+            moments = np.take(self.tractions.moments, table.cell_facets[part], axis=0)
+            moments *= table.signs[part, :, None, None]
+            moments -= every[part]
+            both = np.concatenate([moments.reshape(len(moments), -1, dim), loads[part]], axis=1)
+            back = np.ascontiguousarray(both.transpose(1, 2, 0))  # cells last
+            inverse = np.ascontiguousarray(table.inverse[part].transpose(1, 2, 0))
+            turned = np.stack([sum(row[j] * back[:, j] for j in range(dim)) for row in inverse], axis=1)
+            out[part] = (element.loading @ turned.reshape(-1, len(both))).T
+        return element.settled(out, data.reference_compliance)
 
     @cached_property
     def misfit(self) -> Array:

@@ -197,8 +197,10 @@ def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: A
     shape = (len(u), corners, dim, dim)
 
     def strain(point: Array) -> Array:
-        slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), table.gradients)
-        gradient = np.einsum("mai,maj->mij", u, slopes)
+        slopes = table.gradients
+        if order > 1:
+            slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), slopes)
+        gradient = u.transpose(0, 2, 1) @ slopes
         return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
 
     def stress(matrix: Array, strain: Array) -> Array:
@@ -210,7 +212,7 @@ def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: A
     if order == 1:
         strains = strain(np.full(corners, 1.0 / corners))
         stresses = stress(mean, strains)
-        forces = np.einsum("m,mij,maj->mai", table.volumes, stresses, table.gradients, optimize=True)
+        forces = (table.volumes[:, None, None] * table.gradients) @ stresses  # which are symmetric
         return np.broadcast_to(strains[:, None], shape), np.broadcast_to(stresses[:, None], shape), forces
     strains = np.stack([strain(corner) for corner in np.eye(corners)], axis=1)
     points, weights = quadrature_rule(dim, 2 if constant else 2 * order)

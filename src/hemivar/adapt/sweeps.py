@@ -117,9 +117,8 @@ class Sweeper:
         if self.general:
             self._improve_batches(self._rings.as_batches(), kind, freed, None, False)
             return
-        self._rings.improve(self.data.reference_compliance, self._difference, self._moments)
         self._now = None
-        self._difference = self.stress.difference.copy()
+        self._rings.improve(self.data.reference_compliance, self._difference, self._moments)
 
     @cached_property
     def _rings(self) -> VertexRings:

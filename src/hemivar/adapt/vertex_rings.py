@@ -128,7 +128,7 @@ class VertexRings:
         compliance : array, shape (M, 3, 3)
             Pulled back to the reference triangle.
         difference : array, shape (M, 15)
-            Degrees of freedom of the difference to the stress that is to be met.
+            Degrees of freedom of the difference to the stress that is to be met, changed in place.
         moments : array, shape (F, 2, 2)
             Of the tractions, changed in place.
         """
@@ -138,6 +138,9 @@ class VertexRings:
             step = max(_CELLS // len(batch), 1)
             for start in range(0, batch.shape[1], step):
                 self._improve(batch[:, start : start + step], number == 0, corners, change, moments)
+        change = change.reshape(-1, 9)
+        for side, cells in ((0, self.left), (1, ~self.left)):
+            difference[cells] += change[cells] @ _fixed().degrees[side]
 
     def _corners(self, compliance: Array, difference: Array) -> Array:
         """Compliance (6) and slopes of the five fields at each corner, shape (3 M, 11)."""
@@ -297,6 +300,8 @@ class _Fixed:
         Takes products of compliance and numbers of the nine to the slopes of the five.
     couple : array, shape (9,)
         c in the nine.
+    degrees : array, shape (2, 9, 15)
+        Takes numbers of the nine, of vertices against the clock, to degrees of freedom, as ``frames``.
     """
 
     slopes: Array
@@ -305,6 +310,7 @@ class _Fixed:
     energy: Array
     coupling: Array
     couple: Array
+    degrees: Array
 
 
 @cache
@@ -333,8 +339,15 @@ def _fixed() -> _Fixed:
         couple = field((one, k, a), (one, two, -a), (two, k, b), (two, one, -b))
         return np.stack([-edge(two, k, one), edge(one, k, two), *forces(k, one, two), couple], axis=1)
 
-    turns = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
-    nine = np.stack([way for k, i, j in turns for way in (edge(k, i, j), *forces(k, i, j))], axis=1)
+    def nine_at(k: int, one: int, two: int) -> list[Array]:
+        return [edge(k, one, two), *forces(k, one, two)]
+
+    turns, orders = [(0, 1, 2), (1, 2, 0), (2, 0, 1)], ([0, 1, 2], [0, 2, 1])
+    ways = [
+        np.stack([way for turn in turns for way in nine_at(*(order[vertex] for vertex in turn))], axis=1)
+        for order in orders
+    ]
+    nine = ways[0]
     back = np.linalg.pinv(nine)
     local = back @ five(0, 1, 2)
     at = element.values @ (element.ways @ nine)
@@ -346,7 +359,7 @@ def _fixed() -> _Fixed:
     ])  # fmt: skip
     energies = nine.T @ element.energies @ nine
     frames, named = np.empty((2, 6, 3, 6)), np.empty((2, 9, 3, 5))
-    for side, order in enumerate(([0, 1, 2], [0, 2, 1])):
+    for side, order in enumerate(orders):
         for corner, turn in enumerate(turns):
             k, i, j = (order[vertex] for vertex in turn)
             change = voigt_map(np.stack([corners[i] - corners[k], corners[j] - corners[k]], axis=1))
@@ -359,4 +372,5 @@ def _fixed() -> _Fixed:
         slopes.reshape(-1, 9), frames.reshape(2, 6, 18), named.reshape(2, 9, 15),
         (local.T @ energies @ local).reshape(6, 25).T.copy(),
         (local.T @ energies).transpose(1, 0, 2).reshape(5, 54).copy(), local[:, 4].copy(),
+        np.stack([(element.ways @ way).T for way in ways]),
     )  # fmt: skip
