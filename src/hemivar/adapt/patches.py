@@ -86,9 +86,7 @@ def coloured(cell_patches: IntArray, count: int, seed: int = 0, first: IntArray 
     return colour[:-1]
 
 
-def patch_batches(
-    table: FacetTable, kind: PatchKind, free: BoolArray, patches: BoolArray | None = None
-) -> list[Batch]:
+def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: BoolArray | None = None) -> list[Batch]:
     """The patches of a kind, of the facets that are free, shape (F,), in batches; colour after colour.
 
     Of all patches, or of some alone: a bool for each vertex, edge or facet.

@@ -10,6 +10,9 @@ on them), are the only ones in the kernel of ``C'``; there the second equation i
 
 Patches of one colour share no cell and are improved at once. Every patch lowers the misfit, in sum with the price of
 contact tractions that leave what the law allows.
+
+With linear elements in the plane the vertices inside, which are nearly all, are left to :mod:`hemivar.adapt.vertex_rings`.
+Those of the boundary come before them and once more behind them: they are few, and settle contact tractions last.
 """
 
 from __future__ import annotations
@@ -106,7 +109,8 @@ class Sweeper:
         key = (kind, contact is not None)
         if key not in self._batches:
             others = ~self._rings.vertices if closed else None
-            self._batches[key] = patch_batches(self.data.table, kind, freed.any(axis=(1, 2)), others)
+            free = np.asarray(freed.any(axis=(1, 2)))
+            self._batches[key] = patch_batches(self.data.table, kind, free, others)
         self._improve_batches(self._batches[key], kind, freed, contact, only_contact)
         if closed and not only_contact:
             self._improve_closed(kind, freed)

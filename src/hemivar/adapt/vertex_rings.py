@@ -4,7 +4,7 @@ Around a vertex z let ``y_i`` be the other nodes in turn and T_i the cell betwee
 What balances on every cell is, on edge i with ``t = y_i - z``, moments at its two ends
 
     ``tau_i t, -tau_i t``     (neither force nor moment),
-    ``F - M q, M q``          with ``q = R t / |t|^2``, R a quarter of a turn: the same force F and couple M on all edges,
+    ``F - M q, M q``          with ``q = R t / |t|^2``, R a quarter of a turn: one force F and couple M on all edges,
 
 seen from T_(i-1), and from T_i with the other sign. On the reference triangle with ``t_i, t_(i+1)`` along its axes
 
@@ -291,7 +291,7 @@ class _Fixed:
     slopes : array, shape (6 * 15, 9)
         Takes products of compliance and degrees of freedom to the slopes of the nine, in the order of sorted vertices.
     frames : array, shape (2, 6, 18)
-        Takes the compliance of a cell to those seen from its corners; for sorted vertices against the clock, and with it.
+        Takes the compliance of a cell to those seen from its corners; for sorted vertices against the clock, and not.
     named : array, shape (2, 9, 15)
         Takes slopes of the nine to those of the five fields at its corners.
     energy : array, shape (25, 6)
