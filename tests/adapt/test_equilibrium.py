@@ -16,7 +16,9 @@ from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.facet_table import facet_vertices
 from hemivar.fem.reactions import nodal_contact_forces
-from hemivar.mechanics import Clamped, ContactProblem, Material
+from hemivar.laws import Compliance
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import box
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
 
@@ -43,6 +45,26 @@ def test_every_field_has_a_stress_where_the_rest_is_a_load(name: str) -> None:
     stress = admissible_stress(body_data(problem, u))
     assert np.abs(stress.tractions.defect).max() > 1e-3
     assert imbalance(stress, 1, order=1) < 1e-13
+
+
+def test_cells_with_two_contact_facets_are_in_equilibrium() -> None:
+    """At an edge where the contact boundary turns a cell may have two facets there, whatever the numbers of nodes."""
+    mesh = box((1.0, 1.0, 1.0), 2)
+    place = np.random.default_rng(1).permutation(mesh.number_of_nodes)
+    points = np.empty(mesh.points.shape)
+    points[place] = mesh.points
+    mesh = Mesh(points, place[mesh.cells], {name: place[facets] for name, facets in mesh.boundaries.items()}, {})
+    problem = ContactProblem(
+        mesh,
+        Material.lame(4.0, 4.0),
+        contact={"bottom": Contact(Compliance(3.0)), "right": Contact(Compliance(2.0))},
+        supports={"left": Clamped()},
+        body_force=(-0.4, -0.3, -0.4),
+    )
+    stress = admissible_stress(body_data(problem, solve(problem).displacement))
+    outer = stress.data.contact[stress.data.table.cell_facets] >= 0
+    assert (outer.sum(axis=1) == 2).any()
+    assert imbalance(stress, 1) < 1e-13
 
 
 @pytest.mark.parametrize("name", ["survey", "turned", "cube", "pulled cube", "survey, quadratic", "turned, quadratic"])
