@@ -47,6 +47,30 @@ def test_every_field_has_a_stress_where_the_rest_is_a_load(name: str) -> None:
     assert imbalance(stress, 1, order=1) < 1e-13
 
 
+@pytest.mark.parametrize("name", ["survey", "layered", "graded", "cube", "survey, quadratic", "graded, quadratic"])
+def test_given_pressures_leave_the_forces_of_the_nodes(name: str) -> None:
+    """Whatever contact tractions one starts with, they are completed to the forces of the nodes, and all balances."""
+    problem = BODIES[name]()
+    data = body_data(problem, solve(problem).displacement)
+    touched = np.flatnonzero(data.contact >= 0)
+    given = np.zeros(data.facet_loads.shape)
+    given[touched] = np.random.default_rng(6).normal(size=given[touched].shape) * np.abs(data.forces).max()
+    plain, pressed = admissible_stress(data), admissible_stress(data, given)
+    assert imbalance(pressed, 1, order=1 if name in VARYING else 2) < 1e-13
+    assert np.array_equal(pressed.tractions.defect, plain.tractions.defect)
+    change = np.einsum(
+        "fij,faj->fai",
+        np.eye(data.table.dim) - data.unknown[touched],
+        pressed.tractions.moments[touched] - plain.tractions.moments[touched],
+    )
+    assert np.abs(change).max() > 1e-2 * np.abs(given).max()
+    of_nodes = np.zeros(data.displacement.shape)
+    np.add.at(of_nodes, data.facet_nodes[touched], change)
+    held = data.facet_nodes[~data.table.interior & (data.contact < 0) & data.unknown.any(axis=(1, 2))]
+    of_nodes[held] = 0.0  # there the supports take the rest
+    assert np.abs(of_nodes).max() < 1e-13 * np.abs(given).max()
+
+
 def test_cells_with_two_contact_facets_are_in_equilibrium() -> None:
     """At an edge where the contact boundary turns a cell may have two facets there, whatever the numbers of nodes."""
     mesh = box((1.0, 1.0, 1.0), 2)
