@@ -120,10 +120,9 @@ class BodyData:
         """Moments of the tractions of ``stresses`` on the facets of each cell, outward, shape (M, d + 1, k, d)."""
         table, dim = self.table, self.table.dim
         # int_F s nu phi = s (|F| nu) int phi / |F|, and |F| nu = -d |T| grad
-        normals = (-dim * table.volumes)[:, None, None] * table.gradients
         if self.order == 1:
-            means = np.einsum("mij,maj->mai", self.stresses[:, 0], normals) / dim
-            return np.asarray(np.broadcast_to(means[:, :, None], (len(means), dim + 1, dim, dim)))
+            return np.asarray(np.broadcast_to(-self.forces[:, :, None], (len(self.forces), dim + 1, dim, dim)))
+        normals = (-dim * table.volumes)[:, None, None] * table.gradients
         members, mixed = facet_vertices(dim), facet_mass(dim, self.order) @ _linear_values(dim - 1).T
         every = np.einsum("mvij,mfj->mfvi", self.stresses, normals)
         on_facets = every[:, np.arange(dim + 1)[:, None], members]
