@@ -120,7 +120,7 @@ class FacetTable:
 def _inverse(matrix: Array) -> Array:
     """Inverses of matrices (M, d, d)."""
     if matrix.shape[1] != 2:
-        return np.linalg.inv(matrix)
+        return np.asarray(np.linalg.inv(matrix))
     (a, b), (c, d) = matrix.transpose(1, 2, 0)
     out = np.empty(matrix.shape)
     out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = d, -b, -c, a
