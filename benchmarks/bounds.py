@@ -2,7 +2,7 @@
 
     python benchmarks/bounds.py claims [--runs 320] [--seed 1] [--rows claims.jsonl]
     python benchmarks/bounds.py effectivity [--sizes 8 16] [--space 2 4]
-    python benchmarks/bounds.py cost [--sizes 64 128] [--space 8 16]
+    python benchmarks/bounds.py cost [--sizes 64 128] [--space 8 16] [--data figure1 5.1] [--methods newton multigrid]
     python benchmarks/bounds.py memory [--sizes 128] [--space 12]
 
 ``claims`` judges every problem of the gallery that has a bound, and statements at random (``random_statements.py``),
@@ -21,6 +21,7 @@ the reference.  Effectivities are taken with m, so that they come out too large 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import subprocess
@@ -306,8 +307,8 @@ def effectivity(options: argparse.Namespace) -> int:
 # ---- cost and memory -----------------------------------------------------------------------------------------------
 
 
-def _problem(dim: int, n: int) -> hv.ContactProblem:
-    return gallery.survey("5.1", n) if dim == 2 else gallery.survey_cube("5.1", n)
+def _problem(dim: int, n: int, data: str = "5.1", order: int = 1) -> hv.ContactProblem:
+    return replace(gallery.survey(data, n) if dim == 2 else gallery.survey_cube(data, n), order=order)
 
 
 def _cases(options: argparse.Namespace) -> list[tuple[int, int]]:
@@ -317,13 +318,14 @@ def _cases(options: argparse.Namespace) -> list[tuple[int, int]]:
 def cost(options: argparse.Namespace) -> int:
     """Seconds of the bound over those of the solve; the least of some repetitions of either."""
     rows = []
-    for dim, n in _cases(options):
-        problem = _problem(dim, n)
+    solvers = {"chosen": None, "newton": hv.NonsmoothNewton(), "multigrid": hv.NonsmoothMultigrid()}
+    for (dim, n), data, method in itertools.product(_cases(options), options.data, options.methods):
+        problem = _problem(dim, n, data, options.order)
         constants = guaranteed_trace_bounds(hv.discretize(_problem(dim, 2 if dim == 3 else 4)))
         times: dict[str, list[float]] = {"solve": [], "bound": []}
         for _ in range(options.repeat):
             began = time.perf_counter()
-            solution = hv.solve(_problem(dim, n))
+            solution = hv.solve(_problem(dim, n, data, options.order), solvers[method])
             times["solve"].append(time.perf_counter() - began)
             began = time.perf_counter()
             exact_distance(problem, solution.displacement, constants)
@@ -332,7 +334,8 @@ def cost(options: argparse.Namespace) -> int:
         guaranteed_trace_bounds(hv.discretize(_problem(dim, 2 if dim == 3 else 4)))
         rows.append(
             {
-                "dim": dim, "1/h": n, "unknowns": solution.problem.unknowns, "solve, s": min(times["solve"]),
+                "dim": dim, "1/h": n, "data": data, "solver": solution.method,
+                "unknowns": solution.problem.unknowns, "solve, s": min(times["solve"]),
                 "bound, s": min(times["bound"]), "bound/solve": min(times["bound"]) / min(times["solve"]),
                 "constants of the body, once, s": time.perf_counter() - began,
             }
@@ -386,6 +389,9 @@ def main() -> int:
     parser.add_argument("--sizes", type=int, nargs="*", default=None, help="1/h in the plane")
     parser.add_argument("--space", type=int, nargs="*", default=None, help="1/h in space")
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--data", nargs="+", choices=list(gallery.SURVEY_DATA), default=["5.1"], help="of 'cost'")
+    parser.add_argument("--methods", nargs="+", choices=["chosen", "newton", "multigrid"], default=["chosen"])
+    parser.add_argument("--order", type=int, choices=[1, 2], default=1, help="of 'cost', in the plane")
     parser.add_argument("--what", choices=["solve", "bound"], help="of 'peak', which 'memory' runs")
     parser.add_argument("--dim", type=int)
     parser.add_argument("--cells", type=int)

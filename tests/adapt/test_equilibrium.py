@@ -16,7 +16,9 @@ from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.facet_table import facet_vertices
 from hemivar.fem.reactions import nodal_contact_forces
-from hemivar.mechanics import Clamped, ContactProblem, Material
+from hemivar.laws import Compliance
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import box
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
 
@@ -43,6 +45,50 @@ def test_every_field_has_a_stress_where_the_rest_is_a_load(name: str) -> None:
     stress = admissible_stress(body_data(problem, u))
     assert np.abs(stress.tractions.defect).max() > 1e-3
     assert imbalance(stress, 1, order=1) < 1e-13
+
+
+@pytest.mark.parametrize("name", ["survey", "layered", "graded", "cube", "survey, quadratic", "graded, quadratic"])
+def test_given_pressures_leave_the_forces_of_the_nodes(name: str) -> None:
+    """Whatever contact tractions one starts with, they are completed to the forces of the nodes, and all balances."""
+    problem = BODIES[name]()
+    data = body_data(problem, solve(problem).displacement)
+    touched = np.flatnonzero(data.contact >= 0)
+    given = np.zeros(data.facet_loads.shape)
+    given[touched] = np.random.default_rng(6).normal(size=given[touched].shape) * np.abs(data.forces).max()
+    plain, pressed = admissible_stress(data), admissible_stress(data, given)
+    assert imbalance(pressed, 1, order=1 if name in VARYING else 2) < 1e-13
+    assert np.array_equal(pressed.tractions.defect, plain.tractions.defect)
+    change = np.einsum(
+        "fij,faj->fai",
+        np.eye(data.table.dim) - data.unknown[touched],
+        pressed.tractions.moments[touched] - plain.tractions.moments[touched],
+    )
+    assert np.abs(change).max() > 1e-2 * np.abs(given).max()
+    of_nodes = np.zeros(data.displacement.shape)
+    np.add.at(of_nodes, data.facet_nodes[touched], change)
+    held = data.facet_nodes[~data.table.interior & (data.contact < 0) & data.unknown.any(axis=(1, 2))]
+    of_nodes[held] = 0.0  # there the supports take the rest
+    assert np.abs(of_nodes).max() < 1e-13 * np.abs(given).max()
+
+
+def test_cells_with_two_contact_facets_are_in_equilibrium() -> None:
+    """At an edge where the contact boundary turns a cell may have two facets there, whatever the numbers of nodes."""
+    mesh = box((1.0, 1.0, 1.0), 2)
+    place = np.random.default_rng(1).permutation(mesh.number_of_nodes)
+    points = np.empty(mesh.points.shape)
+    points[place] = mesh.points
+    mesh = Mesh(points, place[mesh.cells], {name: place[facets] for name, facets in mesh.boundaries.items()}, {})
+    problem = ContactProblem(
+        mesh,
+        Material.lame(4.0, 4.0),
+        contact={"bottom": Contact(Compliance(3.0)), "right": Contact(Compliance(2.0))},
+        supports={"left": Clamped()},
+        body_force=(-0.4, -0.3, -0.4),
+    )
+    stress = admissible_stress(body_data(problem, solve(problem).displacement))
+    outer = stress.data.contact[stress.data.table.cell_facets] >= 0
+    assert (outer.sum(axis=1) == 2).any()
+    assert imbalance(stress, 1) < 1e-13
 
 
 @pytest.mark.parametrize("name", ["survey", "turned", "cube", "pulled cube", "survey, quadratic", "turned, quadratic"])

@@ -138,6 +138,8 @@ def test_energies_in_the_pulled_back_compliance(dim: int) -> None:
     direct = volume * np.einsum("q,pqi,ij,pqj->", weights, vector, compliance, vector)
     assert element.energy(element.at_nodes(degrees[None]), back)[0] == pytest.approx(direct)
 
+    assert element.energy_of(degrees[None], back)[0] == pytest.approx(direct)
+
     moments = rng.normal(size=element.moments)
     stress = element.at_nodes((element.summing @ moments)[None])
     assert moments @ element.matrix(back)[0] @ moments == pytest.approx(element.energy(stress, back)[0])
@@ -255,6 +257,7 @@ def test_settled_stresses_have_the_least_energy() -> None:
     def energy(of: Array) -> Array:
         return element.energy(element.at_nodes(of), compliance)
 
+    assert element.energy_of(degrees, compliance) == pytest.approx(energy(degrees))
     settled = element.settled(degrees, compliance)
     assert np.array_equal(settled[:, :24], degrees[:, :24])
     for _ in range(5):

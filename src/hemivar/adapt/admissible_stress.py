@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from hemivar.adapt.body_data import BodyData
-from hemivar.adapt.vertex_moments import Tractions, equilibrated
+from hemivar.adapt.vertex_moments import Tractions, UnsettledTractions, equilibrated
 from hemivar.basics.types import Array
 from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_values
@@ -25,6 +25,9 @@ from hemivar.fem.split_element import SplitElement, split_element, voigt, voigt_
 from hemivar.mesh.keys import EDGES
 
 __all__ = ["AdmissibleStress", "admissible_stress"]
+
+#: Cells whose numbers are held at a time: they fit a cache.
+_CELLS = 1 << 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +57,22 @@ class AdmissibleStress:
     def difference(self) -> Array:
         """Degrees of freedom (M, n), on the reference simplex, of the difference to ``stresses`` of the data."""
         data, table = self.data, self.data.table
-        moments = table.of_cells(self.tractions.moments) - data.cell_moments
+        element, dim = self.element, table.dim
+        every = data.cell_moments
         # the divergence of the data's stresses is constant on cells: the balance with the moments brings it in
         loads = data.linear(data.loads + self.tractions.defect)
-        both = np.concatenate([moments.reshape(len(moments), -1, table.dim), loads], axis=1)
-        back = np.einsum("mij,maj->mai", table.inverse, both, optimize=True).reshape(len(both), -1)
-        return self.element.settled(back @ self.element.loading.T, data.reference_compliance)
+        out = np.empty((len(loads), len(element.loading)))
+        for start in range(0, len(loads), _CELLS):
+            part = slice(start, start + _CELLS)
+            moments = np.take(self.tractions.moments, table.cell_facets[part], axis=0)
+            moments *= table.signs[part, :, None, None]
+            moments -= every[part]
+            both = np.concatenate([moments.reshape(len(moments), -1, dim), loads[part]], axis=1)
+            back = np.ascontiguousarray(both.transpose(1, 2, 0))  # cells last
+            inverse = np.ascontiguousarray(table.inverse[part].transpose(1, 2, 0))
+            turned = np.stack([sum(row[j] * back[:, j] for j in range(dim)) for row in inverse], axis=1)
+            out[part] = (element.loading @ turned.reshape(-1, len(both))).T
+        return element.settled(out, data.reference_compliance)
 
     @cached_property
     def misfit(self) -> Array:
@@ -70,8 +83,7 @@ class AdmissibleStress:
         """
         data = self.data
         if not data.varies:
-            stress = self.element.at_nodes(self.difference)
-            return self.element.energy(stress, data.reference_compliance)
+            return self.element.energy_of(self.difference, data.reference_compliance)
         return self._varying_misfit()
 
     @cached_property
@@ -119,7 +131,9 @@ def _linear_at_nodes(piece: int, dim: int, order: int) -> Array:
     return np.vstack([corners, *middle])
 
 
-def admissible_stress(data: BodyData, pressures: Array | None = None) -> AdmissibleStress:
+def admissible_stress(
+    data: BodyData, pressures: Array | None = None, start: UnsettledTractions | None = None
+) -> AdmissibleStress:
     """The stress of tractions in equilibrium vertex by vertex.
 
     Parameters
@@ -127,11 +141,13 @@ def admissible_stress(data: BodyData, pressures: Array | None = None) -> Admissi
     data : BodyData
     pressures : array, shape (F, k, d), optional
         See :func:`hemivar.adapt.vertex_moments.equilibrated`; zero by default.
+    start : UnsettledTractions, optional
+        Those of the data, if they are known.
 
     Raises
     ------
     ProblemError
         Cells around a vertex are joined there through no facet.
     """
-    start = np.zeros(data.facet_loads.shape) if pressures is None else pressures
-    return AdmissibleStress(data, equilibrated(data, start))
+    given = np.zeros(data.facet_loads.shape) if pressures is None else pressures
+    return AdmissibleStress(data, equilibrated(data, given, start))

@@ -120,10 +120,9 @@ class BodyData:
         """Moments of the tractions of ``stresses`` on the facets of each cell, outward, shape (M, d + 1, k, d)."""
         table, dim = self.table, self.table.dim
         # int_F s nu phi = s (|F| nu) int phi / |F|, and |F| nu = -d |T| grad
-        normals = (-dim * table.volumes)[:, None, None] * table.gradients
         if self.order == 1:
-            means = np.einsum("mij,maj->mai", self.stresses[:, 0], normals) / dim
-            return np.asarray(np.broadcast_to(means[:, :, None], (len(means), dim + 1, dim, dim)))
+            return np.asarray(np.broadcast_to(-self.forces[:, :, None], (len(self.forces), dim + 1, dim, dim)))
+        normals = (-dim * table.volumes)[:, None, None] * table.gradients
         members, mixed = facet_vertices(dim), facet_mass(dim, self.order) @ _linear_values(dim - 1).T
         every = np.einsum("mvij,mfj->mfvi", self.stresses, normals)
         on_facets = every[:, np.arange(dim + 1)[:, None], members]
@@ -197,8 +196,10 @@ def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: A
     shape = (len(u), corners, dim, dim)
 
     def strain(point: Array) -> Array:
-        slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), table.gradients)
-        gradient = np.einsum("mai,maj->mij", u, slopes)
+        slopes = table.gradients
+        if order > 1:
+            slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), slopes)
+        gradient = u.transpose(0, 2, 1) @ slopes
         return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
 
     def stress(matrix: Array, strain: Array) -> Array:
@@ -210,7 +211,7 @@ def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: A
     if order == 1:
         strains = strain(np.full(corners, 1.0 / corners))
         stresses = stress(mean, strains)
-        forces = np.einsum("m,mij,maj->mai", table.volumes, stresses, table.gradients, optimize=True)
+        forces = (table.volumes[:, None, None] * table.gradients) @ stresses  # which are symmetric
         return np.broadcast_to(strains[:, None], shape), np.broadcast_to(stresses[:, None], shape), forces
     strains = np.stack([strain(corner) for corner in np.eye(corners)], axis=1)
     points, weights = quadrature_rule(dim, 2 if constant else 2 * order)

@@ -31,7 +31,7 @@ from hemivar.adapt.oscillation import Oscillation, oscillation
 from hemivar.adapt.patches import PatchKind
 from hemivar.adapt.sweeps import ContactPrice, Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
-from hemivar.adapt.vertex_moments import shared_forces
+from hemivar.adapt.vertex_moments import unsettled
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.mechanics.obstacles import Plane
@@ -186,10 +186,10 @@ def improved_stress(
 
     It balances the forces of ``data`` and comes near to the stress of the displacement of the traces.
     """
-    pressures = None
+    pressures, start = None, unsettled(data)
     if traces is not None:
-        pressures = -traces.moments(_first_multiplier(data, traces, constants))
-    stress = admissible_stress(data, pressures)
+        pressures = -traces.moments(_first_multiplier(data, traces, constants, start.moments))
+    stress = admissible_stress(data, pressures, start)
     if traces is not None:
         stress = replace(stress, data=traces.data)
     if not sweeps:
@@ -203,9 +203,9 @@ def improved_stress(
     return sweeper.stress
 
 
-def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBounds) -> Array:
+def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBounds, shared: Array) -> Array:
     """Near to the interpolated multiplier: in dj(r), or where quadratic traces overshoot in the domain of j*."""
-    between = traces.interpolated(shared_forces(data))
+    between = traces.interpolated(shared)
     if data.order == 1 or not _weakly_convex(traces) or not 0.0 < constants.both < np.inf:
         return traces.allowed(between)
     return fenchel_gap(traces, between, _FIRST * constants.both).multiplier

@@ -33,7 +33,7 @@ from hemivar.adapt.functionals import Functional, functionals, linear_forces, no
 from hemivar.adapt.goals import Goal
 from hemivar.adapt.sweeps import Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
-from hemivar.adapt.vertex_moments import shared_forces
+from hemivar.adapt.vertex_moments import unsettled
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, IntArray
 from hemivar.certify.bound import snap
@@ -261,11 +261,11 @@ def _answering(data: BodyData, field: Array, tractions: Array, contact: IntArray
 
 def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
     """The stress of data, improved; with traces the forces on contact facets are those of the nodes, interpolated."""
-    pressures = None
+    pressures, start = None, unsettled(data)
     if traces is not None:
         own = replace(traces, data=data)
-        pressures = -own.moments(own.interpolated(shared_forces(data)))
-    sweeper = Sweeper(admissible_stress(data, pressures))
+        pressures = -own.moments(own.interpolated(start.moments))
+    sweeper = Sweeper(admissible_stress(data, pressures, start))
     for kind in SWEEPS[data.table.dim]:
         sweeper.sweep(kind)
     return sweeper.stress

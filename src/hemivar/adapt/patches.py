@@ -46,7 +46,7 @@ class Batch:
         return Batch(self.facets[chosen], self.cells[chosen], self.place[chosen])
 
 
-def coloured(cell_patches: IntArray, count: int, seed: int = 0) -> IntArray:
+def coloured(cell_patches: IntArray, count: int, seed: int = 0, first: IntArray | None = None) -> IntArray:
     """Colours (count,) of patches, different for patches of one cell.
 
     Each colour is a largest set of patches that share no cell, found by rounds in which a patch is taken if it has the
@@ -59,38 +59,47 @@ def coloured(cell_patches: IntArray, count: int, seed: int = 0) -> IntArray:
     count : int
         Number of patches.
     seed : int
+    first : int array, shape (count,), optional
+        Patches of smaller numbers are chosen before others.
     """
-    colour = np.full(count, -1, dtype=np.int64)
+    colour = np.full(count + 1, -1, dtype=np.int64)  # the last for -1
     number = np.random.default_rng(seed).permutation(count) + 1
-    real = cell_patches >= 0
-    at = np.where(real, cell_patches, 0)
-    cells_of = np.bincount(cell_patches[real], minlength=count)
-    colour[cells_of == 0] = 0
-    current = 0
-    while (colour < 0).any():
-        open_ = colour < 0
-        while open_.any():
-            value = np.where(real & open_[at], number[at], 0)
-            top = value.max(axis=1)
-            first = (value > 0) & (value == top[:, None])
-            wins = np.bincount(at[first], minlength=count) == cells_of
-            wins &= open_
+    if first is not None:
+        number[np.lexsort((number, -first))] = np.arange(1, count + 1)
+    cells_of = np.bincount(cell_patches[cell_patches >= 0], minlength=count)
+    colour[:-1][cells_of == 0] = colour[-1] = 0
+    current, left = 0, np.ascontiguousarray(cell_patches.T)  # cells with patches that have no colour
+    while left.size:
+        value = np.append(np.where(colour[:-1] < 0, number, 0), 0)
+        rivals = left[:, (value[left] > 0).any(axis=0)]  # cells with patches that may take this one
+        while rivals.size:
+            best, top = rivals[0], value[rivals[0]]
+            for other in rivals[1:]:
+                best = np.where(value[other] > top, other, best)
+                top = value[best]
+            wins = np.append(np.bincount(best, minlength=count) == cells_of, False) & (value > 0)
             colour[wins] = current
-            taken = (real & wins[at]).any(axis=1)
-            open_[at[taken][real[taken]]] = False
+            value[rivals[:, wins[best]]] = 0
+            rivals = rivals[:, (value[rivals] > 0).any(axis=0)]
+        left = left[:, (colour[left] < 0).any(axis=0)]
         current += 1
-    return colour
+    return colour[:-1]
 
 
-def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray) -> list[Batch]:
-    """The patches of a kind, of the facets that are free, shape (F,), in batches; colour after colour."""
+def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: BoolArray | None = None) -> list[Batch]:
+    """The patches of a kind, of the facets that are free, shape (F,), in batches; colour after colour.
+
+    Of all patches, or of some alone: a bool for each vertex, edge or facet.
+    """
     facet_patches, cell_patches = _incidence(table, kind)
+    count = int(max(facet_patches.max(initial=-1), cell_patches.max(initial=-1))) + 1
     chosen = np.flatnonzero(free)
     width = facet_patches.shape[1]
     patch, facet = facet_patches[chosen].ravel(), np.repeat(chosen, width)
+    if patches is not None:
+        patch, facet = patch[patches[patch]], facet[patches[patch]]
     order = np.lexsort((facet, patch))
     patch, facet = patch[order], facet[order]
-    count = int(max(facet_patches.max(initial=-1), cell_patches.max(initial=-1))) + 1
     facets_of = np.bincount(patch, minlength=count)
     first_facet = np.cumsum(facets_of) - facets_of
 

@@ -10,6 +10,10 @@ on them), are the only ones in the kernel of ``C'``; there the second equation i
 
 Patches of one colour share no cell and are improved at once. Every patch lowers the misfit, in sum with the price of
 contact tractions that leave what the law allows.
+
+With linear elements in the plane the vertices inside, which are nearly all, are left to
+:mod:`hemivar.adapt.vertex_rings`. Those of the boundary come before them and once more behind them: they are few, and
+settle contact tractions last.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ import numpy as np
 from hemivar.adapt.admissible_stress import AdmissibleStress
 from hemivar.adapt.patches import Batch, PatchKind, patch_batches, rigid_modes
 from hemivar.adapt.self_balanced import flow_fields, orientations, self_balanced
+from hemivar.adapt.vertex_rings import VertexRings
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.split_element import facet_mass
 
@@ -73,13 +78,16 @@ class Sweeper:
         self._start = stress
         self.data = stress.data
         self._moments = stress.tractions.moments.copy()
+        self._now: AdmissibleStress | None = stress  # where it is known
         self._difference = stress.difference.copy()
         self._batches: dict[tuple[PatchKind, bool], list[Batch]] = {}
 
     @property
     def stress(self) -> AdmissibleStress:
         """The stress as it is now."""
-        return self._start.with_moments(self._moments.copy())
+        if self._now is None:
+            self._now = self._start.with_moments(self._moments.copy())
+        return self._now
 
     @cached_property
     def _places(self) -> Array:
@@ -97,14 +105,38 @@ class Sweeper:
         only_contact : bool
             Improve those patches alone that have a contact facet.
         """
+        freed = self._freed(contact is not None)
+        closed = kind is PatchKind.VERTEX and self.data.table.dim == 2 and self.data.order == 1
         key = (kind, contact is not None)
         if key not in self._batches:
-            free = np.asarray(self._freed(contact is not None).any(axis=(1, 2)))
-            self._batches[key] = patch_batches(self.data.table, kind, free)
-        freed = self._freed(contact is not None)
+            others = ~self._rings.vertices if closed else None
+            free = np.asarray(freed.any(axis=(1, 2)))
+            self._batches[key] = patch_batches(self.data.table, kind, free, others)
+        self._improve_batches(self._batches[key], kind, freed, contact, only_contact)
+        if closed and not only_contact:
+            self._improve_closed(kind, freed)
+            self._improve_batches(self._batches[key], kind, freed, contact, only_contact)
+
+    def _improve_closed(self, kind: PatchKind, freed: Array) -> None:
+        """Improve the rings of cells around vertices inside."""
+        if self.general:
+            self._improve_batches(self._rings.as_batches(), kind, freed, None, False)
+            return
+        self._now = None
+        self._rings.improve(self.data.reference_compliance, self._difference, self._moments)
+
+    @cached_property
+    def _rings(self) -> VertexRings:
+        return VertexRings.of(self.data.table)
+
+    def _improve_batches(
+        self, batches: list[Batch], kind: PatchKind, freed: Array, contact: ContactPrice | None, only_contact: bool
+    ) -> None:
+        """Improve patches that share no cell within a batch, one batch after the other."""
+        self._now = None
         partly = np.asarray((freed != np.eye(self.data.table.dim)).any(axis=(1, 2)))
         rings = kind is not PatchKind.VERTEX or self.data.table.dim == 2
-        for whole in self._batches[key]:
+        for whole in batches:
             if only_contact:
                 whole = whole.take(np.asarray((self.data.contact[whole.facets] >= 0).any(axis=1)))
             plain = np.zeros(len(whole.facets), dtype=bool)

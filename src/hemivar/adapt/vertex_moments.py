@@ -16,7 +16,7 @@ P. Ladeveze and D. Leguillon, SIAM J. Numer. Anal. 20 (1983); compared with othe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,7 +26,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.facet_table import facet_vertices
 
-__all__ = ["Tractions", "equilibrated", "shared_forces"]
+__all__ = ["Tractions", "UnsettledTractions", "equilibrated", "shared_forces", "unsettled"]
 
 #: Part of the largest projection below which no facet at a vertex takes up a force along a direction.
 _FREE = 1e-10
@@ -51,7 +51,104 @@ class Tractions:
     defect: Array
 
 
-def equilibrated(data: BodyData, pressures: Array) -> Tractions:
+@dataclass(frozen=True, eq=False)
+class UnsettledTractions:
+    """Tractions near to those of a displacement, in equilibrium with its nodes but not on cells.
+
+    Attributes
+    ----------
+    moments : array, shape (F, k, d)
+        The mean of both sides inside; those that share the forces of the nodes on contact facets.
+    lack : array, shape (M, l, d)
+        What the nodes of the cells lack for equilibrium with them.
+    defect : array, shape (M, l, d)
+        As in :class:`Tractions`.
+    sides : int array, shape (F, 2)
+        Local numbers of the facets in their first and second cells.
+    """
+
+    moments: Array
+    lack: Array
+    defect: Array
+    sides: IntArray
+    _stars: _Stars
+
+    def pressed(self, data: BodyData, pressures: Array) -> UnsettledTractions:
+        """With pressures (F, k, d) on contact facets that were none: what they leave to the nodes is shared there."""
+        dim = data.table.dim
+        contact = _Contact.of(data)
+        own = np.einsum("fij,faj->fai", np.eye(dim) - data.unknown[contact.facets], pressures[contact.facets])
+        total = np.zeros(data.displacement.shape)
+        np.add.at(total, contact.nodes, own)
+        change = own - contact.shared(total, _free_directions(data, self._stars))
+        moments, lack = self.moments.copy(), self.lack.copy()
+        contact.add(data, change, self.sides, moments, lack)
+        return replace(self, moments=moments, lack=lack)
+
+    def settled(self, data: BodyData) -> Tractions:
+        """The nearest tractions in equilibrium on cells."""
+        table, dim = data.table, data.table.dim
+        members = facet_vertices(dim)
+        lack = self.lack[:, : dim + 1]
+        potential = self._stars.solve(lack.reshape(-1, dim))
+        moments = self.moments.copy()
+        first, second = self.sides.T
+        inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
+        start = (dim + 1) * table.owners
+        change = np.take(potential, start[inside, 0][:, None] + members[first[inside]], axis=0)
+        change -= np.take(potential, start[inside, 1][:, None] + members[second[inside]], axis=0)
+        moments[inside, :dim] += change
+        change = potential[start[outer, 0][:, None] + members[first[outer]]]
+        moments[outer, :dim] += np.einsum("fij,faj->fai", data.unknown[outer], change)
+        if data.order == 2:
+            middle = facet_vertices(dim, 2)[first, dim]
+            moments[:, dim] += np.einsum("fij,fj->fi", data.unknown, self.lack[table.owners[:, 0], middle])
+        return Tractions(moments, self.defect)
+
+
+def unsettled(data: BodyData) -> UnsettledTractions:
+    """Tractions near to those of a displacement.
+
+    Raises
+    ------
+    ProblemError
+        Cells around a vertex are joined there through no facet.
+    """
+    table = data.table
+    dim = table.dim
+    stars, sides = _Stars.of(data), _sides(data)
+    own = data.cell_moments  # of the stress of each cell, outward
+    first, second = table.owners.T
+    moments = own[first, sides[:, 0]]
+    inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
+    moments[inside] -= own[second[inside], sides[inside, 1]]
+    moments[inside] *= 0.5
+    given = data.facet_loads[outer]
+    moments[outer] = given + np.einsum("fij,faj->fai", data.unknown[outer], moments[outer] - given)
+
+    outward = table.of_cells(moments)
+    lack = data.forces - data.loads
+    members = facet_vertices(dim, data.order)
+    for facet in range(dim + 1):
+        for place, node in enumerate(members[facet]):
+            lack[:, node] -= outward[:, facet, place]
+
+    # what is missing along directions that no facet at the node takes up
+    nodes, free = data.cell_nodes, _free_directions(data, stars)
+    total = np.zeros((len(free), dim))
+    for c in range(dim):
+        total[:, c] = np.bincount(nodes.ravel(), weights=lack[:, :, c].ravel(), minlength=len(total))
+    total = np.einsum("nij,nj->ni", free, total)
+    contact = _Contact.of(data)
+    contact.add(data, contact.share[:, :, None] * total[contact.nodes], sides, moments, lack)
+    total[contact.nodes] = 0.0
+    around = np.bincount(nodes.ravel(), weights=np.repeat(table.volumes, nodes.shape[1]), minlength=len(total))
+    defect = np.take(total, nodes, axis=0) * (table.volumes[:, None] / around[nodes])[:, :, None]
+    lack -= defect
+    return UnsettledTractions(moments, lack, defect, sides, stars)
+
+
+def equilibrated(data: BodyData, pressures: Array, start: UnsettledTractions | None = None) -> Tractions:
     """Tractions in equilibrium on every cell and at every node of it.
 
     Parameters
@@ -60,85 +157,49 @@ def equilibrated(data: BodyData, pressures: Array) -> Tractions:
     pressures : array, shape (F, k, d)
         Moments of the tractions by which the foundation acts, to start with; zero away from contact boundaries. What a
         node of the contact boundary lacks for its equilibrium is added to its facets in proportion to their size.
+    start : UnsettledTractions, optional
+        Those of the data, if they are known.
 
     Raises
     ------
     ProblemError
         Cells around a vertex are joined there through no facet.
     """
-    table, dim = data.table, data.table.dim
-    members = facet_vertices(dim)
-    stars = _Stars.of(data)
-    start = _started(data, pressures, stars)
-    local = _sides(data)
-    lack = start.lack[:, : dim + 1]
-    potential = stars.solve(lack.reshape(-1, dim)).reshape(lack.shape)
-    moments = start.moments
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        chosen = np.flatnonzero(table.owners[:, side] >= 0)
-        values = potential[table.owners[chosen, side][:, None], members[local[chosen, side]]]
-        moments[chosen, :dim] += sign * np.einsum("fij,faj->fai", data.unknown[chosen], values)
-    if data.order == 2:
-        first, middle = table.owners[:, 0], facet_vertices(dim, 2)[local[:, 0], dim]
-        moments[:, dim] += np.einsum("fij,fj->fi", data.unknown, start.lack[first, middle])
-    return Tractions(moments, start.defect)
+    return (unsettled(data) if start is None else start).pressed(data, pressures).settled(data)
 
 
 def shared_forces(data: BodyData) -> Array:
     """Moments (F, k, d) of tractions on contact facets that share the forces of the nodes in proportion to size."""
-    return _started(data, np.zeros(data.facet_loads.shape), _Stars.of(data)).moments
+    return unsettled(data).moments
 
 
 @dataclass(frozen=True, eq=False)
-class _Start:
-    """Moments (F, k, d) near to those of the displacement, what pairs lack with them (M, l, d), and the defect."""
+class _Contact:
+    """Contact facets (k,), their nodes (k, l), and their shares (k, l) of what nodes have on such facets."""
 
-    moments: Array
-    lack: Array
-    defect: Array
+    facets: IntArray
+    nodes: IntArray
+    share: Array
 
+    @classmethod
+    def of(cls, data: BodyData) -> _Contact:
+        facets = np.flatnonzero(data.contact >= 0)
+        nodes, measures = data.facet_nodes[facets], data.table.measures[facets]
+        weights = np.repeat(measures, nodes.shape[1])
+        size = np.bincount(nodes.ravel(), weights=weights, minlength=len(data.displacement))
+        return cls(facets, nodes, measures[:, None] / size[nodes])
 
-def _started(data: BodyData, pressures: Array, stars: _Stars) -> _Start:
-    table = data.table
-    dim = table.dim
-    own = data.cell_moments  # of the stress of each cell, outward
-    first, second = table.owners.T
-    local = _sides(data)
-    mean = own[first, local[:, 0]]
-    inside = table.interior
-    mean[inside] = 0.5 * (mean[inside] - own[second[inside], local[inside, 1]])
-    start = np.einsum("fij,faj->fai", data.unknown, mean)
-    outer = np.flatnonzero(~inside)
-    given = data.facet_loads[outer] + pressures[outer]
-    start[outer] += given - np.einsum("fij,faj->fai", data.unknown[outer], given)
+    def shared(self, total: Array, free: Array) -> Array:
+        """What nodes (n, d) have along free directions (n, d, d), shared among facets: (k, l, d)."""
+        return np.asarray(self.share[:, :, None] * np.einsum("faij,faj->fai", free[self.nodes], total[self.nodes]))
 
-    outward = table.of_cells(start)
-    lack = data.forces - data.loads
-    members = facet_vertices(dim, data.order)
-    for facet in range(dim + 1):
-        lack[:, members[facet]] -= outward[:, facet]
-
-    # what is missing along directions that no facet at the node takes up
-    nodes, free = data.cell_nodes, _free_directions(data, stars)
-    total = np.zeros((len(free), dim))
-    for c in range(dim):
-        total[:, c] = np.bincount(nodes.ravel(), weights=lack[:, :, c].ravel(), minlength=len(total))
-    total = np.einsum("nij,nj->ni", free, total)
-    touched = np.flatnonzero(data.contact >= 0)
-    at = data.facet_nodes[touched]
-    size = np.bincount(at.ravel(), weights=np.repeat(table.measures[touched], at.shape[1]), minlength=len(total))
-    share = table.measures[touched, None] / size[at]
-    more = share[:, :, None] * total[at]
-    start[touched] += more
-    cell, side = first[touched], local[touched, 0]
-    for a in range(at.shape[1]):
-        lack[cell, members[side, a]] -= more[:, a]
-    total[size > 0.0] = 0.0
-    around = np.bincount(nodes.ravel(), weights=np.repeat(table.volumes, nodes.shape[1]), minlength=len(total))
-    defect = total[nodes] * (table.volumes[:, None] / around[nodes])[:, :, None]
-    lack -= defect
-
-    return _Start(start, lack, defect)
+    def add(self, data: BodyData, change: Array, sides: IntArray, moments: Array, lack: Array) -> None:
+        """Add moments (k, l, d) to those of facets, and take them off what cells lack, in place."""
+        moments[self.facets] += change
+        members = facet_vertices(data.table.dim, data.order)
+        cell, side = data.table.owners[self.facets, 0], sides[self.facets, 0]
+        for a in range(change.shape[1]):  # a cell may have two such facets
+            np.subtract.at(lack, (cell, members[side, a]), change[:, a])
 
 
 def _free_directions(data: BodyData, stars: _Stars) -> Array:

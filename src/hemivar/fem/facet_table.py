@@ -117,6 +117,17 @@ class FacetTable:
         return np.asarray(self.signs[:, :, None, None] * moments[self.cell_facets])
 
 
+def _inverse(matrix: Array) -> Array:
+    """Inverses of matrices (M, d, d)."""
+    if matrix.shape[1] != 2:
+        return np.asarray(np.linalg.inv(matrix))
+    (a, b), (c, d) = matrix.transpose(1, 2, 0)
+    out = np.empty(matrix.shape)
+    out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = d, -b, -c, a
+    out /= (a * d - b * c)[:, None, None]
+    return out
+
+
 def facet_table(mesh: Mesh) -> FacetTable:
     """The facets of a mesh.
 
@@ -140,7 +151,7 @@ def facet_table(mesh: Mesh) -> FacetTable:
     owners[number[order], np.where(new, 0, 1)] = order // (dim + 1)
     corner = mesh.points[cells]
     jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
-    inverse = np.linalg.inv(jacobian)
+    inverse = _inverse(jacobian)
     gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
     return FacetTable(
         mesh,

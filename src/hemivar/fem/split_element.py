@@ -35,6 +35,9 @@ from hemivar.mesh.keys import EDGES
 
 __all__ = ["SplitElement", "facet_mass", "pairs_of", "pulled_back", "split_element", "voigt", "voigt_map"]
 
+#: Cells whose stresses are held at a time: they fit a cache.
+_CELLS = 1 << 12
+
 
 def pairs_of(dim: int) -> tuple[tuple[int, int], ...]:
     """Indices of the components of a stress as they stand in a vector: 11, 22, 12 or 11, 22, 33, 23, 13, 12."""
@@ -153,6 +156,27 @@ class SplitElement:
         """
         strain = np.einsum("mpq,mbaq->mbap", compliance, stress, optimize=True)
         return np.asarray(np.einsum("mbap,ac,mbcp->m", strain, self.mass, stress, optimize=True))
+
+    def energy_of(self, degrees: Array, compliance: Array) -> Array:
+        """The same of degrees of freedom (M, n)."""
+        rows, columns = self.upper
+        parts = self._orthogonal
+        out = np.empty(len(degrees))
+        for start in range(0, len(degrees), _CELLS):
+            cells = slice(start, start + _CELLS)
+            stress = (parts.reshape(-1, parts.shape[2]) @ degrees[cells].T).reshape(*parts.shape[:2], -1)
+            counted = compliance[cells, rows, columns].T * np.where(rows == columns, 1.0, 2.0)[:, None]
+            out[cells] = 0.0
+            for weight, p, q in zip(counted, rows, columns, strict=True):
+                out[cells] += weight * np.einsum("am,am->m", stress[p], stress[q])
+        return out
+
+    @cached_property
+    def _orthogonal(self) -> Array:
+        """``values`` of functions that are orthonormal on the simplex, shape (v, (d + 1) l, n)."""
+        root = np.linalg.cholesky(self.mass).T
+        values = np.einsum("ac,bcpn->pban", root, self.values)
+        return np.ascontiguousarray(values.reshape(len(values), -1, values.shape[-1]))
 
     def settled(self, degrees: Array, compliance: Array) -> Array:
         """The degrees of freedom (M, n) that have the least energy with the same tractions and divergence."""
