@@ -24,7 +24,7 @@ from tests.problems import bar, discrete_square
     ("r", "kind"),
     [(1.0 / 12.0, PointKind.LOCAL_MINIMISER), (0.15, PointKind.MAXIMUM), (0.25, PointKind.LOCAL_MINIMISER)],
 )
-def test_the_three_roots_of_a_bar(r, kind):
+def test_the_three_roots_of_a_bar(r: float, kind: PointKind) -> None:
     """E1 with alpha = 2 above kappa = 1."""
     certificate = certify(bar_problem(0.25, 2.0, 0.1, 2.0), bar_unknowns(0.25, r))
     assert certificate.kind is kind
@@ -36,7 +36,7 @@ def test_the_three_roots_of_a_bar(r, kind):
         assert abs(certificate.direction[0, 0]) == pytest.approx(1.0)
 
 
-def test_downward_jump():
+def test_downward_jump() -> None:
     """At a downward jump the energy falls to both sides; at the end of the interval to one side only."""
     problem = bar(2.0 * 0.25, brittle(2.0, 0.15))
     top = certify(problem, bar_unknowns(0.25, 0.15), np.array([[0.10]]))
@@ -49,7 +49,7 @@ def test_downward_jump():
     assert certificate.direction[0, 0] == -1.0  # the foundation pushes it back
 
 
-def test_saddle_with_friction():
+def test_saddle_with_friction() -> None:
     """Falls in the normal direction, held by friction or by a spring in the other."""
     for friction in (Tresca(0.1), NoFriction()):
         problem = block_of_arrays(softening(8.0, 0.1, 8.0), friction, (0.9, 0.0))
@@ -62,7 +62,7 @@ def test_saddle_with_friction():
         assert certificate.curvature == pytest.approx(-1.0)
 
 
-def test_many_contact_points_agree_with_the_dense_hessian():
+def test_many_contact_points_agree_with_the_dense_hessian() -> None:
     problem = square(40.0, n=6, friction=NoFriction())
     solution = solve(problem, controls=Controls(rtol=1e-12))
     certificate = certify(problem, solution.unknowns, solution.multiplier)
@@ -83,7 +83,7 @@ def test_many_contact_points_agree_with_the_dense_hessian():
     assert certificate.kind is expected
 
 
-def test_disturbed_point_is_not_stationary():
+def test_disturbed_point_is_not_stationary() -> None:
     problem = discrete_square("data (5.1)", 4)
     solution = solve(problem)
     certificate = certify(problem, 1.01 * solution.unknowns, solution.multiplier)
@@ -92,7 +92,7 @@ def test_disturbed_point_is_not_stationary():
     assert not certificate.stationary
 
 
-def test_fold_is_not_decided():
+def test_fold_is_not_decided() -> None:
     """alpha = kappa: the curvature vanishes on the falling piece."""
     problem = bar(2.0 * 0.3, softening(2.0, 0.1, 1.0))
     certificate = certify(problem, bar_unknowns(0.3, 0.2))
@@ -100,7 +100,7 @@ def test_fold_is_not_decided():
     assert certificate.unique is None
 
 
-def test_convex_law_on_a_body_without_supports_of_its_own():
+def test_convex_law_on_a_body_without_supports_of_its_own() -> None:
     problem = DiscreteProblem.of_arrays(
         np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), np.ones(1), np.zeros(1),
         ContactLaw(Signorini()),
@@ -109,7 +109,7 @@ def test_convex_law_on_a_body_without_supports_of_its_own():
     assert certificate.kind in (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER)
 
 
-def test_random_laws_against_sampled_energies():
+def test_random_laws_against_sampled_energies() -> None:
     """Random tables with jumps both ways: minimisers are minimisers, and where the energy is said to fall, it falls."""
     rng = np.random.default_rng(12)
     seen: dict[PointKind, int] = {}
