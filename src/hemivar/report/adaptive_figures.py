@@ -18,6 +18,7 @@ from hemivar.report.style import BLUE, DASHES, GREEN, GREY, MANY_CELLS, ORANGE, 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
 
 __all__ = ["plot_adaptive", "plot_meshes"]
 
@@ -174,7 +175,7 @@ def _known(level: AdaptiveLevel) -> str:
     return f"error at most {size}" if level.distance.guaranteed else f"error about {size}"
 
 
-def _plane(ax: Any, mesh: Mesh) -> None:
+def _plane(ax: Axes, mesh: Mesh) -> None:
     from matplotlib.collections import LineCollection
 
     for line in polylines(mesh.boundary_facets):
@@ -186,7 +187,7 @@ def _plane(ax: Any, mesh: Mesh) -> None:
     ax.add_collection(edges)
 
 
-def _solid(ax: Any, mesh: Mesh) -> None:
+def _solid(ax: Axes3D, mesh: Mesh) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     facets = mesh.boundary_facets

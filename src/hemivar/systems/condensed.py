@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -72,10 +71,10 @@ class CondensedProblem(Portable):
     seconds: float
     _recovery: Recovery
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[Callable[[DiscreteProblem], CondensedProblem], tuple[DiscreteProblem]]:
         return condense, (self.problem,)  # factors cannot travel: they are made again on arrival
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> CondensedProblem:
+    def __deepcopy__(self, memo: dict[int, object]) -> CondensedProblem:
         return condense(copy.deepcopy(self.problem, memo))
 
     # ---- views -----------------------------------------------------------------------------------------
