@@ -143,3 +143,44 @@ def test_random_laws_against_sampled_energies() -> None:
             elif certificate.direction is not None:
                 assert problem.energy(u + 1e-5 * certificate.direction[:, 0]) < here
     assert {PointKind.LOCAL_MINIMISER, PointKind.SADDLE, PointKind.MAXIMUM} <= set(seen)
+
+
+@pytest.mark.parametrize("force", [1e-13, 1.0, 1e13])
+def test_the_unit_of_force_does_not_matter(force: float) -> None:
+    """What counts as the end of an interval is small against the multiplier, in whatever unit."""
+    law = PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 8.0 * force, -8.0 * force, 0.0], [0.0] * 3)  # type: ignore[arg-type]
+    problem = DiscreteProblem.of_arrays(
+        force * np.diag([4.0, 4.0]), force * np.array([0.9, 0.0]), np.eye(2), np.ones(1), np.zeros(1),
+        ContactLaw(law, Tresca(0.1 * force)),
+    )  # fmt: skip
+    certificate = certify(problem, np.array([0.7 / 4.0, 0.0]))
+    assert certificate.stationary
+    assert certificate.kind is PointKind.SADDLE
+    assert certificate.curvature == pytest.approx(-1.0)
+    jump = PiecewiseQuadratic([0.0, 0.15], [0.0, 2.0 * force, 0.0], [0.0, -0.3 * force])  # type: ignore[arg-type]
+    bar_of_one = DiscreteProblem.of_arrays(
+        np.array([[force]]), np.array([0.25 * force]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(jump)
+    )
+    certificate = certify(bar_of_one, np.array([0.15]), np.array([[0.10 * force]]))
+    assert certificate.kind is PointKind.MAXIMUM
+    assert certificate.curvature == -np.inf
+
+
+@pytest.mark.parametrize(
+    ("knots", "slopes", "pressure"),
+    [
+        ([0.0, 0.2], [0.0, 2.0, -5.0], 0.4),
+        ([0.0, 0.1, 0.2], [0.0, 4.0, -1.5, 3.0], 0.25),
+        ([0.0, 0.2], [0.0, 2.0, 5.0], 0.4),
+    ],
+)
+def test_where_the_slope_bends_the_softer_side_decides(
+    knots: list[float], slopes: list[float], pressure: float
+) -> None:
+    """At r = 0.2, kappa = 1: a side on which the law falls by more than kappa leaves no minimiser."""
+    law = PiecewiseQuadratic(knots, slopes, [0.0] * len(knots))  # type: ignore[arg-type]
+    r0 = 0.2 + pressure
+    certificate = certify(bar(2.0 * r0, law), bar_unknowns(r0, 0.2), np.array([[pressure]]))
+    assert certificate.stationary
+    minimisers = (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER, PointKind.LOCAL_MINIMISER)
+    assert (certificate.kind in minimisers) is (min(slopes[-2:]) > -1.0)
