@@ -321,11 +321,6 @@ class CondensedProblem(Portable):
             return sharper[0], self._residuals(sharper[0], multipliers)
         return u, found
 
-    def recovered(self, r: Array, lam: Array) -> tuple[Array, Residual]:
-        """:meth:`recover` for one multiplier, as the elimination leaves it."""
-        u = self._recovery(r)
-        return u, self._residuals(u, [lam])[0]
-
     def _residuals(self, u: Array, multipliers: Sequence[Array]) -> list[Residual]:
         return residuals(self.problem, u, multipliers, self.body.compliance, self.load_scale)
 
