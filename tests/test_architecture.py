@@ -396,6 +396,8 @@ def test_lazy_names_are_all_there_and_typed() -> None:
     block = next(node for node in tree.body if isinstance(node, ast.If) and is_type_checking(node.test))
     typed = {alias.name for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
     assert typed | {"__version__"} == set(hemivar.__all__)
+    lists = [ast.literal_eval(node.value) for node in block.body if isinstance(node, ast.Assign)]
+    assert lists == [hemivar.__all__], "a type checker takes a name for exported only if it stands in this list"
     assert set(dir(hemivar)) >= set(hemivar.__all__)
 
 
