@@ -9,6 +9,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import hemivar as hv
 
 CASES = (
     ("rectangle", 700, 1),
@@ -23,7 +27,7 @@ CASES = (
 )
 
 
-def mesh(kind: str, cells: int):
+def mesh(kind: str, cells: int) -> hv.Mesh:
     """The mesh of a case."""
     import hemivar as hv
 

@@ -188,6 +188,32 @@ sys.modules[__name__].__class__ = _Package
 
 
 if TYPE_CHECKING:
+    # What a type checker counts as exported; a test compares it with the names above.
+    # fmt: off
+    __all__ = [  # noqa: RUF022 - in the order of the names above
+        "__version__", "AdaptiveEnd", "AdaptiveLevel", "AdaptiveSolution", "AdaptiveStep", "Adhesive",
+        "AugmentedLagrangian", "AugmentedLagrangianNewton", "Bilateral", "BondBroken", "Bonding", "Branch",
+        "Capped", "Certificate", "Checkpoint", "Clamped", "Compliance", "Contact", "ContactLaw",
+        "ContactProblem", "ContactState", "Controls", "CoulombBound", "Cylinder", "DampedContact",
+        "DiscreteProblem", "DistanceToExact", "Evolution", "ExactDistance", "ExactInner", "FinitePenetration",
+        "Fixed", "FixedPoint", "FixedStep", "FormulaLaw", "Friction", "FunctionLaw", "GeneralizedAlpha", "Goal",
+        "GoalValue", "Heat", "HeatContact", "HemivarError", "History", "ImplicitEuler", "Jump", "LBFGS",
+        "Layered", "LoadStepping", "Logarithmic", "METHODS", "March", "MarginLost", "Material", "Memory",
+        "Mesh", "MethodError", "Midpoint", "MoreauJean", "Newmark", "NewtonKrylov", "NoContact", "NoFriction",
+        "NonsmoothMultigrid", "NonsmoothNewton", "Normals", "Path", "PenetrationBound", "PenetrationMemory",
+        "PiecewiseQuadratic", "Plane", "Powell", "Prescribed", "Pressure", "PrimalDualActiveSet",
+        "ProblemError", "ProximalBundle", "Quadrature", "RateAndState", "Release", "Roller", "SDIRK2", "Save",
+        "SawTooth", "ScalarContact", "ScalarProblem", "Secant", "SignedDistance", "Signorini", "Slip",
+        "SlipSum", "SlipTable", "SlipWeakening", "Smallness", "Softening", "Solution", "SolutionSet", "Sphere",
+        "StaticKinetic", "Status", "Study", "Superpotential", "SurveyLaw", "Sweep", "Touch", "Tresca",
+        "ViscousFoundation", "Wear", "When", "Workspace", "affine", "bonded", "box", "certify", "condense",
+        "discretize", "envelope", "exact_distance", "find_solutions", "follow_path", "goal_named", "goal_value",
+        "known_goals", "lower_bounds", "march", "plus", "read_law_table", "read_mesh", "read_problem",
+        "rectangle", "residual", "secant", "smallness", "solve", "solve_adaptive", "solve_nested", "study",
+        "sweep", "table_law", "write_problem",
+    ]
+    # fmt: on
+
     import hemivar.workflows as workflows
     from hemivar.adapt import (
         AdaptiveEnd,

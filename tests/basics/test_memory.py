@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from collections.abc import Callable
 
 import pytest
 
@@ -28,7 +29,7 @@ MATERIAL = "[material]\nlame = [4.0, 4.0]\n"
         lambda: box(cells=2).refined(1000),
     ],
 )
-def test_meshes_that_do_not_fit_are_refused_before_they_are_made(make) -> None:
+def test_meshes_that_do_not_fit_are_refused_before_they_are_made(make: Callable[[], object]) -> None:
     tracemalloc.start()
     try:
         with pytest.raises(ProblemError, match=r"a mesh of .* cells needs about .* of memory, and .* free"):
@@ -82,7 +83,7 @@ def test_order_and_free_memory_count(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("make", "cells", "order"), [(rectangle, 300, 1), (box, 30, 1), (rectangle, 80, 2), (box, 10, 2)]
 )
-def test_prediction_is_what_is_taken(make, cells: int, order: int) -> None:
+def test_prediction_is_what_is_taken(make: Callable[..., Mesh], cells: int, order: int) -> None:
     """The peak of what numpy allocates is not above the prediction, and not far below it."""
 
     def discretized(count: int) -> Mesh:

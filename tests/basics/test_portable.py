@@ -9,9 +9,11 @@ import os
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -22,8 +24,10 @@ from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.mesh.mesh import Mesh
 from tests.problems import bar, discrete_square, square
 
+Thing = TypeVar("Thing")
 
-def around(value):
+
+def around(value: Thing) -> Thing:
     """Through pickle."""
     return pickle.loads(pickle.dumps(value))
 
@@ -31,19 +35,19 @@ def around(value):
 TRIPS = {"pickle": around, "deepcopy": copy.deepcopy, "copy": copy.copy}
 
 
-def half_gap(points):
+def half_gap(points: np.ndarray) -> np.ndarray:
     return 0.01 + 0.0 * points[:, 0]
 
 
-def cubic(r):
+def cubic(r: np.ndarray) -> np.ndarray:
     return r**4 / 4.0
 
 
-def cubic_slope(r):
+def cubic_slope(r: np.ndarray) -> np.ndarray:
     return r**3
 
 
-def cubic_curvature(r):
+def cubic_curvature(r: np.ndarray) -> np.ndarray:
     return 3.0 * r**2
 
 
@@ -237,7 +241,7 @@ def test_functions_that_can_be_imported_travel(supports: str) -> None:
         (lambda: hv.Compliance(functools.partial(lambda a, x: a + x[:, 0], 1.0)), "its stiffness is the function"),
     ],
 )
-def test_functions_that_cannot_be_imported_are_told_of(make, message: str) -> None:
+def test_functions_that_cannot_be_imported_are_told_of(make: Callable[[], object], message: str) -> None:
     thing = make()
     with pytest.raises(hv.ProblemError, match=message):
         pickle.dumps(thing)
@@ -294,7 +298,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_pool_of_spawned_processes_solves(tmp_path) -> None:
+def test_a_pool_of_spawned_processes_solves(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SPAWN, encoding="utf-8")
     path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, sys.path)])

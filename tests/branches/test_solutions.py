@@ -194,7 +194,7 @@ def test_no_point_of_a_grid_is_below_the_lowest_solution(seed: int) -> None:
     assert found[0].energy <= lowest + 1e-12 * abs(lowest)
 
 
-def test_a_positive_margin_ends_the_search():
+def test_a_positive_margin_ends_the_search() -> None:
     """Where 1 - c > 0, one solution is proved; where it is not, the search does not claim so (17 columns, E1)."""
     proved = find_solutions(columns(17, alpha=0.5, delta=0.1), starts=2)
     assert (len(proved), proved.exhaustive, proved.starts) == (1, True, 1)

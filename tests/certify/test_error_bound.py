@@ -36,7 +36,14 @@ def true_error(problem: DiscreteProblem, u: np.ndarray, exact: np.ndarray) -> fl
     return EnergyNorm(problem.linear.stiffness).norm(u - exact)
 
 
-def check(problem, u, lam, exact, energy=None, slack=0.0):
+def check(
+    problem: DiscreteProblem,
+    u: np.ndarray,
+    lam: np.ndarray,
+    exact: np.ndarray,
+    energy: EnergyNorm | None = None,
+    slack: float = 0.0,
+) -> float:
     """The bound holds; returns bound / error where the error is well above rounding."""
     certificate = certify(problem, u, lam, factor=energy, trace_constant=False)
     error = true_error(problem, u, exact)
@@ -46,7 +53,7 @@ def check(problem, u, lam, exact, energy=None, slack=0.0):
     return certificate.error_bound / error if error > 1e-9 * size else 1.0
 
 
-def test_bar_with_a_known_solution():
+def test_bar_with_a_known_solution() -> None:
     """E1 with alpha below the stiffness of the bar; displacement and multiplier disturbed at random."""
     rng = np.random.default_rng(3)
     worst = 0.0
@@ -65,7 +72,7 @@ def test_bar_with_a_known_solution():
 
 @pytest.mark.parametrize("alpha", [0.5, 1.5, 2.4])
 @pytest.mark.parametrize("friction", ["tresca", "weakening"])
-def test_softening_square(alpha, friction):
+def test_softening_square(alpha: float, friction: str) -> None:
     """A body with many contact points, every kind of disturbance, normal law and friction softening."""
     law = Tresca(0.05) if friction == "tresca" else Friction(0.05, weakening(0.4, 10.0))
     problem = square(alpha, friction=law)
@@ -94,7 +101,7 @@ def test_softening_square(alpha, friction):
     assert worst < FACTOR
 
 
-def test_shear_block_of_arrays():
+def test_shear_block_of_arrays() -> None:
     """E3: friction that weakens exponentially, here as a table of many pieces; both its sides of sliding."""
     kappa, h, w0 = 4.0, 0.5, 0.3
     c = w0 - 0.7 * h / kappa
@@ -115,7 +122,7 @@ def test_shear_block_of_arrays():
         assert check(problem, u, None, exact, slack=1e-14) < FACTOR
 
 
-def test_rigid_foundation_and_midpoints():
+def test_rigid_foundation_and_midpoints() -> None:
     """A law with an end, and a trace that is no selection of unknowns."""
     for quadrature in Quadrature:
         problem = discretize(plain.square("rigid", 6, "cross", quadrature))
@@ -128,7 +135,7 @@ def test_rigid_foundation_and_midpoints():
             assert check(problem, u, reference.multiplier, exact) < FACTOR
 
 
-def test_three_dimensions():
+def test_three_dimensions() -> None:
     """Slip vectors with two components, sliding against weakening friction; kinds checked by sampled energies."""
     rng = np.random.default_rng(9)
     kinds = set()
@@ -154,14 +161,14 @@ def test_three_dimensions():
     assert {PointKind.UNIQUE_MINIMISER, PointKind.LOCAL_MINIMISER} <= kinds
 
 
-def test_certificates_do_not_ask_the_solvers():
+def test_certificates_do_not_ask_the_solvers() -> None:
     code = "import sys, hemivar.certify; sys.exit('hemivar.solvers' in sys.modules)"
     source = str(Path(hemivar.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": source}
     assert subprocess.run([sys.executable, "-c", code], env=environment, check=False).returncode == 0
 
 
-def test_bound_that_depends_on_the_penetration():
+def test_bound_that_depends_on_the_penetration() -> None:
     """J(w, v): the margin counts the coupling as well, and the bound is about the coupled problem."""
     friction = Friction(PenetrationBound("0.05 + 0.5*max(s, 0)"))
     problem = square(0.5, friction=friction)
@@ -181,7 +188,7 @@ def test_bound_that_depends_on_the_penetration():
         assert check(problem, u, lam, exact) < FACTOR
 
 
-def test_units_do_not_matter():
+def test_units_do_not_matter() -> None:
     plain_units, engineering = square(1.5), square(1.5, scale=(1e3, 1e6))
     found = []
     for problem in (plain_units, engineering):
@@ -197,7 +204,7 @@ def test_units_do_not_matter():
     assert second.smallness.survey_margin == pytest.approx(first.smallness.survey_margin, rel=1e-6)
 
 
-def test_no_bound_without_a_margin():
+def test_no_bound_without_a_margin() -> None:
     certificate = certify(bar_problem(0.25, 2.0, 0.1, 2.0), bar_unknowns(0.25, 0.25))
     assert certificate.margin < 0.0
     assert certificate.error_bound == np.inf
@@ -206,7 +213,7 @@ def test_no_bound_without_a_margin():
     assert "error_bound" in record["infinite"]
 
 
-def test_body_that_only_contact_holds():
+def test_body_that_only_contact_holds() -> None:
     """A singular stiffness has no margin, and is no reason to fail."""
     K = np.array([[1.0, -1.0], [-1.0, 1.0]])
     problem = DiscreteProblem.of_arrays(K, np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), np.ones(1), np.zeros(1),
@@ -217,7 +224,7 @@ def test_body_that_only_contact_holds():
     assert certificate.kind in (PointKind.GLOBAL_MINIMISER, PointKind.UNIQUE_MINIMISER)
 
 
-def test_bad_input():
+def test_bad_input() -> None:
     problem = bar_problem(0.25, 2.0, 0.1, 0.5)
     with pytest.raises(ProblemError, match="shape"):
         certify(problem, np.zeros(3))
@@ -227,7 +234,7 @@ def test_bad_input():
         certify(problem, np.zeros(8), np.zeros((2, 1)))
 
 
-def test_the_margin_is_needed(monkeypatch):
+def test_the_margin_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """On the falling piece the residual is (1 - c) times the error: without a search the bound is the error."""
     monkeypatch.setattr(bound, "_SEARCHABLE", 0)
     problem = bar_problem(0.4, 2.0, 0.1, 0.5)

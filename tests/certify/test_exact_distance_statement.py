@@ -88,3 +88,10 @@ def test_words_of_an_estimate() -> None:
     assert "no bound" in DistanceToExact.none("nothing is known").lines()[0]
     nothing = DistanceToExact.none("there is no bound: the foundation softens too much")
     assert nothing.lines() == ["exact solution    no bound of the distance: the foundation softens too much"]
+
+
+def test_without_numbers_it_says_why() -> None:
+    unknown = DistanceToExact(np.inf, np.inf, False, ())
+    assert unknown.lines() == [f"{'exact solution':<18}no bound of the distance: its numbers are not finite"]
+    refused = DistanceToExact.none("there is no bound: the body is not held")
+    assert refused.lines() == [f"{'exact solution':<18}no bound of the distance: the body is not held"]

@@ -24,7 +24,7 @@ from tests.problems import bar, discrete_square
     ("r", "kind"),
     [(1.0 / 12.0, PointKind.LOCAL_MINIMISER), (0.15, PointKind.MAXIMUM), (0.25, PointKind.LOCAL_MINIMISER)],
 )
-def test_the_three_roots_of_a_bar(r, kind):
+def test_the_three_roots_of_a_bar(r: float, kind: PointKind) -> None:
     """E1 with alpha = 2 above kappa = 1."""
     certificate = certify(bar_problem(0.25, 2.0, 0.1, 2.0), bar_unknowns(0.25, r))
     assert certificate.kind is kind
@@ -36,7 +36,7 @@ def test_the_three_roots_of_a_bar(r, kind):
         assert abs(certificate.direction[0, 0]) == pytest.approx(1.0)
 
 
-def test_downward_jump():
+def test_downward_jump() -> None:
     """At a downward jump the energy falls to both sides; at the end of the interval to one side only."""
     problem = bar(2.0 * 0.25, brittle(2.0, 0.15))
     top = certify(problem, bar_unknowns(0.25, 0.15), np.array([[0.10]]))
@@ -49,7 +49,7 @@ def test_downward_jump():
     assert certificate.direction[0, 0] == -1.0  # the foundation pushes it back
 
 
-def test_saddle_with_friction():
+def test_saddle_with_friction() -> None:
     """Falls in the normal direction, held by friction or by a spring in the other."""
     for friction in (Tresca(0.1), NoFriction()):
         problem = block_of_arrays(softening(8.0, 0.1, 8.0), friction, (0.9, 0.0))
@@ -62,7 +62,7 @@ def test_saddle_with_friction():
         assert certificate.curvature == pytest.approx(-1.0)
 
 
-def test_many_contact_points_agree_with_the_dense_hessian():
+def test_many_contact_points_agree_with_the_dense_hessian() -> None:
     problem = square(40.0, n=6, friction=NoFriction())
     solution = solve(problem, controls=Controls(rtol=1e-12))
     certificate = certify(problem, solution.unknowns, solution.multiplier)
@@ -83,7 +83,7 @@ def test_many_contact_points_agree_with_the_dense_hessian():
     assert certificate.kind is expected
 
 
-def test_disturbed_point_is_not_stationary():
+def test_disturbed_point_is_not_stationary() -> None:
     problem = discrete_square("data (5.1)", 4)
     solution = solve(problem)
     certificate = certify(problem, 1.01 * solution.unknowns, solution.multiplier)
@@ -92,7 +92,7 @@ def test_disturbed_point_is_not_stationary():
     assert not certificate.stationary
 
 
-def test_fold_is_not_decided():
+def test_fold_is_not_decided() -> None:
     """alpha = kappa: the curvature vanishes on the falling piece."""
     problem = bar(2.0 * 0.3, softening(2.0, 0.1, 1.0))
     certificate = certify(problem, bar_unknowns(0.3, 0.2))
@@ -100,7 +100,7 @@ def test_fold_is_not_decided():
     assert certificate.unique is None
 
 
-def test_convex_law_on_a_body_without_supports_of_its_own():
+def test_convex_law_on_a_body_without_supports_of_its_own() -> None:
     problem = DiscreteProblem.of_arrays(
         np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([1.0, 0.0]), np.array([[0.0, 1.0]]), np.ones(1), np.zeros(1),
         ContactLaw(Signorini()),
@@ -109,7 +109,7 @@ def test_convex_law_on_a_body_without_supports_of_its_own():
     assert certificate.kind in (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER)
 
 
-def test_random_laws_against_sampled_energies():
+def test_random_laws_against_sampled_energies() -> None:
     """Random tables with jumps both ways: minimisers are minimisers, and where the energy is said to fall, it falls."""
     rng = np.random.default_rng(12)
     seen: dict[PointKind, int] = {}
@@ -143,3 +143,44 @@ def test_random_laws_against_sampled_energies():
             elif certificate.direction is not None:
                 assert problem.energy(u + 1e-5 * certificate.direction[:, 0]) < here
     assert {PointKind.LOCAL_MINIMISER, PointKind.SADDLE, PointKind.MAXIMUM} <= set(seen)
+
+
+@pytest.mark.parametrize("force", [1e-13, 1.0, 1e13])
+def test_the_unit_of_force_does_not_matter(force: float) -> None:
+    """What counts as the end of an interval is small against the multiplier, in whatever unit."""
+    law = PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 8.0 * force, -8.0 * force, 0.0], [0.0] * 3)  # type: ignore[arg-type]
+    problem = DiscreteProblem.of_arrays(
+        force * np.diag([4.0, 4.0]), force * np.array([0.9, 0.0]), np.eye(2), np.ones(1), np.zeros(1),
+        ContactLaw(law, Tresca(0.1 * force)),
+    )  # fmt: skip
+    certificate = certify(problem, np.array([0.7 / 4.0, 0.0]))
+    assert certificate.stationary
+    assert certificate.kind is PointKind.SADDLE
+    assert certificate.curvature == pytest.approx(-1.0)
+    jump = PiecewiseQuadratic([0.0, 0.15], [0.0, 2.0 * force, 0.0], [0.0, -0.3 * force])  # type: ignore[arg-type]
+    bar_of_one = DiscreteProblem.of_arrays(
+        np.array([[force]]), np.array([0.25 * force]), np.eye(1), np.ones(1), np.zeros(1), ContactLaw(jump)
+    )
+    certificate = certify(bar_of_one, np.array([0.15]), np.array([[0.10 * force]]))
+    assert certificate.kind is PointKind.MAXIMUM
+    assert certificate.curvature == -np.inf
+
+
+@pytest.mark.parametrize(
+    ("knots", "slopes", "pressure"),
+    [
+        ([0.0, 0.2], [0.0, 2.0, -5.0], 0.4),
+        ([0.0, 0.1, 0.2], [0.0, 4.0, -1.5, 3.0], 0.25),
+        ([0.0, 0.2], [0.0, 2.0, 5.0], 0.4),
+    ],
+)
+def test_where_the_slope_bends_the_softer_side_decides(
+    knots: list[float], slopes: list[float], pressure: float
+) -> None:
+    """At r = 0.2, kappa = 1: a side on which the law falls by more than kappa leaves no minimiser."""
+    law = PiecewiseQuadratic(knots, slopes, [0.0] * len(knots))  # type: ignore[arg-type]
+    r0 = 0.2 + pressure
+    certificate = certify(bar(2.0 * r0, law), bar_unknowns(r0, 0.2), np.array([[pressure]]))
+    assert certificate.stationary
+    minimisers = (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER, PointKind.LOCAL_MINIMISER)
+    assert (certificate.kind in minimisers) is (min(slopes[-2:]) > -1.0)

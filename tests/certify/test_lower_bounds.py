@@ -211,6 +211,18 @@ def test_where_no_prism_fits_cells_count() -> None:
     assert 0.0 < found.both.lower < found.both.upper
 
 
+def test_a_thin_plate_has_no_room_for_the_prism_of_a_thick_one() -> None:
+    """Facets of one shape: what is bounded by a cube above is worse where nothing lies above but a thin layer."""
+    compliance = np.linalg.inv(LAME.stiffness_tensor(np.zeros((1, 3))))
+    found = []
+    for thickness in (1.0, 0.1):
+        mesh = box((1.0, 1.0, thickness), 1)
+        table = facet_table(mesh)
+        found.append(facet_constants(table, compliance, table.numbers(mesh.boundaries["bottom"])).squares)
+    thick, thin = found
+    assert (thin > 1.5 * thick).all()
+
+
 def test_prisms_bound_what_quadratic_fields_attain() -> None:
     """On the cube above, with more to hold it than the prism."""
     mesh = box((1.0, 1.0, 1.0), 1)

@@ -18,7 +18,7 @@ from hemivar.mesh import rectangle
 from tests.certify.problems import bar_problem, softening, square, weakening
 
 
-def test_bar():
+def test_bar() -> None:
     found = smallness(bar_problem(0.4, 2.0, 0.1, 0.5))
     assert found.constant == pytest.approx(0.5, rel=1e-10)  # alpha / kappa
     assert found.margin == pytest.approx(0.5, rel=1e-10)
@@ -29,7 +29,7 @@ def test_bar():
 
 
 @pytest.mark.parametrize("n", [4, 20])
-def test_constant_is_the_largest_eigenvalue(n):
+def test_constant_is_the_largest_eigenvalue(n: int) -> None:
     """Small and many contact points take different paths."""
     problem = square(1.5, n=n, friction=Friction(0.05, weakening(0.4, 10.0)))
     found = smallness(problem)
@@ -73,7 +73,7 @@ def test_margin_of_one_point_with_a_bound_that_depends_on_the_penetration(rate: 
     assert one_solution(problem, found) == (found.margin > 0.0)
 
 
-def test_trace_constant_by_a_dense_eigenproblem():
+def test_trace_constant_by_a_dense_eigenproblem() -> None:
     problem = discretize(survey("5.1", 6))
     found = trace_constants(problem)
     assert problem.field is not None
@@ -85,7 +85,7 @@ def test_trace_constant_by_a_dense_eigenproblem():
     assert max(found.normal, found.tangential) < found.both < np.hypot(found.normal, found.tangential)
 
 
-def test_trace_constant_converges():
+def test_trace_constant_converges() -> None:
     values = [trace_constants(discretize(survey("5.1", n))).both for n in (8, 16, 32)]
     assert values[0] < values[1] < values[2]
     assert values[2] - values[1] < 0.5 * (values[1] - values[0])
@@ -101,7 +101,7 @@ def test_trace_constant_converges():
         (Material.lame(4.0, lambda x: 4.0 + x[:, 0]), 8.0),
     ],
 )
-def test_ellipticity(material, expected):
+def test_ellipticity(material: Material, expected: float) -> None:
     problem = ContactProblem(
         mesh=rectangle((1.0, 1.0), (16, 16)), material=material, supports={"left": Clamped()},
         contact={"bottom": Contact(softening(1.0, 0.1, 0.1))}, body_force=(0.0, -0.1),

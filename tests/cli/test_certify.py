@@ -20,7 +20,7 @@ def solved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     return problem
 
 
-def test_solve_writes_its_certificate(solved):
+def test_solve_writes_its_certificate(solved: Path) -> None:
     record = json.loads((solved.parent / "s.json").read_text())
     certificate = record["certificate"]
     for key in ("equilibrium", "inclusion", "energy", "margin", "error_bound", "kind", "unique", "alpha_normal",
@@ -34,7 +34,7 @@ def test_solve_writes_its_certificate(solved):
 
 
 @pytest.mark.parametrize("name", ["s.json", "s.vtu", None])
-def test_certify_a_file_or_a_solve(solved, capsys, name):
+def test_certify_a_file_or_a_solve(solved: Path, capsys: pytest.CaptureFixture[str], name: str | None) -> None:
     where = solved.parent
     options = [] if name is None else ["--solution", where / name]
     code, out, err = run(capsys, "certify", solved, *options, "--json", where / "c.json")
@@ -46,7 +46,7 @@ def test_certify_a_file_or_a_solve(solved, capsys, name):
     assert record["certificate"]["error_bound_relative"] < 1e-10
 
 
-def test_a_wrong_solution_is_found_out(solved, capsys):
+def test_a_wrong_solution_is_found_out(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = solved.parent
     record = json.loads((where / "s.json").read_text())
     record["displacement"] = [[1.001 * c for c in row] for row in record["displacement"]]
@@ -58,7 +58,7 @@ def test_a_wrong_solution_is_found_out(solved, capsys):
     assert code == 0
 
 
-def test_other_meshes_and_broken_files(solved, capsys):
+def test_other_meshes_and_broken_files(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = solved.parent
     finer, wider = where / "finer.toml", where / "wider.toml"
     finer.write_text(changed(("cells = [4, 4]", "cells = [5, 5]")))

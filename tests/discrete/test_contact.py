@@ -160,3 +160,14 @@ def test_the_last_of_the_names_is_a_place() -> None:
 def test_a_single_point_is_checked_as_many_are(change: dict[str, Array]) -> None:
     with pytest.raises(ProblemError, match=next(iter(change))):
         dataclasses.replace(bare(1), **change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("factors", [(1.0, 1.0, 1.0), (2.0, -3.0, 0.5)])
+@pytest.mark.parametrize("columns", [(2, 0, 3), (2, 0, 2)])
+def test_forces_on_what_points_see(columns: tuple[int, ...], factors: tuple[float, ...]) -> None:
+    """``B'`` at the unknowns seen, where each point sees its own and where two see the same."""
+    trace = sp.csr_array((np.array(factors), (np.arange(3), np.array(columns))), shape=(3, 5))
+    contact = ContactPoints(trace, np.ones(3), np.zeros((3, 1)))
+    force = np.array([[1.0], [2.0], [4.0]])
+    assert contact.seen.tolist() == sorted(set(columns))
+    np.testing.assert_allclose(contact.pressed(force), (trace.toarray().T @ force.ravel())[contact.seen])

@@ -234,3 +234,42 @@ def test_slips_of_any_sign_on_random_growths_by_sampling_every_direction() -> No
         if found.verdict is Verdict.FALLS:
             assert found.growth < 0.0
     assert min(seen[Verdict.HELD], seen[Verdict.FALLS]) > 2
+
+
+ACROSS, ALONG = [1.0, -1.0], [1.0, 1.0]
+
+
+def skewed(across: float, along: float, up: float, down: float) -> Growth:
+    """``across |x - y| + along |x + y|`` and a hinge of x + y that falls: concave where ``up + down < 0``."""
+    return growth([0.0, 0.0], [ACROSS, ALONG, ALONG], [across, along, up], [across, along, down], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "verdict", "direction"),
+    [
+        ((9.0, 1.0, -3.0, -3.0), Verdict.FALLS, None),
+        ((9.0, 1.0, -0.2, -0.3), Verdict.HELD, None),
+        ((1.02, 3.0, -4.0, -0.1), Verdict.FALLS, 1.0),
+        ((1.02, 3.0, -0.1, -4.0), Verdict.FALLS, -1.0),
+        ((1.02, 3.0, -2.9, -2.9), Verdict.HELD, None),
+    ],
+)
+def test_a_hinge_that_falls_to_both_sides(
+    numbers: tuple[float, float, float, float], verdict: Verdict, direction: float | None
+) -> None:
+    """By hand: least along (1, 1) and (-1, -1), where the growth is 2 (along + up) and 2 (along + down) over sqrt 2."""
+    found = decide(skewed(*numbers))
+    assert found.verdict is verdict
+    if verdict is Verdict.FALLS:
+        along, least = numbers[1], min(numbers[2:])
+        assert found.growth == pytest.approx(np.sqrt(2.0) * (along + least))
+    if direction is not None:
+        assert found.direction == pytest.approx(direction * np.sqrt(0.5) * np.ones(2))
+
+
+def test_what_is_in_balance_along_a_motion_of_both_grows_by_nothing() -> None:
+    """Against a load of (1, 1) along (1, 1), where the hinge takes as much as the load does."""
+    found = decide(growth([1.0, 1.0], [ACROSS, ALONG], [5.0, 1.0], [5.0, 3.0]))
+    assert found.verdict is Verdict.BALANCED
+    assert found.direction == pytest.approx(np.sqrt(0.5) * np.ones(2))
+    assert abs(found.growth) < 1e-9

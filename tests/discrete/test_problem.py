@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -27,7 +29,7 @@ from hemivar.mesh import rectangle
 LAW = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5))
 
 
-def arrays(**changes) -> dict:
+def arrays(**changes: Any) -> dict:
     """Two contact points in the plane, six unknowns."""
     K = 4.0 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
     data = {

@@ -9,6 +9,7 @@ import pytest
 
 from hemivar.certify import PointKind, certify
 from hemivar.discrete import DiscreteProblem, Residual, residual
+from hemivar.discrete.residual import LoadScale, contact_compliance, resting_multiplier
 from hemivar.errors import MethodError, ProblemError
 from hemivar.laws import (
     Compliance,
@@ -180,3 +181,43 @@ def test_a_foundation_that_loads_the_body_more_than_the_load_sets_the_scale() ->
     assert residual(ends, np.array([-0.3]), np.array([[1.2]])).scale == pytest.approx(1.2)
     assert residual(ends, np.array([-0.3]), np.array([[9.0]])).scale == pytest.approx(1.2)
     assert Residual(3.0, 4.0, 0.5, 0.0).relative == 10.0
+
+
+def test_what_presses_on_a_body_that_has_not_moved() -> None:
+    """Beyond its domain a law is met at the end of it, and the rest of the way is a force on the compliance."""
+    compliance = np.array([[0.5, 9.0], [0.25, 9.0]])
+    offset = np.array([[-0.1, 0.7], [0.3, -0.2]])
+    rigid = ContactLaw(Signorini(), Tresca(0.5)).at(np.zeros((2, 2)))
+    np.testing.assert_allclose(resting_multiplier(rigid, offset, compliance), [[0.1 / 0.5, -0.5], [0.0, 0.5]])
+    ends = ContactLaw(FinitePenetration(4.0, 0.06), Tresca(0.5)).at(np.zeros((2, 2)))
+    np.testing.assert_allclose(
+        resting_multiplier(ends, offset, compliance), [[4.0 * 0.06 + 0.04 / 0.5, -0.5], [0.0, 0.5]]
+    )
+
+
+@pytest.mark.parametrize(
+    ("load", "rest", "force", "scale"),
+    [(0.0, 0.0, 3.0, 3.0), (0.0, 2.0, 3.0, 2.0), (0.0, 4.0, 3.0, 3.0), (1.0, 0.5, 3.0, 1.0), (1.0, 2.0, 1.5, 1.5)],
+)
+def test_a_force_that_only_the_iterate_makes_is_a_scale_only_where_there_is_no_other(
+    load: float, rest: float, force: float, scale: float
+) -> None:
+    assert LoadScale(load, rest).of(force) == scale
+
+
+def test_the_compliance_of_contact_points_by_hand() -> None:
+    """Weight over stiffness: the softest tangent in space, the largest of all for points that see nothing."""
+    law = ContactLaw(Signorini(), Tresca(0.1))
+    solid = DiscreteProblem.of_arrays(
+        np.diag([1.0, 2.0, 4.0]), np.zeros(3), np.eye(3), np.array([3.0]), np.zeros(1), law
+    )
+    np.testing.assert_allclose(contact_compliance(solid), [[3.0, 1.5]])
+    blind = DiscreteProblem.of_arrays(
+        np.diag([0.5, 2.0]), np.zeros(2), np.array([[1.0, 0.0], [0.0, 0.0]]), np.array([3.0, 5.0]), np.zeros(2),
+        ContactLaw(Signorini()),
+    )  # fmt: skip
+    np.testing.assert_allclose(contact_compliance(blind)[:, 0], [3.0 / 0.5, 5.0 / 0.5])
+    nothing = DiscreteProblem.of_arrays(
+        np.eye(2), np.zeros(2), np.zeros((1, 2)), np.array([3.0]), np.zeros(1), ContactLaw(Signorini())
+    )
+    np.testing.assert_allclose(contact_compliance(nothing), [[3.0, 3.0]])

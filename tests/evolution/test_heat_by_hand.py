@@ -7,7 +7,8 @@ import pytest
 
 import hemivar as hv
 from hemivar.evolution import Evolution, ImplicitEuler, Midpoint, Save, Scheme, march
-from hemivar.mechanics.thermal import Heat
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.mechanics.thermal import Heat, HeatContact, Touching
 
 KAPPA, VISCOUS, BETA, SOURCE, START = 3.0, 0.6, 2.0, 0.7, 0.2
 
@@ -75,3 +76,23 @@ def test_temperatures_of_supports_and_what_they_give() -> None:
     assert history["heat.supports"] == pytest.approx(
         history["heat.content"] - history["heat.content"][0], rel=1e-4, abs=1e-14
     )
+
+
+def test_where_a_support_holds_the_body_nothing_is_in_contact_and_nothing_conducts() -> None:
+    """The node at a clamped edge is no contact point: it has a place in the exchange of heat, and no partner."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(0.0, 0.5),
+        supports={"left": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Compliance(2.0))},
+    )
+    heat = Heat(1.0, 1.0, contact={"bottom": HeatContact(Touching(5.0), temperature=1.0)})
+    discrete = discretize_evolution(Evolution(problem, heat=heat))
+    assert discrete.heat is not None
+    exchange = discrete.heat.conduction.problem
+    x = exchange.contact.points
+    assert x is not None
+    pressed = np.full(discrete.problem.contact_points, 0.3)
+    law = discrete.heat.law(exchange.law, pressed, pressed)
+    flow = law.normal.derivative(np.full(exchange.contact_points, 0.5))
+    np.testing.assert_allclose(flow, np.where(x[:, 0] > 0.0, 5.0 * 0.5, 0.0))

@@ -27,11 +27,12 @@ def cycle(
     law: hv.Superpotential = LAW,
     until: float = 0.8,
     width: float = 1.0,
+    density: float = 1.0,
 ) -> tuple[History, Array]:
     """The top of a block pushed down by r0 = t up to 0.4 and back; r0 at every row."""
     problem = hv.ContactProblem(
         mesh=hv.rectangle((width, 1.0), 1),
-        material=hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=viscosity, density=1.0),  # type: ignore[arg-type]
+        material=hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=viscosity, density=density),  # type: ignore[arg-type]
         supports={
             "left": hv.Roller(),
             "right": hv.Roller(),
@@ -107,6 +108,17 @@ def test_along_the_path_jumps_do_not_depend_on_the_step(jump: str) -> None:
     assert history.ledger["jumps"] == pytest.approx(LOSS, rel=1e-5)
     assert abs(history.ledger["gap"]) < 1e-12
     assert any(f"t = {UP:.8g}" in message for message in history.messages)
+
+
+def test_a_jump_by_inertia_keeps_its_own_time() -> None:
+    """Swings last ``sqrt(density)`` times as long; where they end, and what they lose, is the same."""
+    history, pushed = cycle("dynamic", 0.2, until=0.4, density=1e10)
+    assert history.finished, history.messages
+    assert history["jumped"].sum() == 1
+    assert history["penetration"][-1] == pytest.approx(pushed[-1], abs=1e-9)
+    strength = 0.5 * STIFF * DELTA**2 + 0.5 * (STIFF * DELTA) ** 2 / FALL
+    lost = 0.5 * KAPPA * (UP - DELTA) ** 2 + 0.5 * STIFF * DELTA**2 - strength
+    assert history.ledger["jumps"] == pytest.approx(lost, rel=1e-5)
 
 
 #: A second hump behind the first one, before which a body that moves slowly stays.

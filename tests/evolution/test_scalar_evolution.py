@@ -14,6 +14,7 @@ import pytest
 import hemivar as hv
 from hemivar.errors import FileError
 from hemivar.evolution import Evolution, march
+from hemivar.evolution.discrete import Bodies, discretize_evolution
 from hemivar.files.history_table import read_history_table
 from hemivar.files.problem_file import parse_problem_file
 from hemivar.files.unsaid import difference
@@ -253,3 +254,16 @@ def test_the_command_marches_a_file(tmp_path: Path) -> None:
     column = read_history_table(tmp_path / "heat.csv")["corner.u"]
     assert np.array_equal(column, history["corner.u"])
     assert (tmp_path / "heat.pvd").exists()
+
+
+def test_a_capacity_leaves_no_constant_without_energy() -> None:
+    """Insulated all round: the body of a step holds every temperature by what it stores; without it none is held."""
+    insulated = membrane(kind=ScalarKind.HEAT, density=None, capacity=2.0, supports={}, source=1.0)
+    step = Bodies(discretize_evolution(Evolution(insulated))).body(1.0, 4.0)
+    assert step.field is not None
+    assert step.field.free_motions.count == 0
+    assert np.linalg.eigvalsh(step.linear.stiffness.toarray())[0] > 1e-3
+    still = hv.discretize(membrane(kind=ScalarKind.HEAT, density=None, supports={}), check_coercivity=False)
+    assert still.field is not None
+    assert still.field.free_motions.count == 1
+    assert np.linalg.eigvalsh(still.linear.stiffness.toarray())[0] < 1e-12

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import skfem
 from skfem.helpers import ddot, sym_grad, trace
 
@@ -17,12 +20,12 @@ from hemivar.mesh import Mesh, box, rectangle
 from ..mesh.meshes import cube, distorted
 
 
-def library_stiffness(mesh: Mesh, lam: float, mu: float):
+def library_stiffness(mesh: Mesh, lam: float, mu: float) -> sp.csr_matrix:
     kind = (skfem.MeshTri, skfem.ElementTriP1) if mesh.dim == 2 else (skfem.MeshTet, skfem.ElementTetP1)
     basis = skfem.Basis(kind[0](mesh.points.T.copy(), mesh.cells.T.copy()), skfem.ElementVector(kind[1]()))
 
     @skfem.BilinearForm
-    def form(u, v, w):
+    def form(u: Any, v: Any, w: Any) -> Any:
         e, d = sym_grad(u), sym_grad(v)
         return lam * trace(e) * trace(d) + 2 * mu * ddot(e, d)
 
@@ -219,6 +222,6 @@ def test_loads(name: str, order: int) -> None:
         (0.0, {"left": Pressure(lambda x: x)}, r"tractions\['left'\]"),
     ],
 )
-def test_bad_load_functions(body_force, tractions, words: str) -> None:
+def test_bad_load_functions(body_force: Any, tractions: dict[str, Pressure], words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         load_vector(rectangle((1, 1), 3), 1, body_force, tractions)

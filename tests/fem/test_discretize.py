@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +34,7 @@ from ..mesh.meshes import cube, distorted
 SURVEY = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))
 
 
-def survey_problem(cells: int = 8, **options) -> ContactProblem:
+def survey_problem(cells: int = 8, **options: Any) -> ContactProblem:
     data = {
         "mesh": rectangle((1.0, 1.0), cells),
         "material": Material.lame(4.0, 4.0),
@@ -94,7 +96,7 @@ def test_patch(dim: int, order: int) -> None:
 def test_order_two_is_exact_on_quadratic_fields() -> None:
     mesh = all_round(distorted(rectangle((1, 1), 4, "cross")))
 
-    def exact(x):
+    def exact(x: np.ndarray) -> np.ndarray:
         return np.column_stack([x[:, 0] ** 2 + x[:, 0] * x[:, 1], x[:, 1] ** 2 - 3 * x[:, 0] * x[:, 1]])
 
     # -div sigma, with lam = 3, mu = 2: div u = 2x + y + 2y - 3x, lap u = (2, 2)
@@ -135,10 +137,10 @@ def test_spring_foundation(order: int, quadrature: Quadrature, rate: float) -> N
     """A manufactured solution on a linear spring foundation converges at the order of the elements."""
     lam, mu = 3.0, 2.0
 
-    def exact(x):
+    def exact(x: np.ndarray) -> np.ndarray:
         return 0.05 * np.column_stack([2 * x[:, 0] * x[:, 1] + x[:, 0] * x[:, 1] ** 2, -(x[:, 0] ** 2) * (1 + x[:, 1])])
 
-    def sigma(x):
+    def sigma(x: np.ndarray) -> np.ndarray:
         xx, yy = 0.05 * (2 * x[:, 1] + x[:, 1] ** 2), -0.05 * x[:, 0] ** 2
         result = np.zeros((len(x), 2, 2))
         result[:, 0, 0] = (lam + 2 * mu) * xx + lam * yy
@@ -509,7 +511,7 @@ def test_points_without_friction_are_named() -> None:
     """At the corner of two contact boundaries, and where a roller is oblique to the contact normal; not elsewhere."""
     rough, smooth = Contact(SurveyLaw(0.3, 2.0), Tresca(0.5)), Contact(SurveyLaw(0.3, 2.0))
 
-    def warned(angle: float = 0.0, **options) -> DiscreteProblem:
+    def warned(angle: float = 0.0, **options: Any) -> DiscreteProblem:
         problem = survey_problem(4, **options)
         return discretize(replace(problem, mesh=problem.mesh.rotated(angle)))
 
@@ -544,7 +546,7 @@ def test_points_without_friction_are_named() -> None:
 WALLS = {"left": Roller(), "right": Roller()}
 
 
-def pressed(pressure: float, contact: Contact, **options) -> ContactProblem:
+def pressed(pressure: float, contact: Contact, **options: Any) -> ContactProblem:
     data = {
         "supports": WALLS,
         "body_force": 0.0,
@@ -667,7 +669,7 @@ def test_statement_refused(changes: dict, words: str) -> None:
         (lambda: Contact(SurveyLaw(1.0), 0.5), "Friction"),
     ],
 )
-def test_condition_refused(make, words: str) -> None:
+def test_condition_refused(make: Callable[[], object], words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         make()
 

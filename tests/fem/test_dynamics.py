@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ def assembled(mesh: Mesh, order: int, lam: object, mu: object, density: object, 
         return value(np.moveaxis(x, 0, -1)) if callable(value) else value
 
     @skfem.BilinearForm
-    def form(u, v, w):
+    def form(u: Any, v: Any, w: Any) -> Any:
         e, d = sym_grad(u), sym_grad(v)
         elastic = at(lam, w.x) * trace(e) * trace(d) + 2 * at(mu, w.x) * ddot(e, d)
         return elastic + at(density, w.x) * dot(u, v)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ GRADIENT = np.array([[0.1, 0.3], [-0.2, 0.4]])
 STRAIN = 0.5 * (GRADIENT + GRADIENT.T)
 
 
-def problem(order: int = 1, **options) -> ContactProblem:
+def problem(order: int = 1, **options: Any) -> ContactProblem:
     mesh = rectangle((2, 1), (4, 3), "cross")
     return ContactProblem(mesh, options.pop("material", Material.lame(3.0, 2.0)), order=order, **options)
 

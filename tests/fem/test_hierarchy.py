@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.fem import discretize
 from hemivar.fem.hierarchy import coarser, rigid_motions
 from hemivar.laws import SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Support
 from hemivar.mesh import Mesh, box, rectangle
 
 from ..mesh.meshes import cube
@@ -28,7 +29,7 @@ def _pressure(x: Array) -> Array:
     return np.asarray(0.3 + np.abs(x[:, 0]))
 
 
-def problem(mesh: Mesh, **changes) -> ContactProblem:
+def problem(mesh: Mesh, **changes: Any) -> ContactProblem:
     parts = {
         "material": Material.lame(3.0, 2.0),
         "contact": {"bottom": Contact(SurveyLaw(_pressure, 2.0), Tresca(0.1), gap=lambda x: 1.0 + x[:, 0])},
@@ -40,7 +41,7 @@ def problem(mesh: Mesh, **changes) -> ContactProblem:
 
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("support", [Clamped(), Fixed(x=0.1), Fixed(y=0.0)], ids=["clamped", "x", "y"])
-def test_coarser_matrices_are_galerkin_products(name: str, support) -> None:
+def test_coarser_matrices_are_galerkin_products(name: str, support: Support) -> None:
     """On nested meshes the coarse elements are among the fine ones."""
     statement = problem(MESHES[name](), supports={"left": support})
     fine = discretize(statement, check_coercivity=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from ..mesh.meshes import cube, distorted
 
 
 @pytest.mark.parametrize("make", [lambda: rectangle((1, 1), 4), lambda: rectangle((1, 1), 4, "cross"), cube])
-def test_nested_meshes(make) -> None:
+def test_nested_meshes(make: Callable[[], Mesh]) -> None:
     coarse = make()
     fine = coarse.refined()
     values = np.random.default_rng(0).standard_normal((coarse.number_of_nodes, 2))
@@ -30,7 +32,7 @@ def test_polynomials_are_reproduced(order: int, dim: int) -> None:
     mesh = distorted(rectangle((1, 1), 5, "left") if dim == 2 else cube(3))
     points = np.random.default_rng(1).uniform(0, 1, (500, dim))
 
-    def field(x):
+    def field(x: np.ndarray) -> np.ndarray:
         return np.column_stack([1 + x[:, 0] - 2 * x[:, 1], x[:, 0] ** order * 3 + (x[:, 0] * x[:, 1]) ** (order - 1)])
 
     matrix = interpolation_matrix(mesh, order, points)

@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -16,10 +17,10 @@ from hemivar.gallery import beam, survey_cube
 from hemivar.laws import Compliance, Signorini
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Quadrature, Sphere
 from hemivar.mesh import rectangle
-from hemivar.solvers import solve
+from hemivar.solvers import Solution, solve
 
 
-def test_json_holds_the_solution(plane, tmp_path):
+def test_json_holds_the_solution(plane: Solution, tmp_path: Path) -> None:
     record = read_json(write_json(plane, tmp_path / "folder" / "solution.json"))
     assert record == solution_record(plane)
     assert record["status"] == "converged"
@@ -38,7 +39,7 @@ def test_json_holds_the_solution(plane, tmp_path):
     )
 
 
-def test_the_force_of_the_foundation_balances_the_rest(plane):
+def test_the_force_of_the_foundation_balances_the_rest(plane: Solution) -> None:
     """Load, foundation and clamped edge are in equilibrium; the foundation pushes up and holds back the slip."""
     force = solution_record(plane)["resultants"]["force"]
     assert force[1] == pytest.approx(plane.normal_force)
@@ -46,7 +47,7 @@ def test_the_force_of_the_foundation_balances_the_rest(plane):
     assert force[0] < 0.0 < plane.slip.max()
 
 
-def test_numbers_that_are_not_finite_become_null(plane, tmp_path):
+def test_numbers_that_are_not_finite_become_null(plane: Solution, tmp_path: Path) -> None:
     broken = replace(plane, multiplier=np.full_like(plane.multiplier, np.nan), error_bound=np.inf)
     text = write_json(broken, tmp_path / "broken.json").read_text()
     record = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in a JSON file"))
@@ -54,7 +55,7 @@ def test_numbers_that_are_not_finite_become_null(plane, tmp_path):
     assert record["contact"]["pressure"] == [None] * 16
 
 
-def test_solid_has_vectors(solid):
+def test_solid_has_vectors(solid: Solution) -> None:
     contact = solution_record(solid)["contact"]
     assert np.shape(contact["friction"]) == np.shape(contact["slip"]) == (6, 2)
     force = np.array(solution_record(solid)["resultants"]["force"])
@@ -67,7 +68,7 @@ def test_solid_has_vectors(solid):
     assert force[2] == pytest.approx(solid.normal_force, rel=1e-12)
 
 
-def test_problem_of_arrays(bar, tmp_path):
+def test_problem_of_arrays(bar: Solution, tmp_path: Path) -> None:
     record = read_json(write_json(bar, tmp_path / "bar.json"))
     assert record["contact"]["boundary"] is None
     assert record["contact"]["slip"] is None
@@ -77,7 +78,7 @@ def test_problem_of_arrays(bar, tmp_path):
         write_vtu(bar, tmp_path / "bar.vtu")
 
 
-def test_unreadable_records(tmp_path):
+def test_unreadable_records(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="cannot read result file"):
         read_json(tmp_path / "missing.json")
     for name, text in (("text.json", "not json"), ("list.json", "[1]")):
@@ -86,13 +87,13 @@ def test_unreadable_records(tmp_path):
             read_json(tmp_path / name)
 
 
-def test_suffix_is_checked(plane, tmp_path):
+def test_suffix_is_checked(plane: Solution, tmp_path: Path) -> None:
     for write in (write_json, write_csv, write_vtu):
         with pytest.raises(ProblemError, match="must end in"):
             write(plane, tmp_path / "solution.txt")
 
 
-def test_csv_has_a_line_for_each_contact_point(solid, tmp_path):
+def test_csv_has_a_line_for_each_contact_point(solid: Solution, tmp_path: Path) -> None:
     with write_csv(solid, tmp_path / "contact.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 6
@@ -100,7 +101,7 @@ def test_csv_has_a_line_for_each_contact_point(solid, tmp_path):
     assert {row["boundary"] for row in rows} == {"bottom"}
 
 
-def test_vtu_can_be_read(body, tmp_path, capfd):
+def test_vtu_can_be_read(body: Solution, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     solution = body
     path, contact = write_vtu(solution, tmp_path / "solution.vtu")
     assert capfd.readouterr() == ("", "")
@@ -125,7 +126,7 @@ def test_vtu_can_be_read(body, tmp_path, capfd):
     assert not grid.point_data["contact_force"][off].any()
 
 
-def test_vtu_at_the_contact_nodes(plane, tmp_path):
+def test_vtu_at_the_contact_nodes(plane: Solution, tmp_path: Path) -> None:
     body, _ = write_vtu(plane, tmp_path / "solution.vtu")
     grid = meshio.read(body)
     points = plane.problem.contact.points
@@ -137,7 +138,7 @@ def test_vtu_at_the_contact_nodes(plane, tmp_path):
     assert np.count_nonzero(grid.point_data["state"] >= 0) == 16
 
 
-def test_the_gap_is_the_distance_to_the_obstacle(tmp_path):
+def test_the_gap_is_the_distance_to_the_obstacle(tmp_path: Path) -> None:
     centre, radius = np.array([0.5, 0.4, -2.0]), 1.97
     block = survey_cube("5.1", 3)
     contact = {"bottom": Contact(Compliance(5.0), obstacle=Sphere(tuple(centre), radius))}
@@ -154,14 +155,14 @@ def test_the_gap_is_the_distance_to_the_obstacle(tmp_path):
     np.testing.assert_allclose(skin.point_data["gap"][known], distance, atol=1e-14)
 
 
-def test_regions_are_numbered(curved, tmp_path):
+def test_regions_are_numbered(curved: Solution, tmp_path: Path) -> None:
     grid = meshio.read(write_vtu(curved, tmp_path / "solution.vtu")[0])
     region = grid.cell_data["region"][0]
     assert np.array_equal(np.flatnonzero(region == 0), curved.problem.field.mesh.regions["left half"])
     assert set(region) == {-1, 0}
 
 
-def test_body_without_contact_has_no_contact_file(tmp_path):
+def test_body_without_contact_has_no_contact_file(tmp_path: Path) -> None:
     solution = solve(discretize(beam()))
     body, contact = write_vtu(solution, tmp_path / "beam.vtu")
     assert contact is None
@@ -169,7 +170,7 @@ def test_body_without_contact_has_no_contact_file(tmp_path):
 
 
 @pytest.mark.parametrize(("order", "quadrature"), [(1, "nodal"), (2, "nodal"), (1, "midpoint"), (2, "midpoint")])
-def test_files_name_the_boundary_of_each_contact_point(order, quadrature, tmp_path):
+def test_files_name_the_boundary_of_each_contact_point(order: int, quadrature: str, tmp_path: Path) -> None:
     """Two boundaries of a bent body, stated against the order of the mesh, each with its own foundation."""
     mesh = rectangle((2.0, 1.0), (4, 2), "cross")
     names = {"right": mesh.boundaries["right"], "under <&>": mesh.boundaries["bottom"], "left": mesh.boundaries["left"]}
@@ -212,7 +213,7 @@ def test_files_name_the_boundary_of_each_contact_point(order, quadrature, tmp_pa
 
 
 @pytest.mark.parametrize(("order", "quadrature"), [(1, "nodal"), (2, "nodal"), (1, "midpoint")])
-def test_places_along_a_bent_boundary(order, quadrature):
+def test_places_along_a_bent_boundary(order: int, quadrature: str) -> None:
     mesh = rectangle((2.0, 1.0), (4, 2), "cross")
     bent = mesh.with_boundaries(
         {

@@ -27,6 +27,7 @@ from hemivar.laws import (
 )
 from hemivar.laws.stacked import stack
 from hemivar.laws.testing import LawError, check_law
+from hemivar.laws.transformed import affine, plus
 
 
 class Table(PiecewiseQuadratic):
@@ -115,6 +116,34 @@ def test_of_several_laws_one_whose_constants_are_sampled_is_enough() -> None:
     assert not stack([(known, 1), (SurveyLaw(0.5), 2)]).constants_sampled
     assert str(sampled.describe()).count("(sampled)") == 2
     assert "(sampled)" not in str(known.describe())
+
+
+GROWTH, ALPHA, PROVED = FormulaLaw("r^2"), FormulaLaw("sqrt(1 + r^2)"), FormulaLaw("sin(r)")
+
+
+@pytest.mark.parametrize(
+    ("law", "alpha", "growth"), [(GROWTH, False, True), (ALPHA, True, False), (PROVED, False, False)]
+)
+def test_a_law_made_of_others_has_their_doubts_and_no_more(law: Superpotential, alpha: bool, growth: bool) -> None:
+    """Each constant by itself: the growth of r^2 is sampled and its alpha is known, of sqrt(1 + r^2) the other way."""
+    assert (law.alpha_sampled, law.growth_sampled, law.made_of) == (alpha, growth, ())
+    slow = law.scaled(np.array([1.0, 0.1]))
+    made = [slow, stack([(SurveyLaw(0.3), 1), (law, 2)]), plus(FormulaLaw("r"), slow), affine(law, 2.0, 0.1)]
+    made += [affine(stack([(law, 2)]), 0.5), slow.take(np.array([1]))]
+    for one in made:
+        assert one.made_of, one.name
+        found = (one.constants_sampled, one.alpha_sampled, one.growth_sampled)
+        assert found == (alpha or growth, alpha, growth), type(one)
+
+
+def test_a_class_that_says_its_constants_are_sampled_means_both() -> None:
+    class Guessed(SurveyLaw):
+        constants_sampled = True
+
+    law = Guessed(0.3)
+    assert law.alpha_sampled
+    assert law.growth_sampled
+    assert stack([(SurveyLaw(0.3), 1), (law, 1)]).growth_sampled
 
 
 def test_a_description_says_where_each_formula_holds() -> None:

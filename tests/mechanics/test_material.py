@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -101,7 +102,7 @@ def test_by_region() -> None:
         (lambda: Material.tensor(np.eye(3), out_of_plane=(1, 2)), "out_of_plane"),
     ],
 )
-def test_bad_constants_are_refused_at_once(make, words: str) -> None:
+def test_bad_constants_are_refused_at_once(make: Callable[[], object], words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         make()
 
@@ -124,7 +125,7 @@ def test_bad_constants_are_refused_at_once(make, words: str) -> None:
         (Material.tensor(lambda x: -np.eye(3)), POINTS, "definite"),
     ],
 )
-def test_bad_constants_are_refused_where_they_are(material: Material, points, words: str) -> None:
+def test_bad_constants_are_refused_where_they_are(material: Material, points: np.ndarray, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         material.stiffness_tensor(points)
 

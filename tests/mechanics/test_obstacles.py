@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,7 +104,7 @@ def test_signed_distance_of_a_shape_is_the_shape(name: str) -> None:
     np.testing.assert_allclose(found[~grazing], reference[~grazing], atol=1e-7)
 
 
-def block(obstacle: Obstacle, normals: str | None = None, **options) -> ContactProblem:
+def block(obstacle: Obstacle, normals: str | None = None, **options: Any) -> ContactProblem:
     contact = Contact(Signorini(), obstacle=obstacle, normals=normals)  # type: ignore[arg-type]
     return ContactProblem(
         options.get("mesh", rectangle((1.0, 1.0), 8, "cross")),
@@ -240,7 +243,7 @@ def test_a_turned_body_and_obstacle_give_the_same_pressure(shape: str) -> None:
         ),
     ],
 )
-def test_bad_obstacles_are_refused_in_words(make, words: str) -> None:
+def test_bad_obstacles_are_refused_in_words(make: Callable[[], object], words: str) -> None:
     with pytest.raises(ProblemError, match=re.escape(words)) as caught:
         make()
     assert "\n" not in str(caught.value)
@@ -315,7 +318,7 @@ def test_bad_obstacles_in_problem_files(text: str, words: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_cylinder_in_a_problem_file(tmp_path) -> None:
+def test_cylinder_in_a_problem_file(tmp_path: Path) -> None:
     import meshio
 
     mesh: Mesh = cube(2)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
 from hemivar.files.problem_file import parse_problem_file
-from hemivar.laws import Bilateral, Compliance, Signorini
+from hemivar.laws import Bilateral, Compliance, Signorini, Superpotential
 from hemivar.mechanics import (
     Clamped,
     Contact,
@@ -27,6 +29,7 @@ from hemivar.mechanics import (
     Roller,
     SignedDistance,
     Sphere,
+    Support,
 )
 from hemivar.mesh import Mesh, box, rectangle
 
@@ -96,7 +99,7 @@ def test_texts_of_any_kind_are_one_short_sentence(text: str, words: str) -> None
     assert len(str(caught.value)) < 400
 
 
-def stated(mesh: Mesh | None = None, contact: Contact | None = None, **changes) -> ContactProblem:
+def stated(mesh: Mesh | None = None, contact: Contact | None = None, **changes: Any) -> ContactProblem:
     values = {
         "material": Material.lame(4.0, 4.0),
         "contact": {"bottom": Contact(Signorini()) if contact is None else contact},
@@ -132,7 +135,7 @@ def stated(mesh: Mesh | None = None, contact: Contact | None = None, **changes) 
     ],
 )
 @pytest.mark.parametrize("number", [0.25 + 1j, 0.25 + 0j, np.complex128(0.25), float("nan"), float("inf")])
-def test_complex_and_infinite_numbers_are_refused(make, number: complex) -> None:
+def test_complex_and_infinite_numbers_are_refused(make: Callable[[complex], object], number: complex) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(ProblemError) as caught:
@@ -207,7 +210,7 @@ def test_an_obstacle_in_a_hole_or_a_notch_is_outside() -> None:
 
 @pytest.mark.parametrize("law", [Signorini(), Bilateral()])
 @pytest.mark.parametrize("support", [Clamped(), Roller()])
-def test_midpoints_between_held_ends_are_refused_when_discretised(law, support) -> None:
+def test_midpoints_between_held_ends_are_refused_when_discretised(law: Superpotential, support: Support) -> None:
     """Eight facets, seven free nodes."""
     supports = {"left": support, "right": support, "top": Roller()}
     problem = stated(rectangle(cells=8), Contact(law), supports=supports, quadrature=Quadrature.MIDPOINT)

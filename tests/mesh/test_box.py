@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,7 +126,7 @@ def test_bad_boxes_are_refused(arguments: dict[str, object]) -> None:
 
 
 @pytest.fixture(scope="module")
-def gmsh_balls(tmp_path_factory):
+def gmsh_balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Octants of the unit ball, below and beside the planes of symmetry, of two mesh sizes."""
     gmsh = pytest.importorskip("gmsh")
     folder = tmp_path_factory.mktemp("balls")
@@ -156,7 +157,7 @@ def gmsh_balls(tmp_path_factory):
     return folder
 
 
-def test_normals_on_a_sphere_from_gmsh(gmsh_balls) -> None:
+def test_normals_on_a_sphere_from_gmsh(gmsh_balls: Path) -> None:
     """Physical surfaces are boundaries; nodal normals differ from the radius by O(h)."""
     errors = []
     for size in (0.2, 0.1):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -102,7 +104,7 @@ def test_arrays_are_read_only() -> None:
 
 
 @pytest.mark.parametrize("make", [lambda: rectangle((2, 1), (4, 2), "cross"), cube])
-def test_refined(make) -> None:
+def test_refined(make: Callable[[], Mesh]) -> None:
     coarse = make()
     coarse = Mesh(coarse.points, coarse.cells, dict(coarse.boundaries), {"part": [0, 3]})
     fine = coarse.refined()
@@ -166,7 +168,7 @@ def test_nodes_of_order_two_are_edge_midpoints(dim: int) -> None:
 # ---- files -------------------------------------------------------------------------------------------------
 
 
-def test_read_missing_and_broken(tmp_path) -> None:
+def test_read_missing_and_broken(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="does not exist"):
         read_mesh(tmp_path / "nothing.msh")
     for name, text in {"broken.msh": "this is no mesh", "strange.xyz": "1 2 3", "empty.msh": ""}.items():
@@ -177,7 +179,7 @@ def test_read_missing_and_broken(tmp_path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_read_is_silent(tmp_path, capsys) -> None:
+def test_read_is_silent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "broken.msh"
     path.write_text("this is no mesh")
     with pytest.raises(ProblemError):
@@ -187,7 +189,7 @@ def test_read_is_silent(tmp_path, capsys) -> None:
     assert captured.err == ""
 
 
-def test_read_refuses_other_cells(tmp_path) -> None:
+def test_read_refuses_other_cells(tmp_path: Path) -> None:
     path = tmp_path / "quad.vtu"
     meshio.Mesh(np.array(SQUARE), [("quad", np.array([[0, 1, 2, 3]]))]).write(path)
     with pytest.raises(ProblemError, match="type quad"):
@@ -203,7 +205,7 @@ def test_read_refuses_other_cells(tmp_path) -> None:
         read_mesh(path)
 
 
-def test_read_turns_inverted_and_drops_unused(tmp_path) -> None:
+def test_read_turns_inverted_and_drops_unused(tmp_path: Path) -> None:
     points = np.array([[9.0, 9.0, 0.0], *[[*p, 0.0] for p in SQUARE]])
     path = tmp_path / "square.vtu"
     meshio.Mesh(points, [("triangle", np.array([[1, 2, 3], [1, 4, 3]]))]).write(path)
@@ -212,7 +214,7 @@ def test_read_turns_inverted_and_drops_unused(tmp_path) -> None:
     assert (mesh.volumes > 0).all()
 
 
-def test_read_cell_sets(tmp_path) -> None:
+def test_read_cell_sets(tmp_path: Path) -> None:
     raw = meshio.Mesh(
         np.array(SQUARE),
         [("line", np.array([[0, 1]])), ("triangle", np.array([[0, 1, 2], [0, 2, 3]]))],
@@ -229,7 +231,7 @@ def test_read_cell_sets(tmp_path) -> None:
 
 
 @pytest.fixture(scope="module")
-def gmsh_disc(tmp_path_factory):
+def gmsh_disc(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A half disc with a curved boundary, two regions, written in both formats."""
     gmsh = pytest.importorskip("gmsh")
     folder = tmp_path_factory.mktemp("gmsh")
@@ -269,7 +271,7 @@ def gmsh_disc(tmp_path_factory):
 
 
 @pytest.mark.parametrize("version", ["2.2", "4.1"])
-def test_read_gmsh(gmsh_disc, version: str, capsys) -> None:
+def test_read_gmsh(gmsh_disc: Path, version: str, capsys: pytest.CaptureFixture[str]) -> None:
     mesh = read_mesh(gmsh_disc / f"disc{version}.msh")
     assert capsys.readouterr().out == ""
     assert mesh.dim == 2
@@ -285,6 +287,6 @@ def test_read_gmsh(gmsh_disc, version: str, capsys) -> None:
     assert (left < 0).all()
 
 
-def test_read_gmsh_refuses_curved_cells(gmsh_disc) -> None:
+def test_read_gmsh_refuses_curved_cells(gmsh_disc: Path) -> None:
     with pytest.raises(ProblemError, match="of type line3; only straight-sided"):
         read_mesh(gmsh_disc / "curved.msh")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -113,7 +114,7 @@ def test_parts_that_were_not_joined_are_told_from_cracks() -> None:
         (lambda: rectangle().scaled(2j), "factor"),
     ],
 )
-def test_bad_arguments_are_refused_without_warnings(make, words: str) -> None:
+def test_bad_arguments_are_refused_without_warnings(make: Callable[[], object], words: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(ProblemError, match=words) as caught:

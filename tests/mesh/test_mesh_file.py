@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import meshio
@@ -22,7 +23,7 @@ CELLS = np.array([[0, 1, 2], [0, 2, 3]])
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pipes and links")
 @pytest.mark.parametrize("kind", ["pipe", "device", "endless", "folder", "nul", "loop", "long"])
 @pytest.mark.parametrize("read", [read_mesh, read_problem])
-def test_only_regular_files_are_opened(kind: str, read, tmp_path: Path) -> None:
+def test_only_regular_files_are_opened(kind: str, read: Callable[[Path], object], tmp_path: Path) -> None:
     """A pipe would hang, /dev/zero would never end."""
     path = tmp_path / "part.msh"
     if kind == "pipe":
@@ -62,7 +63,9 @@ def test_mesh_files_are_held_against_the_memory(tmp_path: Path, monkeypatch: pyt
     "suffix", ["vtu", "vtk", "inp", "mesh", "xdmf", "stl", "obj", "ply", "nas", "off", "su2", "", "h5m"]
 )
 @pytest.mark.parametrize("data", [b"", b"garbage\n", b"\0\1\2\3" * 100, b"*NODE\n1, 1e, 0\n", b"(0 garbage"])
-def test_garbage_in_any_format_is_one_sentence_and_silent(suffix: str, data: bytes, tmp_path: Path, capfd) -> None:
+def test_garbage_in_any_format_is_one_sentence_and_silent(
+    suffix: str, data: bytes, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / f"part.{suffix}"
     path.write_bytes(data)
     with pytest.raises(ProblemError) as caught:

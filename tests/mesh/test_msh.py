@@ -7,6 +7,7 @@ import struct
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,8 +64,12 @@ def test_committed_files_of_gmsh(path: Path) -> None:
     check_measures(read_mesh(path), path.stem.split("-")[0])
 
 
+#: Name of the model, dimension, what its groups hold, its files with their variants.
+Genuine = tuple[str, int, dict[tuple[int, str], set], dict[Path, tuple[str, bool, bool, bool]]]
+
+
 @pytest.fixture(scope="module", params=sorted(MODELS))
-def genuine(request, tmp_path_factory):
+def genuine(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Genuine:
     """A model as it is inside Gmsh, and its files in all variants, whole and partitioned."""
     gmsh = pytest.importorskip("gmsh")
     folder = tmp_path_factory.mktemp("msh")
@@ -96,12 +101,12 @@ def genuine(request, tmp_path_factory):
     return request.param, dim, inside, files
 
 
-def _nodes(gmsh) -> tuple[np.ndarray, np.ndarray]:
+def _nodes(gmsh: Any) -> tuple[np.ndarray, np.ndarray]:
     tags, places, _ = gmsh.model.mesh.getNodes()
     return tags, places.reshape(-1, 3)
 
 
-def test_all_variants_hold_what_gmsh_holds(genuine) -> None:
+def test_all_variants_hold_what_gmsh_holds(genuine: Genuine) -> None:
     """Each facet and cell of each group, by its corners; text rounds coordinates to 16 digits."""
     model, dim, inside, files = genuine
     forces = []

@@ -3,21 +3,27 @@
 import csv
 import itertools
 import math
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from hemivar.errors import ProblemError
-from hemivar.report import run_survey
+from hemivar.report import SurveyReport, run_survey
+from hemivar.workflows.events import Stage
+
+#: What a run returned and what it told on the way.
+Small = tuple[SurveyReport, list[Stage]]
 
 
 @pytest.fixture(scope="module", params=[pytest.param(8, marks=pytest.mark.slow)])
-def small(tmp_path_factory, request):
+def small(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Small:
     said = []
     result = run_survey(tmp_path_factory.mktemp("survey"), max_n=request.param, progress=said.append)
     return result, said
 
 
-def test_everything_is_written(small):
+def test_everything_is_written(small: Small) -> None:
     result, said = small
     names = {path.name for path in result.files}
     expected = {f"figure{k}{suffix}" for k in range(1, 6) for suffix in (".png", ".pdf")}
@@ -38,7 +44,7 @@ def test_everything_is_written(small):
     assert any("Figure 5" in stage.name for stage in said)
 
 
-def test_nine_curves_fall(small):
+def test_nine_curves_fall(small: Small) -> None:
     result, _ = small
     assert len(result.runs.errors) == 9
     assert result.runs.sizes == (0.5, 0.25, 0.125)
@@ -47,7 +53,7 @@ def test_nine_curves_fall(small):
     assert all(0.6 < order < 1.1 for order in result.runs.orders.values())
 
 
-def test_methods_agree(small):
+def test_methods_agree(small: Small) -> None:
     result, _ = small
     columns = result.methods_table().columns
     for row in result.methods_table().rows:
@@ -56,7 +62,7 @@ def test_methods_agree(small):
             assert cells["difference"] < 1e-6
 
 
-def test_table_1_has_the_survey_beside(small):
+def test_table_1_has_the_survey_beside(small: Small) -> None:
     result, _ = small
     rows = {(row[0], row[1], row[2]): row[3:] for row in result.table1().rows}
     assert rows["direct optimization", "functional evaluations", "survey"] == (1027,)
@@ -66,12 +72,12 @@ def test_table_1_has_the_survey_beside(small):
     assert all(isinstance(value, float) and 0.0 < value < 60.0 for value in times)
 
 
-def test_figure_3_friction(small):
+def test_figure_3_friction(small: Small) -> None:
     result, _ = small
     assert result.runs.friction[32] == pytest.approx(0.4986, abs=5e-5)
 
 
-def test_report_is_one_page(small):
+def test_report_is_one_page(small: Small) -> None:
     result, _ = small
     page = (result.folder / "report.html").read_text()
     assert page.count("data:image/svg+xml;base64,") == 9
@@ -81,8 +87,8 @@ def test_report_is_one_page(small):
 
 
 @pytest.mark.slow
-def test_interruption_leaves_a_report(tmp_path):
-    def progress(stage):
+def test_interruption_leaves_a_report(tmp_path: Path) -> None:
+    def progress(stage: Stage) -> None:
         if stage.name.startswith("Figure 2"):
             raise KeyboardInterrupt
 
@@ -96,7 +102,7 @@ def test_interruption_leaves_a_report(tmp_path):
 
 
 @pytest.mark.slow
-def test_time_limit_is_said_and_the_run_goes_on(tmp_path):
+def test_time_limit_is_said_and_the_run_goes_on(tmp_path: Path) -> None:
     result = run_survey(tmp_path, max_n=8, method_time_limit=1e-9)
     times = [cell for row in result.table1().rows if row[2] == "hemivar" and "time" in row[1] for cell in row[3:]]
     assert "> 1e-09 s" in times
@@ -104,18 +110,18 @@ def test_time_limit_is_said_and_the_run_goes_on(tmp_path):
 
 
 @pytest.mark.parametrize("options", [{"max_n": 12}, {"max_n": 4}, {"method_time_limit": 0.0}])
-def test_options_are_checked(tmp_path, options):
+def test_options_are_checked(tmp_path: Path, options: dict[str, Any]) -> None:
     with pytest.raises(ProblemError):
         run_survey(tmp_path, **options)
 
 
-def test_folder_that_cannot_be_made(tmp_path):
+def test_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ProblemError, match="cannot be made"):
         run_survey(tmp_path / "file" / "folder")
 
 
-def test_bounds_are_above_all_nine_curves(small):
+def test_bounds_are_above_all_nine_curves(small: Small) -> None:
     """Guaranteed, and no error is above; where a method converged they are near."""
     result, _ = small
     runs = result.runs
@@ -136,7 +142,7 @@ def test_bounds_are_above_all_nine_curves(small):
 
 
 @pytest.mark.slow
-def test_a_survey_without_bounds(tmp_path):
+def test_a_survey_without_bounds(tmp_path: Path) -> None:
     result = run_survey(tmp_path, max_n=8, bounds=False)
     assert result.runs.bounds == {}
     assert not (tmp_path / "bounds.csv").exists()

@@ -12,9 +12,13 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tests.robustness.case import CANARY, Case, lay_out
 from tests.robustness.limited import LIMITS, Limits, Run, run_case
+
+if TYPE_CHECKING:
+    from tests.robustness.oracle import Verdict
 
 __all__ = ["FAULTS", "Outcome", "judge", "run_and_judge", "table"]
 
@@ -265,7 +269,7 @@ def _mesh_of(case: Case, folder: Path) -> str | None:
 _CONVEX = {"survey", "signorini", "compliance", "bilateral", "finite-penetration", "none", "tresca"}
 
 
-def _compared(record: dict, problem: Path, verdict) -> None:
+def _compared(record: dict, problem: Path, verdict: Verdict) -> None:
     """Methods that converged agree where the energy is convex."""
     data = tomllib.loads(problem.read_text(encoding="utf-8-sig"))
     laws = []

@@ -21,7 +21,7 @@ from tests.robustness.graphs import Graph, SenselessError, normal_graph, read_ta
 from tests.robustness.judge import Outcome, _prints, judge, table
 from tests.robustness.limited import Limits, Run, run_limited
 from tests.robustness.msh import MalformedError, grid_mesh, read_msh, write_msh
-from tests.robustness.oracle import examine
+from tests.robustness.oracle import Verdict, examine
 from tests.robustness.seeds import FILES, SEEDS, known
 from tests.robustness.toml import dump, spoilt
 
@@ -213,7 +213,7 @@ def _solved(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> dict
     return json.loads((folder / "a.json").read_text())
 
 
-def _verdict(folder: Path, record: dict | None = None):
+def _verdict(folder: Path, record: dict | None = None) -> Verdict:
     if record is not None:
         (folder / "a.json").write_text(json.dumps(record))
     return examine(folder, "problem.toml", "a.json", "a.vtu", 1e-9)

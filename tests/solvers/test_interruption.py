@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ def test_an_interruption_while_the_unknowns_are_recovered_is_not_lost(monkeypatc
     recover = CondensedProblem.recover
     calls = []
 
-    def interrupted_once(self: CondensedProblem, *arguments):  # type: ignore[no-untyped-def]
+    def interrupted_once(self: CondensedProblem, *arguments: Any) -> Any:
         calls.append(1)
         if len(calls) == 1:
             raise KeyboardInterrupt
@@ -143,7 +144,7 @@ def test_the_search_for_solutions_keeps_what_it_has(monkeypatch: pytest.MonkeyPa
     step = NonsmoothNewton.step
     calls = []
 
-    def interrupted(self: NonsmoothNewton, *arguments):  # type: ignore[no-untyped-def]
+    def interrupted(self: NonsmoothNewton, *arguments: Any) -> Any:
         calls.append(1)
         if len(calls) > 60:
             raise KeyboardInterrupt
@@ -172,7 +173,7 @@ def test_a_path_keeps_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
     step = Follower.straight_step
     calls = []
 
-    def interrupted(self, *arguments):  # type: ignore[no-untyped-def]
+    def interrupted(self: Follower, *arguments: Any) -> Any:
         calls.append(1)
         if len(calls) == 2:
             raise KeyboardInterrupt

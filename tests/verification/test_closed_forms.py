@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -164,7 +166,7 @@ def spring_problem(mesh: Mesh, quadrature: Quadrature = Quadrature.NODAL, order:
         trace = lam * (exx + eyy)
         return np.stack([trace + 2 * mu * exx, trace + 2 * mu * eyy, 2 * mu * exy], axis=1)
 
-    def side(normal: tuple[float, float]):  # type: ignore[no-untyped-def]
+    def side(normal: tuple[float, float]) -> Callable[[np.ndarray], np.ndarray]:
         def traction(x: np.ndarray) -> np.ndarray:
             s = stress(x)
             return np.stack(

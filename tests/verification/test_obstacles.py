@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -38,14 +39,16 @@ def _load() -> ModuleType:
 known = _load()
 
 
-def solved(problem) -> Solution:
+def solved(problem: ContactProblem) -> Solution:
     return solve(discretize(problem)).raise_for_status()
 
 
 # ---- the closed forms themselves ---------------------------------------------------------------------------
 
 
-def divergence_of_stress(field, points: np.ndarray, young: float, poisson: float) -> np.ndarray:
+def divergence_of_stress(
+    field: Callable[[np.ndarray], np.ndarray], points: np.ndarray, young: float, poisson: float
+) -> np.ndarray:
     """``mu lap u + (lam + mu) grad div u`` by difference quotients."""
     dim, step = points.shape[1], 1e-3
     mu = young / (2 * (1 + poisson))

@@ -15,7 +15,6 @@ import math
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.generators import result_of
 from hemivar.basics.memory import available_bytes, size_in_words
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray, Record
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
@@ -178,7 +177,7 @@ class AdaptiveSolution:
         """
         return [level.row() for level in self.levels]
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> Record:
         """Plain numbers and strings for JSON: how it ended, every mesh and the goal; what is not finite is null."""
 
         def finite(row: dict[str, float]) -> dict[str, float | None]:

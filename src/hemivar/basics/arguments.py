@@ -6,12 +6,15 @@ import difflib
 import math
 import numbers
 import operator
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from types import UnionType
+from typing import Any, TypeVar, overload
 
 from hemivar.errors import ProblemError
 
 __all__ = ["described", "expect", "number", "suggest", "whole_number"]
+
+Kind = TypeVar("Kind")
 
 
 def described(value: object) -> str:
@@ -25,7 +28,15 @@ def described(value: object) -> str:
     return f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
 
 
-def expect(value: object, kind: Any, name: str, remedy: str) -> Any:
+@overload
+def expect(value: object, kind: Callable[..., Kind], name: str, remedy: str) -> Kind: ...
+
+
+@overload
+def expect(value: object, kind: UnionType, name: str, remedy: str) -> Any: ...
+
+
+def expect(value: object, kind: Any, name: str, remedy: str) -> object:
     """The value, if it is of a kind, a class or a union of classes.
 
     Raises
@@ -60,7 +71,7 @@ def whole_number(value: object, name: str, least: int) -> int:
     return found
 
 
-def number(value: Any, name: str, what: str = "give a real number") -> float:
+def number(value: object, name: str, what: str = "give a real number") -> float:
     """A real number, NumPy's included, not nan."""
     if not isinstance(value, numbers.Real) or isinstance(value, bool) or math.isnan(value):
         raise ProblemError(f"{name} is {described(value)}; {what}")

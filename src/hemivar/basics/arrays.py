@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from numbers import Complex, Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import AnyArray, Array
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -21,9 +21,7 @@ __all__ = ["norm", "real_array", "real_matrix"]
 _TINY, _HUGE = 1e-240, 1e240
 
 
-def real_array(
-    value: ArrayLike, name: str, ndim: int | None = None, *, finite: bool = True, own: bool = False
-) -> Array:
+def real_array(value: object, name: str, ndim: int | None = None, *, finite: bool = True, own: bool = False) -> Array:
     """An array of floats made of what a user gave.
 
     Parameters
@@ -62,7 +60,7 @@ def real_array(
     return array
 
 
-def real_matrix(value: Any, name: str, *, own: bool = False) -> sp.csr_array:
+def real_matrix(value: object, name: str, *, own: bool = False) -> sp.csr_array:
     """A sparse matrix of finite floats, duplicates summed, made of a dense one or of any of SciPy's.
 
     Parameters
@@ -85,10 +83,11 @@ def real_matrix(value: Any, name: str, *, own: bool = False) -> sp.csr_array:
         if dense.ndim > 2:
             raise ProblemError(f"{name} has shape {dense.shape}; it must have 2 axes")
         return sp.csr_array(np.atleast_2d(dense))
-    _checked(value.data if value.format not in ("lil", "dok") else value.tocoo().data, name)
+    sparse: sp.sparray = value
+    _checked(sparse.data if sparse.format not in ("lil", "dok") else sparse.tocoo().data, name)
     try:
-        given = isinstance(value, sp.csr_array) and value.dtype == np.float64
-        matrix = value if given else sp.csr_array(value).astype(np.float64, copy=False)
+        given = isinstance(sparse, sp.csr_array) and sparse.dtype == np.float64
+        matrix = sparse if given else sp.csr_array(sparse).astype(np.float64, copy=False)
     except (TypeError, ValueError) as error:
         raise ProblemError(f"{name} is no matrix of numbers: {error}") from error
     if own or not matrix.has_canonical_format:
@@ -102,7 +101,7 @@ def real_matrix(value: Any, name: str, *, own: bool = False) -> sp.csr_array:
     return matrix
 
 
-def _checked(value: Any, name: str) -> np.ndarray[Any, Any]:
+def _checked(value: object, name: str) -> AnyArray:
     """The array of what was given, if its entries may be real numbers."""
     if isinstance(value, np.ma.MaskedArray):
         raise ProblemError(f"{name} is a masked array, whose mask would be lost; fill it in, .filled(...)")
@@ -113,7 +112,7 @@ def _checked(value: Any, name: str) -> np.ndarray[Any, Any]:
     except (TypeError, ValueError) as error:
         raise ProblemError(f"{name} is no array of numbers: {error}") from error
     kind = given.dtype.kind
-    entries: list[Any] = list(given.ravel()) if kind == "O" else []
+    entries: list[object] = list(given.ravel()) if kind == "O" else []
     if kind == "c" or any(isinstance(entry, Complex) and not isinstance(entry, Real) for entry in entries):
         raise ProblemError(f"{name} is complex; give real numbers (take .real if the imaginary part is meant to go)")
     wrong = next((entry for entry in entries if entry is None or isinstance(entry, str | bytes)), None)

@@ -7,9 +7,10 @@ import types
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from typing import Any
 
 import numpy as np
+
+from hemivar.basics.types import AnyArray
 
 __all__ = ["content"]
 
@@ -58,7 +59,7 @@ def _of(value: object, inside: tuple[int, ...]) -> Iterator[bytes]:
     yield b")"
 
 
-def _array(array: np.ndarray[Any, Any], inside: tuple[int, ...]) -> Iterator[bytes]:
+def _array(array: AnyArray, inside: tuple[int, ...]) -> Iterator[bytes]:
     yield f"{array.dtype.str}{array.shape}".encode()
     if array.dtype.hasobject:
         for entry in array.ravel().tolist():
@@ -96,7 +97,7 @@ def _parts(value: object) -> Iterator[object]:
                 yield one.name
                 yield getattr(value, one.name, None)
     elif callable(getattr(value, "tocsr", None)):
-        matrix: Any = value.tocsr()  # type: ignore[attr-defined]
+        matrix = value.tocsr()  # type: ignore[attr-defined]
         yield from (matrix.shape, matrix.indptr, matrix.indices, matrix.data)
     else:
         yield next((vars(one)["__call__"] for one in type(value).__mro__ if "__call__" in vars(one)), None)

@@ -9,10 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import FunctionType, MappingProxyType, MethodType
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
+from hemivar.basics.types import AnyArray
 from hemivar.errors import ProblemError
 
 __all__ = ["Portable"]
@@ -32,14 +33,14 @@ class Portable:
         cloudpickle or dill, which send such functions, they are left to these.
     """
 
-    def _stated(self) -> dict[str, Any]:
+    def _stated(self) -> dict[str, object]:
         """The attributes that travel."""
         dropped: set[str] = set()
         for base in type(self).__mro__:
             dropped.update(name for name, value in vars(base).items() if isinstance(value, cached_property))
         return {name: _packed(value) for name, value in vars(self).items() if name not in dropped}
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         state = self._stated()
         if not {"cloudpickle", "dill"} & sys.modules.keys():
             if not _importable(type(self)):
@@ -51,7 +52,7 @@ class Portable:
                 _check_functions(self, name, value)
         return state
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, _unpacked(value))
 
@@ -60,7 +61,7 @@ class Portable:
         vars(other).update(vars(self))
         return other
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
         other = object.__new__(type(self))
         memo[id(self)] = other
         other.__setstate__(copy.deepcopy(self._stated(), memo))
@@ -71,10 +72,10 @@ class Portable:
 class _ReadOnly:
     """An array or a dictionary that was read-only."""
 
-    value: Any
+    value: AnyArray | dict[object, object]
 
 
-def _packed(value: Any) -> Any:
+def _packed(value: object) -> object:
     if isinstance(value, MappingProxyType):
         return _ReadOnly({key: _packed(item) for key, item in value.items()})
     if isinstance(value, dict):
@@ -84,7 +85,7 @@ def _packed(value: Any) -> Any:
     return value
 
 
-def _unpacked(value: Any) -> Any:
+def _unpacked(value: object) -> object:
     if isinstance(value, dict):
         return {key: _unpacked(item) for key, item in value.items()}
     if not isinstance(value, _ReadOnly):
@@ -95,7 +96,7 @@ def _unpacked(value: Any) -> Any:
     return value.value
 
 
-def _check_functions(owner: Portable, name: str, value: Any) -> None:
+def _check_functions(owner: Portable, name: str, value: object) -> None:
     """Refuse functions that plain pickle cannot send, in the words of who gave them."""
     if isinstance(value, _ReadOnly):
         value = value.value
@@ -119,8 +120,8 @@ def _check_functions(owner: Portable, name: str, value: Any) -> None:
         _check_functions(owner, name, value.__func__)
 
 
-def _importable(function: Any) -> bool:
-    found: Any = sys.modules.get(function.__module__)
+def _importable(function: type | FunctionType) -> bool:
+    found: object = sys.modules.get(function.__module__)
     for part in function.__qualname__.split("."):
         found = getattr(found, part, None)
     return found is function

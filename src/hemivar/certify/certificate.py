@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.display import Displayed
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, Record
 from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify.distance_to_exact import DistanceToExact
 from hemivar.certify.kind import LocalStudy, study
@@ -148,7 +148,7 @@ class Certificate(Displayed):
         residual = f"residual          {self.residual.relative:.1e} relative, tolerance {self.tolerance:.0e}"
         return "\n  ".join(["Certificate", residual, *self.lines()])
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> Record:
         """Plain numbers and strings for JSON.
 
         Keys: the attributes (without ``residual``; ``direction`` as lists, ``exact`` as a record) and, beside them,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from hemivar.basics.rounding import rounded_up
+from hemivar.basics.types import Record
 
 __all__ = ["DistanceToExact"]
 
@@ -105,7 +105,7 @@ class DistanceToExact:
         names = ("misfit", "contact", "oscillation", "algebraic", "correction")
         return {name: getattr(self, name) for name in names if math.isfinite(getattr(self, name))}
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> Record:
         """Plain numbers and strings for JSON; numbers that are not finite become null."""
         values = {"bound": self.bound, "relative": self.relative, "guaranteed": self.guaranteed}
         values |= {**self.parts, "gap": self.gap, "constant": self.constant, "seconds": self.seconds}

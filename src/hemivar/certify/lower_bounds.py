@@ -202,8 +202,6 @@ def _graded(problem: ContactProblem, cells: int) -> ContactProblem:
 
 def _ends(problem: ContactProblem, mesh: Mesh) -> IntArray:
     """Nodes where a support ends."""
-    if not problem.supports:
-        return np.zeros(0, dtype=np.int64)
     held = np.unique(np.concatenate([np.sort(mesh.boundaries[name], axis=1) for name in problem.supports]), axis=0)
     every, counts = np.unique(np.concatenate([np.sort(mesh.boundary_facets, axis=1), held]), axis=0, return_counts=True)
     return np.intersect1d(held, every[counts == 1])

@@ -16,6 +16,11 @@ from hemivar.cli.show import console, print_table
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from hemivar.basics.types import Array
+    from hemivar.evolution import History
+    from hemivar.files.film import Film
     from hemivar.report.march_figures import Units
 
 __all__ = ["animate", "history"]
@@ -75,7 +80,7 @@ def _units(names: str | None) -> Units:
     return Units(*given)
 
 
-def _list_columns(found: Any, names: list[str]) -> None:
+def _list_columns(found: Mapping[str, Array], names: list[str]) -> None:
     """Least, greatest and last value of columns."""
     import numpy as np
 
@@ -119,7 +124,7 @@ def animate(
     colours = [kind.value for kind in FilmColour]
     if colour is not None and colour not in colours:
         raise ProblemError(f"--colour {colour}: it is not known{suggest(colour, colours)}")
-    film: Any
+    film: Film | History | None
     code: int = Exit.CONVERGED
     if file.suffix.lower() == ".pvd":
         from hemivar.files import read_film

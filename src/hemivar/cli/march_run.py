@@ -23,6 +23,7 @@ from hemivar.errors import ProblemError
 if TYPE_CHECKING:
     from hemivar.evolution import History
     from hemivar.evolution.discrete import DiscreteEvolution
+    from hemivar.files.film import Film
     from hemivar.files.problem_file import ProblemFile
     from hemivar.files.series import Series
     from hemivar.solvers import Controls, Solver
@@ -224,7 +225,9 @@ class MarchRun:
         write_film(writer, "--animation", outputs["--animation"], found, quiet, title=self.session.title)
 
 
-def write_film(writer: Writer, option: str, path: Path | None, film: Any, quiet: bool, **options: Any) -> None:
+def write_film(
+    writer: Writer, option: str, path: Path | None, film: Film | History, quiet: bool, **options: Any
+) -> None:
     """Write a film, with a bar on a terminal."""
 
     def draw(file: Path) -> None:

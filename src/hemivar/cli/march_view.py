@@ -6,7 +6,7 @@ import contextlib
 import math
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import shown
 from hemivar.cli.options import Exit
@@ -14,6 +14,8 @@ from hemivar.cli.show import console, unread
 from hemivar.errors import FileError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from hemivar.evolution import History
     from hemivar.evolution.discrete import DiscreteEvolution
     from hemivar.files.series import Series
@@ -117,7 +119,7 @@ class Bar(contextlib.AbstractContextManager["Bar"]):
         self._console = console()
         self.drawn = self._console.is_terminal and not quiet
         self._context = contextlib.ExitStack()
-        self._bar: Any = None
+        self._bar: Progress | None = None
         self._what = what
 
     def show(self, done: float, text: str) -> None:

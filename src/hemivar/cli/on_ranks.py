@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import noting_files_read, shown, try_output
 from hemivar.cli.ending import all_or_none
@@ -25,10 +25,12 @@ from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on
 from hemivar.solvers import Status
 
 if TYPE_CHECKING:
+    from hemivar.basics.types import Array, IntArray
     from hemivar.certify import Certificate
     from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Piece, Ranks
     from hemivar.files.mesh_table import StatedMesh
     from hemivar.files.problem_file import ProblemFile
+    from hemivar.mesh.mesh import Mesh
     from hemivar.solvers import Progress
     from hemivar.solvers.base import State
 
@@ -92,11 +94,11 @@ def stated_on_ranks(path: Path, ranks: Ranks, given: Sequence[str] = ()) -> tupl
     text = ranks.mpi.bcast(ranks.agree(lambda: read_text(path) if ranks.rank == 0 else ""))
     pieces: list[Piece] = []
 
-    def place(stated: StatedMesh) -> Any:
+    def place(stated: StatedMesh) -> Mesh:
         recipe = stated.recipe
         grid = recipe.source if isinstance(recipe.source, Grid) else None
 
-        def number(points: Any) -> Any:
+        def number(points: Array) -> IntArray:
             assert grid is not None
             return grid_numbers(points / recipe.scale, grid.origin, grid.size, grid.cells)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,7 @@ from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import FileError, HemivarError, ProblemError
 
 if TYPE_CHECKING:
+    from hemivar.basics.types import Record
     from hemivar.workflows import Study
 
 __all__ = ["study"]
@@ -115,7 +116,7 @@ def _print_orders(found: Study) -> None:
         print(f"{name:<18}{told}" + (f", relative error {finest[-1]:.3g}" if finest else ""))
 
 
-def _record(found: Study, name: str) -> dict[str, Any]:
+def _record(found: Study, name: str) -> Record:
     """A study as plain numbers and lists."""
 
     def plain(value: float) -> float | None:

@@ -11,8 +11,9 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import TextIO
 
 from hemivar.basics.disk import shown
 
@@ -34,7 +35,7 @@ class Stream(io.TextIOBase):
         Where the text goes; None where the process has no such stream.
     """
 
-    def __init__(self, under: Any, filtered: bool = True, failures: list[Exception] | None = None) -> None:
+    def __init__(self, under: TextIO | None, filtered: bool = True, failures: list[Exception] | None = None) -> None:
         self._under = under
         self._filtered = filtered
         self._failures: list[Exception] = [] if failures is None else failures
@@ -149,7 +150,7 @@ def signals_as_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before: dict[int, Any] = {}
+    before: dict[int, Callable[[int, FrameType | None], object] | int | None] = {}
     for name in ("SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:

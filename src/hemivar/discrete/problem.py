@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array, real_matrix
@@ -78,9 +80,9 @@ class DiscreteProblem(Portable, Displayed):
     @classmethod
     def of_arrays(
         cls,
-        stiffness: Any,
+        stiffness: ArrayLike | sp.sparray,
         load: Array,
-        trace: Any,
+        trace: ArrayLike | sp.sparray,
         weights: Array,
         gap: Array,
         law: ContactLaw,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -63,7 +62,7 @@ class Field(Portable):
     prescribed: Array
     components: int = 0
     name: str = "displacement"
-    lift: Any = None
+    lift: sp.csr_array = None
     bedded: bool = False
     constants: bool = False
 

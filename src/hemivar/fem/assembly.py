@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -197,7 +196,7 @@ class EdgeBlocks:
         np.cumsum(lengths, out=indptr[1:])
         indices, data = np.empty(entries, dtype=index), np.empty(entries)
         every = bool(free.all())
-        number: NDArray[Any] = np.cumsum(free.ravel(), dtype=index)
+        number: NDArray[np.integer] = np.cumsum(free.ravel(), dtype=index)
         number -= 1
         done = 0
         for first in range(0, len(nodes), _ROWS):
@@ -361,7 +360,7 @@ def _form_stiffness(mesh: Mesh, material: Material, order: int) -> sp.csr_array:
     library_mesh = _library_mesh(mesh)
     tensor, _ = tensors(mesh, material, 2 * order, vertices=library_mesh.t.T)  # it may sort the vertices of a cell
     constant = tensor.shape[0] == 1
-    kinds: dict[tuple[int, int], Any] = {
+    kinds: dict[tuple[int, int], Callable[[], skfem.Element]] = {
         (2, 1): skfem.ElementTriP1,
         (2, 2): skfem.ElementTriP2,
         (3, 1): skfem.ElementTetP1,
@@ -374,9 +373,9 @@ def _form_stiffness(mesh: Mesh, material: Material, order: int) -> sp.csr_array:
     terms = [(int(i), int(j)) for i, j in np.argwhere(np.any(coefficient != 0.0, axis=(2, 3)))]
 
     @skfem.BilinearForm  # type: ignore[untyped-decorator]
-    def energy(u: Any, v: Any, w: Any) -> Any:
+    def energy(u: skfem.DiscreteField, v: skfem.DiscreteField, w: Mapping[str, Array]) -> Array:
         strain, virtual = _voigt_strain(u.grad), _voigt_strain(v.grad)
-        return sum(coefficient[i, j] * virtual[i] * strain[j] for i, j in terms)
+        return np.asarray(sum(coefficient[i, j] * virtual[i] * strain[j] for i, j in terms))
 
     matrix = energy.assemble(basis).tocoo()
     number = _library_numbering(mesh, library_mesh, basis, order)
@@ -384,18 +383,18 @@ def _form_stiffness(mesh: Mesh, material: Material, order: int) -> sp.csr_array:
     return sp.csr_array((matrix.data, (number[matrix.row], number[matrix.col])), shape=(size, size))
 
 
-def _voigt_strain(gradient: Any) -> list[Any]:
+def _voigt_strain(gradient: Array) -> list[Array]:
     dim = len(gradient)
     shear = [(0, 1)] if dim == 2 else [(1, 2), (0, 2), (0, 1)]
     return [gradient[i, i] for i in range(dim)] + [gradient[i, j] + gradient[j, i] for i, j in shear]
 
 
-def _library_mesh(mesh: Mesh) -> Any:
+def _library_mesh(mesh: Mesh) -> skfem.Mesh:
     kind = skfem.MeshTri if mesh.dim == 2 else skfem.MeshTet
     return kind(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.cells.T))
 
 
-def _library_numbering(mesh: Mesh, library_mesh: Any, basis: Any, order: int) -> IntArray:
+def _library_numbering(mesh: Mesh, library_mesh: skfem.Mesh, basis: skfem.Basis, order: int) -> IntArray:
     """Our number of each of scikit-fem's degrees of freedom."""
     dim, count = mesh.dim, mesh.number_of_nodes
     number = np.empty(basis.N, dtype=np.int64)

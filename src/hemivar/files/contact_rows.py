@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from hemivar.basics.disk import open_new, whole_file
 from hemivar.files.record import prepared
@@ -15,7 +14,7 @@ from hemivar.solvers.boundary_result import table_columns
 __all__ = ["contact_columns", "write_csv"]
 
 
-def contact_columns(solution: Solution) -> dict[str, list[Any]]:
+def contact_columns(solution: Solution) -> dict[str, list[float | str]]:
     """The contact points of a solution as columns of a table.
 
     ``boundary, x, y, (z,) normal_x, ..., weight, gap, penetration, slip, pressure, friction, state``; in 3D slip and
@@ -52,7 +51,7 @@ def write_csv(solution: Solution, path: str | Path) -> Path:
     return path
 
 
-def _write_rows(path: Path, header: list[str], rows: Iterable[Iterable[Any]]) -> None:
+def _write_rows(path: Path, header: list[str], rows: Iterable[Iterable[object]]) -> None:
     with whole_file(path) as name, open_new(name) as stream:
         writer = csv.writer(stream)
         writer.writerow(header)

@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.snapshot import snapshot
 from hemivar.files.vtu import CELL_TYPES
+
+if TYPE_CHECKING:
+    import meshio
 
 __all__ = ["Film", "FilmFrame", "film_of", "read_film"]
 
@@ -183,7 +186,7 @@ def read_film(path: str | Path) -> Film:
     return Film(vertices, numbers.reshape(cells.shape), times, "", frame)
 
 
-def _read_vtu(path: Path) -> Any:
+def _read_vtu(path: Path) -> meshio.Mesh:
     """A frame as meshio reads it, its pieces joined if it lies in several."""
     import meshio
 
@@ -209,7 +212,7 @@ def _pieces(path: Path) -> list[Path]:
     return found
 
 
-def _joined(parts: list[Any]) -> Any:
+def _joined(parts: list[meshio.Mesh]) -> meshio.Mesh:
     """Pieces of one body, the nodes that several of them have once."""
     import meshio
 

@@ -7,12 +7,13 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hemivar.basics.disk import read_text, shown, whole_file, write_text
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, Record
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.record import plain, prepared, version
@@ -120,7 +121,7 @@ def check_table(path: Path) -> None:
         _arrow()
 
 
-def _arrow() -> tuple[Any, Any]:
+def _arrow() -> tuple[ModuleType, ModuleType]:
     try:
         import pyarrow
         import pyarrow.parquet
@@ -225,7 +226,7 @@ def write_history_json(history: History, path: str | Path) -> Path:
     return path
 
 
-def history_record(history: History) -> dict[str, Any]:
+def history_record(history: History) -> Record:
     """An evolution as plain numbers, texts and lists; numbers that are not finite become None.
 
     ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypedDict
 
 import numpy as np
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.types import Array
 from hemivar.files.quantities import entries_record, quantity_record
 from hemivar.files.toml import KEYS, Table, array, context, kind
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.mechanics.composed_material import ByRegion
 from hemivar.mechanics.material import Anisotropic, Isotropic, Material, PlaneState
-from hemivar.mechanics.moduli import Branch, Moduli
+from hemivar.mechanics.moduli import Branch, Moduli, Number
 from hemivar.mesh import Mesh
 
 __all__ = ["material_record", "read_material"]
@@ -95,9 +96,17 @@ def _one_material(table: Table, dim: int) -> Material:
         return Material.young(young, poisson, plane, **more)
 
 
-def _in_time(table: Table, dim: int) -> dict[str, Any]:
+class InTime(TypedDict, total=False):
+    """What materials have beside their elasticity."""
+
+    density: Number
+    viscosity: Moduli
+    branches: list[Branch]
+
+
+def _in_time(table: Table, dim: int) -> InTime:
     """Density, viscosity and branches, as the makers of materials take them."""
-    found: dict[str, Any] = {}
+    found: InTime = {}
     if "density" in table:
         found["density"] = table.quantity("density", table.data["density"], dim, above=0.0)
     if "viscosity" in table:
@@ -142,7 +151,7 @@ def _branch(table: Table, number: int, value: Mapping[str, object], dim: int) ->
         return Branch(**given)
 
 
-def _matrix(table: Table, key: str, dim: int) -> Any:
+def _matrix(table: Table, key: str, dim: int) -> Array | Callable[[Array], object]:
     size = 3 if dim == 2 else 6
     what = f"{size} lists of {size} numbers or formulas, the rows of the {_MATRICES[key]} matrix"
     rows = table.items(key, table.data[key], (size,), what)
@@ -150,7 +159,7 @@ def _matrix(table: Table, key: str, dim: int) -> Any:
     return array(entries, (size, size))
 
 
-def _tensor(table: Table, dim: int, more: Mapping[str, Any]) -> Material:
+def _tensor(table: Table, dim: int, more: InTime) -> Material:
     matrix = _matrix(table, "tensor", dim)
     out = table.numbers("out_of_plane", 3, "a list of three numbers") if "out_of_plane" in table else None
     with context(f"{table.where('tensor')}:"):

@@ -22,11 +22,11 @@ def memory_kinds() -> Mapping[str, Any]:
     return {one.name: one for one in kinds if all(_is_parameter(field) for field in fields(one))}
 
 
-def _is_parameter(field: Field[Any]) -> bool:
+def _is_parameter(field: Field[object]) -> bool:
     return field.init and str(field.type).split(" ")[0] in ("Parameter", "float")
 
 
-def read_memory(table: Table, dim: int) -> tuple[Any, ...]:
+def read_memory(table: Table, dim: int) -> tuple[memory.Memory, ...]:
     """The memories of a contact, in the order in which they are stated."""
     if "memory" not in table:
         return ()

@@ -7,12 +7,11 @@ import math
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hemivar.basics.disk import make_folder, read_text, write_text
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, Record
 from hemivar.certify import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
@@ -38,7 +37,7 @@ MOST_BYTES = 2**31
 
 def iteration_record(
     residual: Residual, steps: int, evaluations: int, timings: Mapping[str, float], history: Sequence[Progress]
-) -> dict[str, Any]:
+) -> Record:
     """The part of a record that tells how the iteration went, the same in serial and on many ranks."""
     return {
         "residual": residual.relative,
@@ -64,7 +63,7 @@ def iteration_record(
     }
 
 
-def solution_record(solution: Solution, certificate: Certificate | None = None) -> dict[str, Any]:
+def solution_record(solution: Solution, certificate: Certificate | None = None) -> Record:
     """A solution as plain numbers, lists and strings, ready for JSON.
 
     Keys: ``hemivar`` (version), ``status``, ``remedy``, ``warnings`` (sentences), ``method``,
@@ -127,7 +126,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     return {key: plain(value) for key, value in record.items()}
 
 
-def _boundary_record(result: BoundaryResult) -> dict[str, Any]:
+def _boundary_record(result: BoundaryResult) -> Record:
     force = None if result.contact.frames is None else result.force
     return {"normal_force": result.normal_force, "force": force, "contact_length": result.contact_length}
 
@@ -139,7 +138,7 @@ def _reactions(solution: Solution) -> dict[str, Array] | None:
         return None
 
 
-def _contact_record(solution: Solution) -> dict[str, Any]:
+def _contact_record(solution: Solution) -> Record:
     problem = solution.problem
     return {
         "x": problem.contact.points,
@@ -168,7 +167,7 @@ def state_names(solution: Solution) -> list[str]:
     return [ContactState(number).label for number in solution.state.tolist()]
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> object:
     """Lists, numbers and strings; numbers that are not finite become None."""
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
@@ -187,7 +186,7 @@ def write_json(
     solution: Solution,
     path: str | Path,
     certificate: Certificate | None = None,
-    more: Mapping[str, Any] | None = None,
+    more: Mapping[str, object] | None = None,
 ) -> Path:
     """Write :func:`solution_record`, and ``more`` keys, to a JSON file; returns its path.
 
@@ -216,7 +215,7 @@ def write_json(
     return path
 
 
-def read_json(path: str | Path) -> dict[str, Any]:
+def read_json(path: str | Path) -> Record:
     """A record written by :func:`write_json`.
 
     Parameters

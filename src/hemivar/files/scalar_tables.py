@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.laws import Friction
 from hemivar.laws.registry import FRICTION_LAWS, NORMAL_LAWS
+from hemivar.mechanics.coefficient import Coefficient
 from hemivar.mechanics.conditions import ScalarData
 from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem, Side
 from hemivar.mesh import Mesh
@@ -68,7 +70,7 @@ def read_scalar(top: Table, mesh: Mesh, order: int, folder: Path) -> ScalarProbl
     with context(f"{top.source}: [contact]"):
         problem = ScalarProblem(
             mesh,
-            coefficient,
+            cast(Coefficient | Mapping[str, Coefficient], coefficient),
             contact={name: _read_contact(contact.table(name, _CONTACT), reader) for name in contact.data},
             area=_read_area(top, mesh, reader),
             supports={name: _quantity(supports, name, mesh.dim, timed=True) for name in supports.data},

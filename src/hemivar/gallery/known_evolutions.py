@@ -6,10 +6,9 @@ slide between rollers or its Lame constant lam vanishes, so that its stress is u
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import atan, exp, log, pi, sqrt
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -31,7 +30,9 @@ from hemivar.laws import (
     Tresca,
     Wear,
 )
-from hemivar.mechanics import Branch, Contact, ContactProblem, Fixed, Material, Prescribed, Roller
+from hemivar.mechanics import Branch, Contact, ContactProblem, Fixed, Material, Prescribed, Roller, Support
+from hemivar.mechanics.conditions import ScalarData
+from hemivar.mechanics.moduli import Number
 from hemivar.mesh import rectangle
 
 __all__ = [
@@ -77,14 +78,21 @@ class KnownEvolution:
     stops: tuple[float, ...] = ()
 
 
-def _block(contact: Contact, top: Any, modulus: float, **material: Any) -> ContactProblem:
+def _block(
+    contact: Contact,
+    top: ScalarData | None,
+    modulus: float,
+    density: Number | None = None,
+    viscosity: tuple[Number, Number] | None = None,
+    branches: Sequence[Branch] = (),
+) -> ContactProblem:
     """A unit square between rollers, ``lam + 2 mu = modulus``."""
-    supports: dict[str, Any] = {"left": Roller(), "right": Roller()}
+    supports: dict[str, Support] = {"left": Roller(), "right": Roller()}
     if top is not None:
         supports["top"] = Fixed(y=top)
     return ContactProblem(
         mesh=rectangle((1.0, 1.0), 1),
-        material=Material.lame(0.0, 0.5 * modulus, **material),
+        material=Material.lame(0.0, 0.5 * modulus, viscosity=viscosity, branches=branches),
         supports=supports,
         contact={"bottom": contact},
     )
@@ -179,11 +187,10 @@ def wearing_block(
     def top(x: Array, t: float) -> Array:
         return np.tile([speed * t, -depth if t > 0.0 else 0.0], (len(x), 1))
 
-    drawn: Any = top
     problem = ContactProblem(
         mesh=rectangle((1.0, 1.0), 1),
         material=Material.lame(0.0, 0.5 * modulus),
-        supports={"top": Prescribed(drawn)},
+        supports={"top": Prescribed(top)},
         contact={"bottom": Contact(Compliance(stiffness), memory=(Wear(coefficient),))},
     )
     return KnownEvolution(
@@ -419,12 +426,11 @@ class StickSlip:
         def growing(x: Array, t: float) -> Array:
             return np.tile([pull * t, 0.0], (len(x), 1))
 
-        force: Any = growing
         problem = ContactProblem(
             mesh=rectangle((1.0, 1.0), 1),
             material=Material.lame(0.0, 1e6, density=self.mass),
             supports={"top": Fixed(y=0.0)},
-            body_force=force,
+            body_force=growing,
             bedding=self.stiffness,
             contact={"bottom": Contact(Bilateral(), SlipTable(1.0, [0.0, decay], [self.static, self.kinetic]))},
         )
@@ -580,14 +586,13 @@ def _sheared(
     def creeping(x: Array, t: float) -> Array:
         return np.tile([ahead + speed * t, 0.0], (len(x), 1))
 
-    moved: Any = creeping
     return ContactProblem(
         mesh=rectangle((1.0, 1.0), 1),
         material=Material.lame(0.0, modulus, viscosity=(0.0, viscosity) if viscosity else None),
         supports={
             "left": Fixed(y=0.0),
             "right": Fixed(y=0.0),
-            "top": Prescribed(moved),
+            "top": Prescribed(creeping),
         },
         contact={"bottom": contact},
     )

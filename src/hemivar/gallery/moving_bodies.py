@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import asinh, ceil, cos, pi, sin
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution
 from hemivar.laws import Compliance, NoContact, Signorini, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Roller
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Roller, Support
 from hemivar.mesh import Mesh, box, rectangle
 
 __all__ = [
@@ -62,7 +62,7 @@ def moving_bar(
     -------
     Evolution
     """
-    supports: dict[str, Any] = {"left": Roller(), "right": Roller()}
+    supports: dict[str, Support] = {"left": Roller(), "right": Roller()}
     if clamped:
         supports["top"] = Clamped()
 
@@ -124,7 +124,7 @@ def thrown_bar(cells: int) -> Evolution:
 
 #: What :func:`viscoelastic_cantilever` has done after 32 steps of 0.1 by implicit Euler, computed apart from this code:
 #: displacement of the node (2.5, 0) with mass and without, and the ledger with mass.
-CANTILEVER: Mapping[str, Any] = MappingProxyType(
+CANTILEVER: Mapping[str, tuple[float, float] | Mapping[str, float]] = MappingProxyType(
     {
         "with mass": (0.20666963, 0.89704124),
         "without": (0.2371944, 1.01936226),
@@ -223,14 +223,12 @@ class ManufacturedMotion:
             inert = -self.density * sin(t) * _shape(x)
             return np.asarray(inert + (self.lam * sin(t) + self.lam_v * cos(t)) * elastic)
 
-        tractions: Any = {"right": right, "top": top}
-        loads: Any = force
         problem = ContactProblem(
             mesh=rectangle((2.0, 1.0), (2 * n, n), pattern=pattern),
             material=Material.lame(self.lam, self.mu, density=self.density, viscosity=(self.lam_v, self.mu_v)),
             supports={"left": Clamped()},
-            tractions=tractions,
-            body_force=loads,
+            tractions={"right": right, "top": top},
+            body_force=force,
             contact={
                 "bottom": Contact(
                     Compliance(self.lam + 2.0 * self.mu), damping=Compliance(self.lam_v + 2.0 * self.mu_v)
@@ -329,11 +327,10 @@ class MindlinSphere:
             place = t if t <= 1.0 else 2.0 - t if t <= 3.0 else t - 4.0
             return np.tile([largest * place, 0.0, 0.0], (len(x), 1))
 
-        rubbed: Any = far
         problem = ContactProblem(
             mesh=_quarter(a, cells, sides * a),
             material=Material.lame(2.0 * self.shear * self.poisson / (1.0 - 2.0 * self.poisson), self.shear),
-            supports={"far": Prescribed(rubbed), "left": Fixed(y=0.0, z=0.0), "front": Fixed(y=0.0)},
+            supports={"far": Prescribed(far), "left": Fixed(y=0.0, z=0.0), "front": Fixed(y=0.0)},
             contact={"contact": Contact(NoContact(), Tresca(bound))},
             title="sphere rubbed to and fro",
         )

@@ -41,17 +41,8 @@ class ScaledLaw(Superpotential):
         return self.base.name
 
     @property
-    def constants_sampled(self) -> bool:  # type: ignore[override]
-        """As for the law that is scaled."""
-        return self.base.constants_sampled
-
-    @property
-    def alpha_sampled(self) -> bool:
-        return self.base.alpha_sampled
-
-    @property
-    def growth_sampled(self) -> bool:
-        return self.base.growth_sampled
+    def made_of(self) -> tuple[Superpotential, ...]:
+        return (self.base,)
 
     def _times(self, values: Array) -> Array:
         """Values times the factor, where 0 times infinity is 0."""

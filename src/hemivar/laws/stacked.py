@@ -95,17 +95,8 @@ class StackedLaw(Superpotential):
         return all(law.straight for law in self.parts)
 
     @property
-    def constants_sampled(self) -> bool:  # type: ignore[override]
-        """Whether the constants of any part come from sampling."""
-        return any(law.constants_sampled for law in self.parts)
-
-    @property
-    def alpha_sampled(self) -> bool:
-        return any(law.alpha_sampled for law in self.parts)
-
-    @property
-    def growth_sampled(self) -> bool:
-        return any(law.growth_sampled for law in self.parts)
+    def made_of(self) -> tuple[Superpotential, ...]:
+        return self.parts
 
     @property
     def weak_convexity(self) -> Array:

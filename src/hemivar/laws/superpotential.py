@@ -67,9 +67,6 @@ class Superpotential(Portable, ABC):
     #: Short name used in messages, files and tables.
     name: str = "law"
 
-    #: Whether alpha or the growth constants come from sampling, so that they may be too small.
-    constants_sampled: bool = False
-
     #: Whether the library made it from a law that has been looked at, so that its shape is not looked at again.
     examined: bool = False
 
@@ -83,14 +80,24 @@ class Superpotential(Portable, ABC):
         return None
 
     @property
+    def made_of(self) -> tuple[Superpotential, ...]:
+        """The other laws of which it is made, by sums, factors or places; empty where it stands for itself."""
+        return ()
+
+    @property
+    def constants_sampled(self) -> bool:
+        """Whether alpha or the growth constants, or those of a law in it, come from sampling and may be too small."""
+        return any(law.constants_sampled for law in self.made_of)
+
+    @property
     def alpha_sampled(self) -> bool:
-        """Whether alpha comes from sampling."""
-        return self.constants_sampled
+        """Whether alpha, or that of a law in it, comes from sampling."""
+        return any(law.alpha_sampled for law in self.made_of) if self.made_of else self.constants_sampled
 
     @property
     def growth_sampled(self) -> bool:
-        """Whether the growth constants come from sampling."""
-        return self.constants_sampled
+        """Whether the growth constants, or those of a law in it, come from sampling."""
+        return any(law.growth_sampled for law in self.made_of) if self.made_of else self.constants_sampled
 
     # ---- what a law supplies -------------------------------------------------------------------------
 

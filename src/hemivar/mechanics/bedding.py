@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -98,7 +97,7 @@ class Bedding(Portable):
         return float(self.own + self.factor * density)
 
 
-def bedding_of(value: Any) -> Bedding:
+def bedding_of(value: Bedding | ScalarData) -> Bedding:
     """A bedding as a statement may give it: a number, a callable or a bedding."""
     if isinstance(value, Bedding):
         return value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
 
 __all__ = ["Coefficient", "plain_coefficient", "tensors_at"]
 
-Coefficient = Any
+#: A number, a tensor (d, d), or a function of points (k, d) that returns either at each.
+Coefficient = float | Array | Callable[[Array], object]
 
 
-def plain_coefficient(value: Any, what: str, dim: int) -> Coefficient:
+def plain_coefficient(value: object, what: str, dim: int) -> Coefficient:
     """A number, a read-only (d, d) array or a callable; checked as far as it can be without points."""
     if callable(value):
         return value

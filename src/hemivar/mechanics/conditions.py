@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Literal, TypeVar, cast, overload
 
 import numpy as np
 
@@ -26,8 +26,8 @@ __all__ = [
     "VectorData",
 ]
 
-VectorData = Sequence[float] | Array | Callable[[Array], Any]
-ScalarData = float | Callable[[Array], Any]
+VectorData = Sequence[float] | Array | Callable[[Array], object] | Callable[[Array, float], object]
+ScalarData = float | Callable[[Array], object] | Callable[[Array, float], object]
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,9 @@ class Pressure(Portable):
         object.__setattr__(self, "value", plain_data(self.value, "Pressure(...)", vector=False))
 
 
+#: A support, a pressure or a traction.
+Condition = TypeVar("Condition")
+
 #: Lengths and material constants are smaller, so that their products are numbers.
 LARGEST = 1e100
 
@@ -108,7 +111,7 @@ Support = Clamped | Roller | Fixed | Prescribed
 Traction = VectorData | Pressure
 
 
-def check_finite(value: Any, name: str, most: float = np.inf) -> Array:
+def check_finite(value: object, name: str, most: float = np.inf) -> Array:
     array = real_array(value, name, finite=False)
     if not np.all(np.isfinite(array)):
         raise ProblemError(f"{name}: {value!r} is not finite; give finite numbers")
@@ -117,7 +120,15 @@ def check_finite(value: Any, name: str, most: float = np.inf) -> Array:
     return array
 
 
-def plain_data(value: Any, name: str, vector: bool = True, most: float = np.inf) -> Any:
+@overload
+def plain_data(value: object, name: str, vector: Literal[False], most: float = np.inf) -> ScalarData: ...
+
+
+@overload
+def plain_data(value: object, name: str, vector: bool = True, most: float = np.inf) -> VectorData | ScalarData: ...
+
+
+def plain_data(value: object, name: str, vector: bool = True, most: float = np.inf) -> VectorData | ScalarData:
     """A callable as it is; numbers as floats of the condition's own, which compare and do not change with an array."""
     if callable(value):
         return value
@@ -129,7 +140,7 @@ def plain_data(value: Any, name: str, vector: bool = True, most: float = np.inf)
     return tuple(array.tolist())
 
 
-def evaluate_vector(value: Any, points: Array, name: str) -> Array:
+def evaluate_vector(value: object, points: Array, name: str) -> Array:
     """A vector or a callable at points, shape (k, d); checked, shape (k, d). The number 0 means no vector."""
     shape = points.shape
     if not callable(value):
@@ -143,7 +154,7 @@ def evaluate_vector(value: Any, points: Array, name: str) -> Array:
     return _checked_result(value(points), shape, points, name, (shape[1],))
 
 
-def evaluate_scalar(value: Any, points: Array, name: str) -> Array:
+def evaluate_scalar(value: object, points: Array, name: str) -> Array:
     """A number or a callable at points, shape (k, d); checked, shape (k,)."""
     shape = points.shape[:1]
     if not callable(value):
@@ -155,14 +166,16 @@ def evaluate_scalar(value: Any, points: Array, name: str) -> Array:
     return _checked_result(value(points), shape, points, name, ())
 
 
-def _refuse_timeless(value: Any, name: str) -> None:
+def _refuse_timeless(value: object, name: str) -> None:
     if depends_on_time(value):
         raise ProblemError(
             f"{name} depends on time, and no time is given; take the problem at one, problem.at_time(0.0)"
         )
 
 
-def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str, constant: tuple[int, ...]) -> Array:
+def _checked_result(
+    value: object, shape: tuple[int, ...], points: Array, name: str, constant: tuple[int, ...]
+) -> Array:
     result = real_array(value, f"{name}: what the callable returns", finite=False)
     if result.shape == constant and shape != constant:
         result = np.broadcast_to(result, shape)
@@ -178,12 +191,12 @@ def _checked_result(value: Any, shape: tuple[int, ...], points: Array, name: str
     return result
 
 
-def traction_value(traction: Traction) -> Any:
+def traction_value(traction: Traction) -> VectorData | ScalarData:
     """The value of a traction or of a pressure."""
     return traction.value if isinstance(traction, Pressure) else traction
 
 
-def prescribed_values(support: Support) -> list[Any]:
+def prescribed_values(support: Support) -> list[VectorData | ScalarData]:
     """The displacements that a support prescribes; none for those that hold at zero."""
     match support:
         case Prescribed():
@@ -193,15 +206,18 @@ def prescribed_values(support: Support) -> list[Any]:
     return []
 
 
-def condition_at_time(condition: Any, t: float) -> Any:
+def condition_at_time(condition: Condition, t: float) -> Condition:
     """A support, a pressure or a traction at a time; itself if it does not depend on time."""
     match condition:
-        case Prescribed() | Pressure():
-            bound = at_time(condition.value, t)
-            return condition if bound is condition.value else replace(condition, value=bound)
+        case Prescribed():
+            moved = at_time(condition.value, t)
+            return condition if moved is condition.value else replace(condition, value=moved)
+        case Pressure():
+            pushed = at_time(condition.value, t)
+            return condition if pushed is condition.value else replace(condition, value=pushed)
         case Fixed():
             changed = {axis: at_time(getattr(condition, axis), t) for axis in ("x", "y", "z")}
             return replace(condition, **changed)
         case Clamped() | Roller():
             return condition
-    return at_time(condition, t)
+    return cast(Condition, at_time(condition, t))

@@ -7,9 +7,9 @@ it is a function of the place alone, as statics knows it.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from typing import TypeVar, cast
 
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
@@ -20,6 +20,8 @@ from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.named import ParameterLaw
 
 __all__ = ["Instant", "at_time", "depends_on_time", "law_at_time", "law_depends_on_time", "refuse_time"]
+
+Quantity = TypeVar("Quantity")
 
 
 def depends_on_time(value: object) -> bool:
@@ -48,16 +50,16 @@ class Instant(Portable):
     time : float
     """
 
-    value: Any
+    value: Callable[[Array, float], object]
     time: float
 
-    def __call__(self, points: Array) -> Any:
+    def __call__(self, points: Array) -> object:
         return self.value(points, self.time)
 
 
-def at_time(value: Any, t: float) -> Any:
+def at_time(value: Quantity, t: float) -> Quantity | Instant:
     """A quantity at a time: itself if it does not depend on time."""
-    return Instant(value, t) if depends_on_time(value) else value
+    return Instant(cast(Callable[[Array, float], object], value), t) if depends_on_time(value) else value
 
 
 def refuse_time(value: object, name: str) -> None:
@@ -95,7 +97,7 @@ def law_depends_on_time(law: object) -> bool:
     return False
 
 
-def law_at_time(law: Any, t: float) -> Any:
+def law_at_time(law: Quantity, t: float) -> Quantity:
     """A law, a friction law or a friction bound at a time: itself if it does not depend on time."""
     changed: dict[str, object] = {}
     for name, value, parameter in _parts(law):
@@ -104,4 +106,4 @@ def law_at_time(law: Any, t: float) -> Any:
                 changed[name] = law_at_time(value, t)
         elif parameter and depends_on_time(value):
             changed[name] = at_time(value, t)
-    return replace(law, **changed) if changed else law
+    return replace(law, **changed) if changed else law  # type: ignore[type-var]

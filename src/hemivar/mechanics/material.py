@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import described
 from hemivar.basics.arrays import real_array
@@ -16,7 +16,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar
 from hemivar.mechanics.instants import refuse_time
-from hemivar.mechanics.moduli import Branch, Moduli, Number, isotropic_matrices, moduli
+from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity, isotropic_matrices, moduli
 
 __all__ = ["Anisotropic", "Isotropic", "Material", "PlaneState", "no_matrices"]
 
@@ -61,7 +61,7 @@ class Material(Portable):
         plane: PlaneState | str = PlaneState.STRAIN,
         *,
         density: Number | None = None,
-        viscosity: Any = None,
+        viscosity: Moduli | Viscosity | None = None,
         branches: Sequence[Branch] = (),
     ) -> Material:
         """Isotropic material ``sigma = lam tr(eps) I + 2 mu eps``.
@@ -85,7 +85,7 @@ class Material(Portable):
         plane: PlaneState | str = PlaneState.STRAIN,
         *,
         density: Number | None = None,
-        viscosity: Any = None,
+        viscosity: Moduli | Viscosity | None = None,
         branches: Sequence[Branch] = (),
     ) -> Material:
         """Isotropic material by Young's modulus ``E > 0`` and Poisson's ratio ``-1 < nu < 0.5``.
@@ -104,11 +104,11 @@ class Material(Portable):
 
     @staticmethod
     def tensor(
-        C: Any,
-        out_of_plane: Any = None,
+        C: ArrayLike | Callable[[Array], object],
+        out_of_plane: ArrayLike | None = None,
         *,
         density: Number | None = None,
-        viscosity: Any = None,
+        viscosity: Moduli | Viscosity | None = None,
         branches: Sequence[Branch] = (),
     ) -> Material:
         """General (anisotropic) material ``sigma = C eps``.
@@ -416,8 +416,8 @@ class Anisotropic(_Simple):
         Row of the stress across the plane.
     """
 
-    matrix: Any
-    out_of_plane: Any
+    matrix: Array | Callable[[Array], object]
+    out_of_plane: Array | None
 
     def __post_init__(self) -> None:
         refuse_time(self.matrix, "the elasticity matrix")
@@ -478,7 +478,7 @@ def _check_density(density: Array, points: Array, where: str | None) -> None:
         )
 
 
-def _require(ok: Any, points: Array, value: Array, name: str, what: str, where: str | None) -> None:
+def _require(ok: BoolArray, points: Array, value: Array, name: str, what: str, where: str | None) -> None:
     if not np.all(ok):
         bad = int(np.flatnonzero(~np.asarray(ok))[0])
         place = f" at x = {points[bad].tolist()}" if where is None else where
@@ -486,7 +486,7 @@ def _require(ok: Any, points: Array, value: Array, name: str, what: str, where: 
 
 
 def _check_matrices(matrices: Array, points: Array, where: str | None) -> None:
-    def place(mask: Any) -> str:
+    def place(mask: BoolArray | np.bool_) -> str:
         return f" at x = {points[int(np.flatnonzero(mask)[0])].tolist()}" if where is None else where
 
     bad = ~np.isfinite(matrices).all(axis=(1, 2))

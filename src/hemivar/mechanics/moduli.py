@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import Portable
@@ -15,9 +16,12 @@ from hemivar.errors import ProblemError
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
 from hemivar.mechanics.instants import refuse_time
 
-__all__ = ["Branch", "Moduli", "Number", "isotropic_matrices", "moduli"]
+__all__ = ["Branch", "Moduli", "Number", "Viscosity", "isotropic_matrices", "moduli"]
 
-Number = float | Callable[[Array], Any]
+Number = float | Callable[[Array], object]
+
+#: Two constants of Lame's, a matrix (v, v), or a function of points that returns matrices.
+Viscosity = Sequence[Number] | Sequence[Sequence[float]] | Array | Callable[[Array], object]
 
 #: Part of its largest entry by which rounding may take a matrix below zero.
 _ROUNDING = 1e-12
@@ -49,7 +53,7 @@ class Moduli(Portable):
     """
 
     constants: tuple[Number, Number] | None
-    matrix: Any
+    matrix: Sequence[Sequence[float]] | Sequence[Number] | Array | Callable[[Array], object] | None
     technical: bool
     name: str
 
@@ -66,6 +70,7 @@ class Moduli(Portable):
             object.__setattr__(self, "matrix", matrix)
         if self.homogeneous:
             if self.constants is None:
+                assert isinstance(self.matrix, np.ndarray)
                 self._refuse_indefinite(self.matrix[None], np.zeros((1, 2)), "")
             else:
                 self._lame(np.zeros((1, 2)), 2, "")
@@ -160,26 +165,26 @@ class Moduli(Portable):
             )
 
 
-def moduli(value: Any, name: str) -> Moduli:
+def moduli(value: Moduli | Viscosity, name: str) -> Moduli:
     """Two constants of Lame's, or a matrix or a callable that returns matrices."""
     if isinstance(value, Moduli):
         return value
     pair = isinstance(value, Sequence) and len(value) == 2 and not any(isinstance(v, Sequence) for v in value)
     if pair or (isinstance(value, np.ndarray) and value.shape == (2,)):
-        return Moduli(_pair(value, name, ("lam", "mu")), None, False, name)
-    if not callable(value) and np.ndim(value) != 2:
+        return Moduli(_pair(cast(Sequence[Number], value), name, ("lam", "mu")), None, False, name)
+    if not callable(value) and np.ndim(cast(ArrayLike, value)) != 2:
         raise ProblemError(
             f"{name} = {value!r}; give two constants of Lame's, ({name}=(lam, mu)), or a matrix: zero is (0, 0)"
         )
     return Moduli(None, value, False, name)
 
 
-def _pair(values: Any, name: str, names: tuple[str, str]) -> tuple[Number, Number]:
-    first, second = (
+def _pair(values: Sequence[object], name: str, names: tuple[str, str]) -> tuple[Number, Number]:
+    made: list[Number] = [
         value if callable(value) else float(evaluate_scalar(value, np.zeros((1, 2)), f"{name}, {which}")[0])
         for value, which in zip(values, names, strict=True)
-    )
-    return first, second
+    ]
+    return made[0], made[1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,7 +214,7 @@ class Branch(Portable):
     lame: tuple[Number, Number] | None = None
     young: Number | None = None
     poisson: Number | None = None
-    tensor: Any = None
+    tensor: Array | Callable[[Array], object] | None = None
     time: float
 
     def __post_init__(self) -> None:

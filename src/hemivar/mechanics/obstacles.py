@@ -11,7 +11,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
@@ -213,8 +212,8 @@ class SignedDistance(Obstacle):
         When it is evaluated: if values have the wrong shape or are not finite, or the gradient is not of length 1.
     """
 
-    function: Callable[[Array], Any]
-    gradient: Callable[[Array], Any] | None = None
+    function: Callable[[Array], object]
+    gradient: Callable[[Array], object] | None = None
 
     def __post_init__(self) -> None:
         for name in ("function", "gradient"):
@@ -439,7 +438,7 @@ def _round_along(arm: Array, directions: Array, radius: float, inside: bool) -> 
     return np.where(meets, way, np.inf)
 
 
-def _vector(value: Any, name: str) -> Array:
+def _vector(value: object, name: str) -> Array:
     """A vector of the obstacle's own, which does not change with the array it came from."""
     array = check_finite(value, name, LARGEST).copy()
     if array.ndim != 1 or len(array) not in (2, 3):
@@ -448,7 +447,7 @@ def _vector(value: Any, name: str) -> Array:
     return array
 
 
-def _direction(value: Any, dim: int, name: str) -> Array:
+def _direction(value: object, dim: int, name: str) -> Array:
     given = _vector(value, name)
     if len(given) != dim:
         raise ProblemError(f"{name} has {len(given)} components but its point has {dim}; give equally many")
@@ -463,7 +462,7 @@ def _direction(value: Any, dim: int, name: str) -> Array:
     return array
 
 
-def _radius(value: Any, name: str) -> float:
+def _radius(value: object, name: str) -> float:
     array = check_finite(value, f"{name}: radius")
     if array.ndim != 0 or not array > 0.0:
         raise ProblemError(f"{name}: radius is {value!r}; give one positive number")

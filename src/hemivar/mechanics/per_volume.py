@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ __all__ = ["PerVolume", "Regional", "at_place", "checked_per_volume", "constant_
 Regional = ScalarData | Mapping[str, ScalarData]
 
 
-def checked_per_volume(value: Any, name: str, regions: list[str]) -> Regional:
+def checked_per_volume(value: object, name: str, regions: list[str]) -> Regional:
     """A quantity that is not negative: a number, a function of the place, or a mapping of region name to one of these.
 
     Raises
@@ -42,7 +41,7 @@ def checked_per_volume(value: Any, name: str, regions: list[str]) -> Regional:
     return _plain(value, name)
 
 
-def _plain(value: Any, name: str) -> ScalarData:
+def _plain(value: object, name: str) -> ScalarData:
     refuse_time(value, name)
     plain: ScalarData = plain_data(value, name, vector=False, most=LARGEST)
     if not callable(plain) and plain < 0.0:

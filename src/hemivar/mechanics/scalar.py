@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -199,7 +198,7 @@ class ScalarProblem(Portable, Displayed):
     """
 
     mesh: Mesh
-    coefficient: Coefficient
+    coefficient: Coefficient | Mapping[str, Coefficient]
     contact: Mapping[str, ScalarContact] = field(default_factory=dict)
     area: ScalarContact | Mapping[str, ScalarContact] = field(default_factory=dict)
     supports: Mapping[str, ScalarData] = field(default_factory=dict)
@@ -403,7 +402,7 @@ class ScalarProblem(Portable, Displayed):
                 "viscosity=, or kind='heat'"
             )
 
-    def _checked_coefficient(self) -> Coefficient:
+    def _checked_coefficient(self) -> Coefficient | Mapping[str, Coefficient]:
         what, dim = self.kind.constant, self.mesh.dim
         if not isinstance(self.coefficient, Mapping):
             return plain_coefficient(self.coefficient, what, dim)
@@ -477,7 +476,7 @@ def _check_name(what: str, name: str, kind: str, known: list[str]) -> None:
         )
 
 
-def _nonnegative(value: Any, name: str) -> ScalarData:
+def _nonnegative(value: object, name: str) -> ScalarData:
     plain: ScalarData = plain_data(value, name, vector=False, most=LARGEST)
     if not callable(plain) and plain < 0.0:
         raise ProblemError(f"{name} = {plain:g}; it must not be negative")

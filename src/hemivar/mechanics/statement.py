@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -92,7 +92,7 @@ class Contact(Portable):
 
     normal: Superpotential
     friction: Friction = field(default_factory=NoFriction)
-    gap: float | Callable[[Array], Any] = 0.0
+    gap: float | Callable[[Array], object] = 0.0
     obstacle: Obstacle | None = None
     normals: Normals | None = None
     damping: Superpotential | None = None
@@ -384,7 +384,7 @@ class ContactProblem(Portable, Displayed):
                         )
 
 
-def _check_vector(value: Any, dim: int, name: str, allow_zero: bool = False) -> None:
+def _check_vector(value: object, dim: int, name: str, allow_zero: bool = False) -> None:
     if callable(value):
         return
     array = check_finite(value, name)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from hemivar.mechanics.statement import ContactProblem, Quadrature
 
 __all__ = ["Heat", "HeatContact", "Touching"]
 
-Conductance = float | Callable[[Array, Array], Any]
+Conductance = float | Callable[[Array, Array], object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +198,7 @@ class Heat(Portable):
     thermal_stress: Regional | None = None
     coupling: float = 0.0
     stress_free: float = 0.0
-    temperature: Any = 0.0
+    temperature: ScalarData = 0.0
     supports: Mapping[str, ScalarData] = field(default_factory=dict)
     fluxes: Mapping[str, ScalarData] = field(default_factory=dict)
     source: ScalarData = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import permutations
-from typing import Any, Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -224,10 +224,10 @@ def _numbers(values: ArrayLike, axes: int, what: str, each: str) -> tuple[float,
     return tuple(numbers.tolist())
 
 
-def _counts(cells: Any, axes: int) -> tuple[int, ...]:
+def _counts(cells: float | Sequence[float], axes: int) -> tuple[int, ...]:
     """Numbers of cells along the axes, from one number or one for each."""
     try:
-        entries = [cells] * axes if np.ndim(cells) == 0 else list(cells)
+        entries = [cast(float, cells)] * axes if np.ndim(cells) == 0 else list(cast(Sequence[float], cells))
     except (TypeError, ValueError) as error:
         raise ProblemError(f"cells = {cells!r}; give one or {_NUMBER[axes]} numbers") from error
     if len(entries) != axes:

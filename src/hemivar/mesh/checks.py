@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +33,7 @@ _ROUNDING = 1e-6
 _EPSILON = 2.0**-52
 
 
-def is_whole(value: Any, least: int) -> bool:
+def is_whole(value: float | str, least: int) -> bool:
     """Whether a value is a whole number, of whatever type, and not less than ``least``."""
     try:
         return not isinstance(value, bool | str) and bool(int(value) == value and value >= least)

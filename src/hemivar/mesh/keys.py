@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
 
 __all__ = [
@@ -42,7 +42,7 @@ def pair_keys(pairs: IntArray, count: int) -> IntArray:
     return np.asarray(np.minimum(pairs[..., 0], pairs[..., 1]) * count + np.maximum(pairs[..., 0], pairs[..., 1]))
 
 
-def distinct_pairs(first: NDArray[Any], second: NDArray[Any]) -> tuple[IntArray, IntArray]:
+def distinct_pairs(first: AnyArray, second: AnyArray) -> tuple[IntArray, IntArray]:
     """Distinct unordered pairs (E, 2), smaller number first, sorted; and the number of the pair of each entry.
 
     Pair and place of each entry are sorted together as one integer where they fit into 64 bits, which is several times

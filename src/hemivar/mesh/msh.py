@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hemivar.basics.disk import shown
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.mesh.msh_numbers import (
     Bytes,
@@ -217,7 +215,7 @@ class _Reader:
             self._blocks(name, source)
         source.finish()
 
-    def _numbers(self, text: bytes, name: str, kind: type[np.int64 | np.float64]) -> NDArray[Any]:
+    def _numbers(self, text: bytes, name: str, kind: type[np.int64 | np.float64]) -> AnyArray:
         """All numbers of a text."""
         if b"\0" not in text:
             try:
@@ -305,7 +303,7 @@ class _Reader:
         if found != count:
             raise ProblemError(f"${name} says {count} {name.lower()} and holds {found}; save the mesh again")
 
-    def _add_nodes(self, ids: NDArray[Any], points: Array) -> None:
+    def _add_nodes(self, ids: AnyArray, points: Array) -> None:
         whole = ids.astype(np.int64) if ids.dtype.kind in "iu" or bool((np.abs(ids) < 2.0**53).all()) else None
         if whole is None or (ids.dtype.kind == "f" and (whole != ids).any()):
             raise ProblemError("$Nodes has a node whose number is not a whole number; save the mesh again")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 
 __all__ = ["Bytes", "Numbers", "checked_count", "first_rows", "parameters", "runs", "signed"]
@@ -20,12 +20,12 @@ Number = TypeVar("Number", np.int64, np.float64)
 class Numbers:
     """Numbers of a section in text, one after the other."""
 
-    def __init__(self, values: NDArray[Any], name: str) -> None:
+    def __init__(self, values: AnyArray, name: str) -> None:
         self.values = values
         self.name = name
         self.place = 0
 
-    def _take(self, count: int) -> NDArray[Any]:
+    def _take(self, count: int) -> AnyArray:
         if self.place + count > len(self.values):
             raise ProblemError(f"${self.name} holds less than its counts say; it is cut off or damaged: save it again")
         self.place += count
@@ -44,7 +44,7 @@ class Numbers:
         values: list[float] = self._take(count).tolist()
         return values
 
-    def tags(self, rows: int, columns: int) -> NDArray[Any]:
+    def tags(self, rows: int, columns: int) -> AnyArray:
         """Numbers of nodes and elements, in rows."""
         return self._take(rows * columns).reshape(rows, columns)
 
@@ -52,7 +52,7 @@ class Numbers:
         """Coordinates, in rows."""
         return self.tags(rows, columns)
 
-    def nodes(self, rows: int, columns: int) -> tuple[NDArray[Any], Array]:
+    def nodes(self, rows: int, columns: int) -> tuple[AnyArray, Array]:
         """Nodes, each by its number and its coordinates."""
         table = self.tags(rows, 1 + columns)
         return table[:, 0], table[:, 1:]
@@ -80,7 +80,7 @@ class Bytes:
         """Bytes from the place on."""
         return len(self.data) - self.place
 
-    def array(self, kind: np.dtype[Any], count: int, move: bool = True) -> NDArray[Any]:
+    def array(self, kind: np.dtype[np.generic], count: int, move: bool = True) -> AnyArray:
         """Entries of a kind; ``move`` takes the place behind them."""
         if count * kind.itemsize > self.left or count < 0:
             raise ProblemError(f"${self.name} is cut off or damaged: its counts go beyond the end; save the mesh again")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
 from hemivar.mesh.raw import RawMesh
 from hemivar.mesh.recipe import MeshRecipe
+
+if TYPE_CHECKING:
+    import meshio
 
 __all__ = ["read_mesh"]
 
@@ -143,7 +146,7 @@ def _within(data: IntArray, count: int) -> bool:
     return bool(data.min() >= 0 and data.max() < count)
 
 
-def _read_silently(path: Path) -> Any:
+def _read_silently(path: Path) -> meshio.Mesh:
     """The meshio mesh of a file; meshio's printing is swallowed and its failures reported in one line."""
     import meshio
 
@@ -169,7 +172,7 @@ def _named(path: str | Path) -> str:
     return f"mesh file '{shown(str(path))}'"
 
 
-def _groups(found: Any, starts: list[int]) -> dict[tuple[int, str], IntArray]:
+def _groups(found: meshio.Mesh, starts: list[int]) -> dict[tuple[int, str], IntArray]:
     """Named groups of a meshio mesh; ``starts`` are the numbers of the first cell of each block in its dimension."""
     dims = [_DIMENSION[block.type] for block in found.cells]
     sets: dict[tuple[int, str], list[IntArray]] = {}

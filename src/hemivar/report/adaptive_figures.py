@@ -22,6 +22,7 @@ from hemivar.report.style import BLUE, DASHES, GREEN, GREY, MANY_CELLS, ORANGE, 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
 
 __all__ = ["plot_adaptive", "plot_meshes"]
 
@@ -195,7 +196,7 @@ def _known(level: AdaptiveLevel) -> str:
     return f"error at most {size}" if level.distance.guaranteed else f"error about {size}"
 
 
-def _plane(ax: Any, mesh: Mesh) -> None:
+def _plane(ax: Axes, mesh: Mesh) -> None:
     for line in polylines(mesh.boundary_facets):
         ax.fill(*mesh.points[line].T, color="#d9e6f2", alpha=0.6, lw=0.0)
         ax.plot(*mesh.points[line].T, color="black", lw=0.7)
@@ -204,7 +205,7 @@ def _plane(ax: Any, mesh: Mesh) -> None:
     ax.add_patch(edges)
 
 
-def _solid(ax: Any, mesh: Mesh) -> None:
+def _solid(ax: Axes3D, mesh: Mesh) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     facets = mesh.boundary_facets

@@ -20,7 +20,10 @@ from hemivar.solvers.solution import state_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
+    from matplotlib.quiver import Quiver
+    from matplotlib.text import Text
 
 __all__ = ["FilmColour", "FilmPicture", "PlanePicture", "SolidPicture"]
 
@@ -59,7 +62,7 @@ class FilmPicture(ABC):
 
     fig: Figure
     ax: Any
-    label: Any
+    label: Text
 
     def __init__(
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
@@ -106,7 +109,7 @@ class FilmPicture(ABC):
         text = f"t = {frame.time:.{self._digits}f} {self.units[1]}".rstrip()
         return text if self.factor == 1.0 else f"{text}     displacement times {self.factor:g}"
 
-    def _bar(self, mappable: Any, place: tuple[float, float, float, float]) -> None:
+    def _bar(self, mappable: ScalarMappable, place: tuple[float, float, float, float]) -> None:
         """The scale of the colours, that of all frames."""
         mappable.set_clim(0.0, self.brightest or 1.0)
         length, time = self.units
@@ -126,7 +129,7 @@ class FilmPicture(ABC):
 class _Range:
     """The least and the greatest of arrays, entry by entry; begins with zeros."""
 
-    def __init__(self, shape: Any) -> None:
+    def __init__(self, shape: int | tuple[int, ...]) -> None:
         self.low, self.high = np.zeros(shape), np.zeros(shape)
 
     def add(self, values: Array) -> None:
@@ -188,7 +191,7 @@ class PlanePicture(FilmPicture):
         ax.set_xlabel(with_unit("x", units[0]))
         ax.set_ylabel(with_unit("y", units[0]))
         ax.spines[["top", "right"]].set_visible(False)
-        self.arrows: Any = None
+        self.arrows: Quiver | None = None
         self.label = self.fig.text(0.12, 0.36 / tall, "", fontsize=9, family="monospace")
         self.foundation = LineCollection([], colors="#3a3a3a", linewidths=1.0, zorder=1)
         self.hatch = LineCollection([], colors="#8a8a8a", linewidths=0.6, zorder=0.9)

@@ -38,7 +38,7 @@ _LOST = (
     ("jumps", "jumps", "#4d4d4d"),
 )
 _COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
-_DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
+_DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 #: Below this part of the largest energy an entry of the ledger is left out of the figure.
 _SEEN = 1e-4
 _MOST_COLUMNS = 8

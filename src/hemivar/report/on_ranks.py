@@ -9,12 +9,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hemivar.basics.disk import shown, whole_file
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, IntArray, Record
 from hemivar.certify import Certificate
 from hemivar.discrete.contact import ContactPoints
 from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
@@ -89,7 +88,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
     return path
 
 
-def _boundaries(solution: DistributedSolution) -> dict[str, Any]:
+def _boundaries(solution: DistributedSolution) -> Record:
     """Resultants of each contact boundary, over all ranks."""
     body, lam, w = solution.body, solution.multiplier, solution.body.weights
     closed = w * (solution.state != ContactState.OPEN)
@@ -102,7 +101,7 @@ def _boundaries(solution: DistributedSolution) -> dict[str, Any]:
     return found
 
 
-def _contact(solution: DistributedSolution) -> dict[str, Any] | None:
+def _contact(solution: DistributedSolution) -> Record | None:
     """Contact points of all ranks in the order of the serial run, on rank 0; None elsewhere."""
     body, ranks = solution.body, solution.body.ranks
     d, contact = body.dim, body.contact

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
 from hemivar.errors import ProblemError
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, with_unit
@@ -62,7 +62,7 @@ def _quantity(name: str) -> PathQuantity:
     return QUANTITIES[name]
 
 
-def path_record(path: Path, quantity: str = "max-penetration") -> dict[str, Any]:
+def path_record(path: Path, quantity: str = "max-penetration") -> Record:
     """A path as plain numbers and lists, ready for JSON.
 
     ``points`` holds for each point ``load_factor``, ``energy``, ``stable`` (of the stretch that begins there; at the

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from hemivar.solvers import ContactState, Solution
 from hemivar.solvers.solution import state_counts
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
 
 __all__ = ["area_maps", "over_area", "plot_scalar"]
 
@@ -70,7 +72,7 @@ def plot_scalar(
         ax.tricontour(grid, values, _LEVELS, colors="white", linewidths=0.5, alpha=0.8, linestyles="solid")
     for edge in polylines(mesh.boundary_facets):
         ax.plot(*mesh.points[edge].T, color="black", lw=0.9, zorder=3)
-    handles: list[Any] = []
+    handles: list[Artist] = []
     over = over_area(solution)
     touching = over & (solution.state != ContactState.OPEN)
     if touching.any():
@@ -116,7 +118,7 @@ def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit:
     mesh = stated.mesh
     facets = mesh.boundary_facets
     fig = Figure(figsize=(6.3, 5.0))
-    ax: Any = fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d")
+    ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d"))
     surface = Poly3DCollection(list(mesh.points[facets]), linewidths=0.15, edgecolors="#00000060")
     surface.set_array(solution.displacement[facets, 0].mean(axis=1))
     surface.set_cmap("cividis")

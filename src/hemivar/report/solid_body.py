@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, state_mark,
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
+    from mpl_toolkits.mplot3d import Axes3D
 
 __all__ = ["draw_solid", "legend_of_solid", "mark_size", "sharp_edges", "viewing_direction"]
 
@@ -44,7 +45,7 @@ def draw_solid(body: DeformedBody, colour: BodyColour, title: str | None, units:
     problem, mesh, moved = body.problem, body.mesh, body.vertices
     facets = mesh.boundary_facets
     fig = Figure(figsize=(6.3, 5.0))
-    ax: Any = fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d", computed_zorder=False)
+    ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d", computed_zorder=False))
     fine = len(facets) > MANY_FACETS
     surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060", zorder=2)
     surface.set_rasterized(fine)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, body_axes, drawin
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D
 
 __all__ = ["painted", "plot_problem"]
 
@@ -77,7 +78,7 @@ def _solid(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -
 
     mesh = problem.mesh
     fig = Figure(figsize=(6.3, 5.0))
-    ax: Any = fig.add_axes((0.02, 0.06, 0.62, 0.86), projection="3d")
+    ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.62, 0.86), projection="3d"))
     facets, colours = painted(problem, marks)
     ax.add_collection3d(
         Poly3DCollection(list(mesh.points[facets]), facecolors=colours, edgecolors="#00000040", linewidths=0.15)

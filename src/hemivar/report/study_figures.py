@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from hemivar.workflows.sweep import Sweep, SweepAxis
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from hemivar.files.sweep_record import SweepPoint
+
 
 __all__ = ["plot_study", "plot_sweep"]
 
@@ -196,7 +199,7 @@ def _curves(sweep: Sweep, name: str, title: str | None) -> Figure:
     return fig
 
 
-def _failed(sweep: Sweep) -> list[Any]:
+def _failed(sweep: Sweep) -> list[SweepPoint]:
     return [point for point in sweep.points if point.failed]
 
 

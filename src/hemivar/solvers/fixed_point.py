@@ -94,7 +94,7 @@ class FixedPoint(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(self.inner_rtol))
 
-    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.inner.prepare(problem, workspace)
 
     def step(self, system: System, state: State, budget: Budget) -> State:

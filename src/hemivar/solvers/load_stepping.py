@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -81,7 +80,7 @@ class LoadStepping(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(min(rtol, self.rtol)))
 
-    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> Any:
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.inner.prepare(problem, workspace)
 
     def refuse(self, problem: DiscreteProblem) -> str | None:

@@ -221,7 +221,7 @@ def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_
 
 
 def _recovered(system: CondensedProblem, r: Array, lam: Array, graphs: _Graphs, load: float) -> tuple[Array, Residual]:
-    """All unknowns with the residual of the full problem, as :meth:`CondensedProblem.recovered` finds them."""
+    """All unknowns, as the elimination leaves them, with the residual of the full problem."""
     problem, body, weights = system.problem, system.body, system.weights[:, None]
     contact, u = problem.contact, system.unknowns(r)
     force = contact.pressed(weights * lam)

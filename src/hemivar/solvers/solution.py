@@ -9,14 +9,14 @@ from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray, Record
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
@@ -230,7 +230,7 @@ class Solution(ContactValues, Portable, Displayed):
             ) from error
         return pandas.DataFrame(table_columns(self.contact_table))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Record:
         """Plain numbers, lists and strings, see :func:`hemivar.files.solution_record`."""
         from hemivar.files import solution_record
 

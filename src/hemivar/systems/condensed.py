@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -72,10 +71,10 @@ class CondensedProblem(Portable):
     seconds: float
     _recovery: Recovery
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[Callable[[DiscreteProblem], CondensedProblem], tuple[DiscreteProblem]]:
         return condense, (self.problem,)  # factors cannot travel: they are made again on arrival
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> CondensedProblem:
+    def __deepcopy__(self, memo: dict[int, object]) -> CondensedProblem:
         return condense(copy.deepcopy(self.problem, memo))
 
     # ---- views -----------------------------------------------------------------------------------------
@@ -321,11 +320,6 @@ class CondensedProblem(Portable):
         if sharper is not None and sharper[1].total < found[0].total:
             return sharper[0], self._residuals(sharper[0], multipliers)
         return u, found
-
-    def recovered(self, r: Array, lam: Array) -> tuple[Array, Residual]:
-        """:meth:`recover` for one multiplier, as the elimination leaves it."""
-        u = self._recovery(r)
-        return u, self._residuals(u, [lam])[0]
 
     def _residuals(self, u: Array, multipliers: Sequence[Array]) -> list[Residual]:
         return residuals(self.problem, u, multipliers, self.body.compliance, self.load_scale)

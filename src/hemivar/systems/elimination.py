@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -63,10 +62,10 @@ class Elimination:
     active: BoolArray
     compliance: Array
     weights: Array
-    spread: Any
+    spread: sp.csr_array
     drift: Array | None
     free_unknowns: Array | None
-    stiffness: Any
+    stiffness: sp.csr_array
 
     vectors: Vectors = field(default=WHOLE, init=False)
 
@@ -98,7 +97,7 @@ class Elimination:
         if select:
             columns = trace.indices
             matrix[np.ix_(rows, rows)] = S[np.ix_(columns, columns)]
-            spread: Any = sp.csr_array((np.ones(rows.size), (columns, rows)), shape=(kept.size, m * d))
+            spread = sp.csr_array((np.ones(rows.size), (columns, rows)), shape=(kept.size, m * d))
         else:
             local, remainder = _local_coordinates(trace.toarray())
             if remainder.shape[1]:
@@ -190,7 +189,7 @@ class Elimination:
         return majorant(self)
 
     @cached_property
-    def _factor_of_matrix(self) -> Any:
+    def _factor_of_matrix(self) -> tuple[IntArray, tuple[Array, bool]]:
         free = np.flatnonzero(self.active.ravel())
         return free, la.cho_factor(self.matrix[np.ix_(free, free)], check_finite=False)
 

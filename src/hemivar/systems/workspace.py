@@ -6,12 +6,12 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.types import AnyArray
 from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.systems.condensed import CondensedProblem, condense
 
@@ -64,7 +64,7 @@ class Workspace:
         if workspace is None:
             return Workspace()
         remedy = "make one, hemivar.Workspace(), and pass it to every call"
-        return cast(Workspace, expect(workspace, Workspace, "the workspace", remedy))
+        return expect(workspace, Workspace, "the workspace", remedy)
 
     @classmethod
     def holding(cls, condensed: CondensedProblem) -> Workspace:
@@ -93,7 +93,7 @@ class Workspace:
                 shelf.things[what] = make()
             return cast(T, shelf.things[what])
 
-    def known(self, what: str, content: tuple[NDArray[Any], ...], make: Callable[[], T]) -> T:
+    def known(self, what: str, content: tuple[AnyArray, ...], make: Callable[[], T]) -> T:
         """What depends on nothing but the numbers of some arrays, made on the first call.
 
         So constants of a body are kept through meshes that are refined, and through problems that are stated anew.
@@ -161,5 +161,5 @@ class _Shelf:
     def __init__(self, body: tuple[object, ...], unknowns: int) -> None:
         self.body = body
         self.unknowns = unknowns
-        self.things: dict[str, Any] = {}
+        self.things: dict[str, object] = {}
         self.locks: dict[str, threading.RLock] = {}

@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -227,7 +226,7 @@ class _Task:
     place: tuple[int, ...]
     values: tuple[object, ...]
     keys: tuple[str, ...]
-    source: Callable[..., Any] | tuple[str, str, str]
+    source: Callable[..., DiscreteProblem | Statement] | tuple[str, str, str]
     search: SolutionsOptions
     changes: tuple[Change, ...]
 
@@ -303,7 +302,7 @@ def sweeping(
     options = SweepOptions() if options is None else options
     given = _axes(axes)
     keys = tuple(axis.key for axis in given)
-    source: Callable[..., Any] | tuple[str, str, str]
+    source: Callable[..., DiscreteProblem | Statement] | tuple[str, str, str]
     if isinstance(problem, str | Path):
         source = (read_text(problem), str(Path(problem).parent), str(problem))
     elif callable(problem):
@@ -415,7 +414,9 @@ def _found(task: _Task) -> SweepPoint:
     if isinstance(task.source, tuple):
         text, folder, name = task.source
         own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
-        stated: Any = parse_problem_file(text, folder, name, changes=[*task.changes, *own]).problem
+        stated: DiscreteProblem | Statement = parse_problem_file(
+            text, folder, name, changes=[*task.changes, *own]
+        ).problem
     else:
         stated = task.source(*task.values)
     problem, workspace = posed(stated, "sweep"), Workspace()

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,6 +36,9 @@ from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems.body import Body, Truncation, embedded
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
 __all__ = ["BodyOnRanks", "assemble"]
 
@@ -81,7 +84,7 @@ class BodyOnRanks(Body):
     piece: Piece
     statement: ContactProblem
     elastic: Stiffness
-    near: Any
+    near: PETSc.NullSpace
     places: IntArray
     directions: Array
     free: BoolArray
@@ -95,7 +98,7 @@ class BodyOnRanks(Body):
     coarser: BodyOnRanks | None = None
 
     @property
-    def K(self) -> Any:  # noqa: N802 - the matrix
+    def K(self) -> PETSc.Mat:  # noqa: N802 - the matrix
         """Stiffness, a petsc4py Mat."""
         return self.elastic.K
 
@@ -120,13 +123,13 @@ class BodyOnRanks(Body):
         return np.asarray(~self.free[self.owned].ravel())
 
     @cached_property
-    def prolongation(self) -> Any:
+    def prolongation(self) -> PETSc.Mat:
         """Unknowns from those of :attr:`coarser`, a petsc4py Mat."""
         assert self.coarser is not None
         return prolongation(self.coarser, self)
 
     @cached_property
-    def _scatter(self) -> tuple[Any, Any]:
+    def _scatter(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
         """From a vector to the unknowns of all nodes of the piece."""
         from petsc4py import PETSc
 
@@ -166,7 +169,7 @@ class BodyOnRanks(Body):
 
     # ---- vectors and displacements -----------------------------------------------------------------------
 
-    def vector(self, x: Array | None = None) -> Any:
+    def vector(self, x: Array | None = None) -> PETSc.Vec:
         """A petsc4py Vec with a copy of the entries of an array (n,), or zeros."""
         vector = self.K.createVecRight()
         vector.array_w[:] = 0.0 if x is None else x

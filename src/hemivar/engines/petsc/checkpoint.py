@@ -11,13 +11,13 @@ import math
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from hemivar.basics.disk import regular_file, shown
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, IntArray, Record
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.files import one_writer, read_rows, write_rows
 from hemivar.engines.petsc.preconditioner import Multigrid
@@ -28,6 +28,9 @@ from hemivar.solvers import Progress
 from hemivar.solvers.base import State
 from hemivar.solvers.fixed_point import Outer
 from hemivar.solvers.multigrid import Memory
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
 __all__ = ["read_checkpoint", "write_checkpoint"]
 
@@ -106,7 +109,7 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
     marks, dependent = _marks(body), depends_on_ranks(body)
     with ExitStack() as stack:
 
-        def head() -> tuple[IO[bytes], dict[str, Any]] | None:
+        def head() -> tuple[IO[bytes], Record] | None:
             if ranks.rank:
                 return None
             stream = stack.enter_context(_opened(path))
@@ -115,7 +118,7 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
         found = ranks.agree(head)
         stream = None if found is None else found[0]
         record = ranks.mpi.bcast(None if found is None else found[1])
-        naturals: list[Any] = []
+        naturals: list[PETSc.Vec] = []
         arrays: list[Array] = []
         for _ in record["sums"]:
             natural, vector = _natural(body), body.vector()
@@ -133,7 +136,7 @@ def read_checkpoint(path: str | Path, body: BodyOnRanks) -> Saved:
         return Saved(_state(body, record, arrays), tuple(_progress(line) for line in record["history"]))
 
 
-def _state(body: BodyOnRanks, record: dict[str, Any], arrays: list[Array]) -> State:
+def _state(body: BodyOnRanks, record: Record, arrays: list[Array]) -> State:
     """The state that these arrays stand for."""
     x = arrays[0]
     if record["state"]:
@@ -146,18 +149,18 @@ def _state(body: BodyOnRanks, record: dict[str, Any], arrays: list[Array]) -> St
     return State(x, lam, energy=record["energy"], residual=found, memory=memory)
 
 
-def _progress(line: dict[str, Any]) -> Progress:
+def _progress(line: Record) -> Progress:
     """The opposite of :func:`_plain`."""
-    numbers: dict[str, Any] = {key: math.nan if value is None else value for key, value in line.items()}
+    numbers: Record = {key: math.nan if value is None else value for key, value in line.items()}
     return Progress(**numbers)
 
 
-def _plain(line: Progress) -> dict[str, Any]:
+def _plain(line: Progress) -> Record:
     """A line of the history for JSON, which has neither nan nor infinity."""
     return {key: value if math.isfinite(value) else None for key, value in asdict(line).items()}
 
 
-def _sums(ranks: Ranks, naturals: list[Any]) -> list[str]:
+def _sums(ranks: Ranks, naturals: list[PETSc.Vec]) -> list[str]:
     """A sum of the bits of each vector, the same on any number of ranks; every change of one number changes it."""
     from mpi4py import MPI
 
@@ -199,11 +202,11 @@ def _opened(path: Path) -> IO[bytes]:
         raise ProblemError(f"cannot read checkpoint '{shown(path)}': {error.strerror}") from None
 
 
-def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], dependent: bool) -> dict[str, Any]:
+def _head(path: Path, stream: IO[bytes], body: BodyOnRanks, marks: list[float], dependent: bool) -> Record:
     """The first line of a checkpoint, if that is whole and of this problem."""
     name = shown(path)
     try:
-        record: dict[str, Any] = json.loads(stream.readline(_LONGEST_LINE))
+        record: Record = json.loads(stream.readline(_LONGEST_LINE))
         if record["format"] != _FORMAT:
             raise ProblemError(f"checkpoint '{name}' is of another version; solve from the beginning")
         _check_types(record)
@@ -249,7 +252,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
 }  # fmt: skip
 
 
-def _check_types(record: dict[str, Any]) -> None:
+def _check_types(record: Record) -> None:
     """Raise TypeError or KeyError if an entry is missing or of another kind."""
     for key, kinds in _KINDS.items():
         value = record[key]
@@ -276,14 +279,14 @@ def _check_types(record: dict[str, Any]) -> None:
         raise TypeError("an entry of 'sums' is no text")
 
 
-def _natural(body: BodyOnRanks) -> Any:
+def _natural(body: BodyOnRanks) -> PETSc.Vec:
     """A vector in the order of the nodes of the whole mesh."""
     from petsc4py import PETSc
 
     return PETSc.Vec().createMPI(body.piece.total * body.dim, bsize=body.dim, comm=body.ranks.comm)
 
 
-def _scatter(body: BodyOnRanks, vector: Any, natural: Any) -> Any:
+def _scatter(body: BodyOnRanks, vector: PETSc.Vec, natural: PETSc.Vec) -> PETSc.Scatter:
     from petsc4py import PETSc
 
     numbers = body.piece.numbers[body.owned].astype(PETSc.IntType)

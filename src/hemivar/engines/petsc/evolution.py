@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,6 +33,9 @@ from hemivar.mechanics.bedding import Bedding, bedding_of
 from hemivar.mechanics.composed_material import Combination
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
 __all__ = ["BulkOnRanks", "EvolutionOnRanks", "OperatorOnRanks", "discretize_on_ranks"]
 
@@ -84,14 +87,14 @@ class OperatorOnRanks(Operator):
     frame : Frame
     """
 
-    def __init__(self, matrix: Any, frame: Frame) -> None:
+    def __init__(self, matrix: PETSc.Mat, frame: Frame) -> None:
         object.__setattr__(self, "_matrix", matrix)
         object.__setattr__(self, "_frame", frame)
         object.__setattr__(self, "_vectors", matrix.createVecs())
 
-    _matrix: Any
+    _matrix: PETSc.Mat
     _frame: Frame
-    _vectors: tuple[Any, Any]
+    _vectors: tuple[PETSc.Vec, PETSc.Vec]
 
     @property
     def inner(self) -> sp.csr_array:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def write_rows(ranks: Ranks, sink: Sink, values: Array) -> None:
 
 def read_rows(ranks: Ranks, stream: IO[bytes] | None, count: int) -> Array:
     """The contrary of :func:`write_rows`: ``count`` numbers for this rank; nan where the file ends too early."""
-    counts: Any = ranks.mpi.gather(count)
+    counts: list[int] = ranks.mpi.gather(count)
     if ranks.rank:
         out = np.empty(count)
         for start in range(0, count, _ROWS):

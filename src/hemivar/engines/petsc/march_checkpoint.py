@@ -6,11 +6,12 @@ import io
 import json
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
 from hemivar.basics.disk import shown
+from hemivar.basics.types import Record
 from hemivar.engines.petsc.files import one_writer, read_rows, write_rows
 from hemivar.engines.petsc.ranks import Ranks
 from hemivar.errors import FileError
@@ -70,7 +71,7 @@ class CheckpointOnRanks(Checkpoint):
         name = shown(self.file)
         try:
             stream = stack.enter_context(self.file.open("rb"))
-            head: Any = json.loads(stream.readline(_LONGEST_LINE))
+            head: Record = json.loads(stream.readline(_LONGEST_LINE))
             kind, version, count, sizes = (head[key] for key in ("kind", "format", "ranks", "bytes"))
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise FileError(f"{name}: this is no checkpoint of a march over ranks ({error}); name another") from None

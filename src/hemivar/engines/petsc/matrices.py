@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +14,8 @@ from hemivar.fem.assembly import EdgeBlocks
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
+    from petsc4py import PETSc
+
     from hemivar.engines.petsc.assembly import BodyOnRanks
 
 __all__ = ["near_null_space", "places_of", "prolongation", "stiffness_and_load"]
@@ -36,7 +38,7 @@ def places_of(ranks: Ranks, piece: Piece) -> IntArray:
 def stiffness_and_load(
     ranks: Ranks, blocks: EdgeBlocks | None, load: Array, directions: Array, free: BoolArray, places: IntArray,
     owned: BoolArray,
-) -> tuple[Any, Any, Any, float]:  # fmt: skip
+) -> tuple[PETSc.Mat, PETSc.Vec, PETSc.Vec, float]:  # fmt: skip
     """Matrix, load, sums of rows and mean diagonal, in terms of the unknowns along the directions of the nodes."""
     from petsc4py import PETSc
 
@@ -79,7 +81,7 @@ def stiffness_and_load(
     return K, f, row_sums, mean
 
 
-def near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) -> Any:
+def near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: PETSc.Vec) -> PETSc.NullSpace:
     """Translations and rotations in terms of the unknowns."""
     from petsc4py import PETSc
 
@@ -96,7 +98,7 @@ def near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) -> 
         vector = f.duplicate()
         vector.array_w[:] = np.einsum("ncd,nd->nc", directions[owned], motion).ravel()
         basis.append(vector)
-    independent: list[Any] = []
+    independent: list[PETSc.Vec] = []
     for vector in basis:  # Gram-Schmidt twice
         for _ in range(2):
             for other in independent:
@@ -106,7 +108,7 @@ def near_null_space(mesh: Mesh, directions: Array, owned: BoolArray, f: Any) -> 
     return PETSc.NullSpace().create(constant=False, vectors=independent, comm=f.getComm())
 
 
-def prolongation(coarse: BodyOnRanks, fine: BodyOnRanks) -> Any:
+def prolongation(coarse: BodyOnRanks, fine: BodyOnRanks) -> PETSc.Mat:
     """Unknowns of the finer mesh from those of the coarser one, as a petsc4py Mat; supports observed."""
     from petsc4py import PETSc
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -155,6 +154,10 @@ def grid_numbers(points: Array, origin: Sequence[float], extent: Sequence[float]
     return np.asarray(np.where(centre, int(np.prod(size + 1)) + (place // 2) @ cell, (place // 2) @ stride))
 
 
+#: Points, cells, numbers, boundaries, regions and the number of nodes of the mesh.
+Packet = tuple[Array, IntArray, IntArray, dict[str, IntArray], dict[str, IntArray], int]
+
+
 def distribute(ranks: Ranks, mesh: Mesh | None) -> Piece:
     """Cut a mesh that rank 0 holds into pieces of connected cells, by the partitioner of PETSc.
 
@@ -163,7 +166,7 @@ def distribute(ranks: Ranks, mesh: Mesh | None) -> Piece:
     mesh : Mesh or None
         On rank 0 the mesh; it is not looked at elsewhere.
     """
-    packets: list[Any] | None = None
+    packets: list[Packet] | None = None
     own = _partition(ranks, mesh)
     wanted = ranks.mpi.gather(own)
     if mesh is not None and ranks.rank == 0:
@@ -200,7 +203,7 @@ def _partition(ranks: Ranks, mesh: Mesh | None) -> IntArray:
     return np.sort(chosen).astype(np.int64)
 
 
-def _packet(mesh: Mesh, cells: IntArray) -> tuple[Any, ...]:
+def _packet(mesh: Mesh, cells: IntArray) -> Packet:
     """What a rank needs to hold these cells: points, cells, numbers, boundaries, regions, number of nodes."""
     connectivity = mesh.cells[cells]
     numbers, local = np.unique(connectivity, return_inverse=True)

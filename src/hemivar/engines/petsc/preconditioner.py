@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.engines.petsc.stiffness import applied
 
 if TYPE_CHECKING:
+    from petsc4py import PETSc
+
     from hemivar.engines.petsc.assembly import BodyOnRanks
 
 __all__ = ["Multigrid"]
@@ -76,7 +78,7 @@ class Multigrid:
         self.levels = [body]
         while self.levels[0].coarser is not None:
             self.levels.insert(0, self.levels[0].coarser)
-        self.matrices: list[Any] = []
+        self.matrices: list[PETSc.Mat] = []
         self.prolongations = [level.prolongation for level in self.levels[1:]]
         self.pc = PETSc.PC().create(body.ranks.comm)
         self.pc.setOptionsPrefix("hemivar_")
@@ -170,13 +172,13 @@ class Multigrid:
         self._exact = held.copy(), curvature.copy()
         self.builds += 1
 
-    def _smoothers(self, number: int) -> list[Any]:
+    def _smoothers(self, number: int) -> list[PETSc.KSP]:
         """What works on a level before and after the coarser ones."""
         if not number:
             return [self.pc.getMGCoarseSolve()]
         return [self.pc.getMGSmootherDown(number), self.pc.getMGSmootherUp(number)]
 
-    def _top(self, held: BoolArray, curvature: Array) -> Any:
+    def _top(self, held: BoolArray, curvature: Array) -> PETSc.Mat:
         """Newton's matrix on the finest level, with unit rows (times the mean diagonal) for what is taken out."""
         from petsc4py import PETSc
 
@@ -200,7 +202,7 @@ class Multigrid:
             matrix.shift(_SHIFT * body.typical)
         return matrix
 
-    def _coarsen(self, top: Any, held: BoolArray, first: bool) -> None:
+    def _coarsen(self, top: PETSc.Mat, held: BoolArray, first: bool) -> None:
         """Coarse matrices ``P'AP``; the finest prolongation reaches no unknown that is taken out."""
         from petsc4py import PETSc
 
@@ -244,7 +246,7 @@ def _positive(curvature: Array) -> Array:
     return np.asarray(np.einsum("mic,mc,mjc->mij", vectors, np.maximum(values, 0.0), vectors))
 
 
-def _fill_diagonal(matrix: Any, typical: float) -> None:
+def _fill_diagonal(matrix: PETSc.Mat, typical: float) -> None:
     """Give rows that nothing reaches (held by supports, or taken out) a diagonal."""
     diagonal = matrix.getDiagonal()
     diagonal.array_w[:] = np.where(diagonal.array_r > 1e-10 * typical, diagonal.array_r, typical)

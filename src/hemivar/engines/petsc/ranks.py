@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -12,9 +12,16 @@ from hemivar.basics.disk import shown
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import HemivarError, ProblemError
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
 __all__ = ["NO_MEMORY", "Ranks", "shared", "world"]
 
 T = TypeVar("T")
+
+#: Rows of numbers of one type.
+Rows = TypeVar("Rows", Array, IntArray)
 
 #: Sums of squares between these are neither rounded to nothing nor overflowing.
 _TINY, _HUGE = 1e-250, 1e300
@@ -35,8 +42,8 @@ class Ranks:
         ``reductions`` (of a few numbers), ``exchanges`` (each rank with its neighbours) and ``bytes`` sent in these.
     """
 
-    comm: Any
-    mpi: Any
+    comm: PETSc.Comm
+    mpi: MPI.Comm
     counts: dict[str, int] = field(default_factory=lambda: {"reductions": 0, "exchanges": 0, "bytes": 0})
 
     @property
@@ -54,7 +61,7 @@ class Ranks:
         """Whether there is no other rank."""
         return self.size == 1
 
-    def total(self, *values: float | np.integer[Any]) -> Array:
+    def total(self, *values: float | np.integer) -> Array:
         """Sums over the ranks, all in one reduction."""
         from mpi4py import MPI
 
@@ -91,7 +98,7 @@ class Ranks:
         """How many of something the ranks before this one have."""
         return self.offset(count)[0]
 
-    def _reduce(self, values: Any, operation: Any) -> Array:
+    def _reduce(self, values: Sequence[float | np.integer] | Array, operation: MPI.Op) -> Array:
         self.counts["reductions"] += 1
         mine: Array = np.asarray(values, dtype=float)
         out: Array = np.empty(len(values))
@@ -112,7 +119,7 @@ class Ranks:
         counts = np.array(self.mpi.allgather(count), dtype=np.int64)
         return int(counts[: self.rank].sum()), int(counts.sum())
 
-    def exchange(self, destination: IntArray, rows: Array | IntArray) -> tuple[Any, IntArray, Post]:
+    def exchange(self, destination: IntArray, rows: Rows) -> tuple[Rows, IntArray, Post]:
         """Send each row to a rank: the rows received, ordered by rank, where they came from, and the way back.
 
         Parameters
@@ -121,7 +128,7 @@ class Ranks:
         rows : array (k, c)
             Of one type on all ranks.
         """
-        packed: Any = np.ascontiguousarray(rows)
+        packed = np.ascontiguousarray(rows)
         order = np.argsort(destination, kind="stable")
         sent = np.bincount(destination, minlength=self.size).astype(np.int64)
         received = np.empty_like(sent)
@@ -130,7 +137,7 @@ class Ranks:
         out = self._transfer(packed[order], sent, received)
         return out, np.repeat(np.arange(self.size), received), post
 
-    def _transfer(self, rows: Any, sent: IntArray, received: IntArray) -> Any:
+    def _transfer(self, rows: Rows, sent: IntArray, received: IntArray) -> Rows:
         width = int(np.prod(rows.shape[1:], dtype=np.int64)) * rows.itemsize
         out = np.empty((int(received.sum()), *rows.shape[1:]), dtype=rows.dtype)
         elsewhere = int(sent.sum() - sent[self.rank])
@@ -176,7 +183,7 @@ class Post:
     sent: IntArray
     received: IntArray
 
-    def answer(self, rows: Any) -> Any:
+    def answer(self, rows: Rows) -> Rows:
         """Send one row back for each row received; returns the answers in the order of the rows that were sent."""
         back = self.ranks._transfer(np.ascontiguousarray(rows), self.received, self.sent)
         out = np.empty_like(back)
@@ -188,7 +195,7 @@ def _starts(counts: IntArray) -> IntArray:
     return np.concatenate([[0], np.cumsum(counts)[:-1]])
 
 
-def _row_type(width: int) -> Any:
+def _row_type(width: int) -> MPI.Datatype:
     from mpi4py import MPI
 
     return MPI.BYTE.Create_contiguous(width).Commit() if width else MPI.BYTE

@@ -6,7 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -67,9 +67,7 @@ def prepare_march(
     if isinstance(plan.checkpoint, Checkpoint):
         plan = replace(plan, checkpoint=CheckpointOnRanks(plan.checkpoint.file, plan.checkpoint.minutes, ranks=ranks))
 
-    def advance(*given: Any) -> Advance:
-        return AdvanceOnRanks(*given, alarm=alarm)
-
+    advance = partial(AdvanceOnRanks, alarm=alarm)
     return MarchOnRanks(discrete, plan, Tools(advance, MarginsOnRanks, _no_bound, _identity, _probed))
 
 

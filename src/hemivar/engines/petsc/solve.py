@@ -6,11 +6,10 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, IntArray, Record
 from hemivar.discrete.residual import Residual
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
@@ -84,7 +83,7 @@ class DistributedSolution:
         return contact_states(self.body, self.x, self.multiplier)
 
     @cached_property
-    def sums(self) -> dict[str, Any]:
+    def sums(self) -> Record:
         """Resultants and extremes of the whole contact boundary.
 
         Keys ``normal_force``, ``friction_force`` (d - 1,), ``force`` (d,), ``contact_length``, ``whole_length``,

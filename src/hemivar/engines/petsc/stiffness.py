@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
 
 __all__ = ["Stiffness", "applied"]
 
@@ -23,12 +26,12 @@ class Stiffness:
     diagonal : array (n,)
     """
 
-    def __init__(self, K: Any, unknown: IntArray) -> None:
+    def __init__(self, K: PETSc.Mat, unknown: IntArray) -> None:
         self.K, self._unknown = K, unknown
         self.diagonal: Array = K.getDiagonal().array_r.copy()
 
     @cached_property
-    def _chosen(self) -> Any:
+    def _chosen(self) -> PETSc.IS:
         """The contact unknowns."""
         from petsc4py import PETSc
 
@@ -36,11 +39,11 @@ class Stiffness:
         return PETSc.IS().createGeneral(places.astype(PETSc.IntType), comm=self.K.getComm())
 
     @cached_property
-    def _all(self) -> tuple[Any, Any, Any]:
+    def _all(self) -> tuple[PETSc.Mat, PETSc.Vec, PETSc.Vec]:
         return self.K, *self.K.createVecs()
 
     @cached_property
-    def _rows(self) -> tuple[Any, Any, Any]:
+    def _rows(self) -> tuple[PETSc.Mat, PETSc.Vec, PETSc.Vec]:
         from petsc4py import PETSc
 
         start, end = self.K.getOwnershipRangeColumn()
@@ -49,7 +52,7 @@ class Stiffness:
         return rows, *rows.createVecs()
 
     @cached_property
-    def _block(self) -> tuple[Any, Any, Any]:
+    def _block(self) -> tuple[PETSc.Mat, PETSc.Vec, PETSc.Vec]:
         block = self.K.createSubMatrix(self._chosen, self._chosen)
         return block, *block.createVecs()
 
@@ -80,7 +83,7 @@ class Stiffness:
         return applied(matrix.mult, right, left, values)
 
 
-def applied(work: Callable[[Any, Any], None], given: Any, made: Any, x: Array) -> Array:
+def applied(work: Callable[[PETSc.Vec, PETSc.Vec], None], given: PETSc.Vec, made: PETSc.Vec, x: Array) -> Array:
     """What ``work`` makes of an array, by way of two petsc4py vectors of its form and of that of the answer."""
     x, out = np.ascontiguousarray(x, dtype=float), np.empty(made.getLocalSize())
     given.placeArray(x)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 from weakref import WeakSet
 
 import numpy as np
@@ -55,13 +55,13 @@ class Friction(Portable):
         check_own(self.profile)
         _check_profile(self.profile)
 
-    def _stated(self) -> dict[str, Any]:
+    def _stated(self) -> dict[str, object]:
         state = super()._stated()
         if self.profile is ABSOLUTE_VALUE:  # the same object wherever the law arrives
             del state["profile"]
         return state
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         super().__setstate__({"profile": ABSOLUTE_VALUE} | state)
 
     @property

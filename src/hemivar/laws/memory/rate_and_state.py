@@ -32,7 +32,7 @@ class RateStateProfile(TransformedLaw):
     examined: ClassVar[bool] = True  # type: ignore[misc]
 
     @property
-    def parts(self) -> tuple[()]:
+    def made_of(self) -> tuple[()]:
         return ()
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,7 @@ from hemivar.laws.superpotential import Superpotential
 __all__ = ["FunctionLaw"]
 
 #: What a user gives: a function of an array, or, if it cannot take one, of a number.
-GivenFunction = Callable[[Any], ArrayLike]
+GivenFunction = Callable[..., ArrayLike]
 
 #: Weights at -2, -1, 0, 1, 2 of the interpolating polynomial in powers of t.
 _STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))

@@ -83,7 +83,7 @@ class BondLaw(TransformedLaw):
     name: str = "bond"
 
     @property
-    def parts(self) -> tuple[Superpotential, ...]:
+    def made_of(self) -> tuple[Superpotential, ...]:
         return ()
 
     @cached_property

@@ -67,7 +67,7 @@ class PushingLaw(TransformedLaw):
         return self.total.name
 
     @property
-    def parts(self) -> tuple[Superpotential, ...]:
+    def made_of(self) -> tuple[Superpotential, ...]:
         return self.base, self.total
 
     @cached_property
@@ -172,4 +172,4 @@ class PushingLaw(TransformedLaw):
         return np.where(np.isfinite(self._first), self.total.asymptotic_curvature(sign), 0.0)
 
     def take(self, index: IntArray) -> PushingLaw:
-        return PushingLaw(*(law.take(index) if law.knots.shape[0] > 1 else law for law in self.parts))
+        return PushingLaw(*(law.take(index) if law.knots.shape[0] > 1 else law for law in self.made_of))

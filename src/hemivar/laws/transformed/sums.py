@@ -40,7 +40,7 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     ProblemError
         There is no r that all terms allow.
     """
-    terms = [term for one in (law, *others) for term in (one.parts if isinstance(one, SummedLaw) else (one,))]
+    terms = [term for one in (law, *others) for term in (one.terms if isinstance(one, SummedLaw) else (one,))]
     stacked = next((term for term in terms if isinstance(term, StackedLaw)), None)
     if stacked is not None:
         made = by_parts(stacked, lambda part, index: plus(*(_of(one, stacked, part, index) for one in terms)))
@@ -145,7 +145,7 @@ class SummedLaw(TransformedLaw):
         return _name(self.terms)
 
     @property
-    def parts(self) -> tuple[Superpotential, ...]:
+    def made_of(self) -> tuple[Superpotential, ...]:
         return self.terms
 
     @cached_property

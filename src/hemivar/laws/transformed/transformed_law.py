@@ -21,25 +21,12 @@ __all__ = ["LawOfOne", "TransformedLaw", "by_parts", "falls_between", "numbers",
 
 
 class TransformedLaw(Superpotential):
-    """A law made of ``parts``, other laws whose parameters are known."""
+    """A law ``made_of`` other laws whose parameters are known."""
 
     @property
     @abstractmethod
-    def parts(self) -> tuple[Superpotential, ...]:
+    def made_of(self) -> tuple[Superpotential, ...]:
         """The laws of which it is made."""
-
-    @property
-    def constants_sampled(self) -> bool:  # type: ignore[override]
-        """Whether the constants of a part come from sampling."""
-        return any(law.constants_sampled for law in self.parts)
-
-    @property
-    def alpha_sampled(self) -> bool:
-        return any(law.alpha_sampled for law in self.parts)
-
-    @property
-    def growth_sampled(self) -> bool:
-        return any(law.growth_sampled for law in self.parts)
 
     def at(self, points: Array | None) -> Self:
         rows = self.knots.shape[0]
@@ -62,7 +49,7 @@ class LawOfOne(TransformedLaw):
         return self.base.name
 
     @property
-    def parts(self) -> tuple[Superpotential, ...]:
+    def made_of(self) -> tuple[Superpotential, ...]:
         return (self.base,)
 
     def take(self, index: IntArray) -> Self:
