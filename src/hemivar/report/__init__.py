@@ -3,6 +3,7 @@
 from hemivar.report.adaptive_figures import plot_adaptive, plot_meshes
 from hemivar.report.animation import animate
 from hemivar.report.bodies import plot_solution
+from hemivar.report.certificate_figure import plot_certificate
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
@@ -12,6 +13,7 @@ from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
 from hemivar.report.scene import render_solution
+from hemivar.report.solutions_figure import plot_solutions
 from hemivar.report.statement_figure import plot_problem
 from hemivar.report.study_figures import plot_study, plot_sweep
 from hemivar.report.study_tables import study_table, sweep_table
@@ -30,6 +32,7 @@ __all__ = [
     "animate",
     "comparison_table",
     "plot_adaptive",
+    "plot_certificate",
     "plot_contact",
     "plot_errors",
     "plot_history",
@@ -39,6 +42,7 @@ __all__ = [
     "plot_path",
     "plot_problem",
     "plot_solution",
+    "plot_solutions",
     "plot_study",
     "plot_sweep",
     "render_solution",

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
+from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, DASHES, GREEN, GREY, MANY_CELLS, ORANGE, PURPLE, RED, SKY, drawing, with_unit
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figur
     found : AdaptiveSolution
     title : str, optional
     """
-    from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     levels = [level for level in found.levels if math.isfinite(level.distance.relative) or level.goal is not None]
@@ -46,7 +46,7 @@ def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figur
         raise ProblemError("no mesh of this adaptive solve has a distance to draw; see the reasons of its distance")
     unknowns = np.array([level.unknowns for level in levels], dtype=float)
     with drawing():
-        fig = Figure(figsize=(6.3, 3.9))
+        fig = new_figure((6.3, 3.9))
         ax = fig.add_axes((0.11, 0.13, 0.53, 0.78))
         _bounds(ax, unknowns, levels)
         goal = levels[-1].goal
@@ -130,7 +130,6 @@ def plot_meshes(found: AdaptiveSolution, *, title: str | None = None, unit: str 
     unit : str
         Unit of length for the labels.
     """
-    from matplotlib.figure import Figure
 
     count = min(len(found.levels), _MOST)
     chosen = np.unique(np.round(np.linspace(0, len(found.levels) - 1, count)).astype(int))
@@ -144,7 +143,7 @@ def plot_meshes(found: AdaptiveSolution, *, title: str | None = None, unit: str 
     shape = 0.95 if solid else float(np.clip(extent[1] / extent[0], 0.3, 1.6))
     width = 6.3 / columns if columns > 1 else 3.4
     with drawing():
-        fig = Figure(figsize=(width * columns, rows * (0.85 * width * shape + 0.72) + (0.3 if title else 0.0)))
+        fig = new_figure((width * columns, rows * (0.85 * width * shape + 0.72) + (0.3 if title else 0.0)))
         for place, level in enumerate(levels):
             mesh = level.problem.field.mesh  # type: ignore[union-attr]
             ax: Any = fig.add_subplot(rows, columns, place + 1, projection="3d" if solid else None)

@@ -11,6 +11,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.picture import new_figure
 from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, state_mark, with_unit
 
 if TYPE_CHECKING:
@@ -33,13 +34,12 @@ def sharp_edges(mesh: Mesh, degrees: float = 30.0) -> IntArray:
 
 def draw_solid(body: DeformedBody, title: str | None, unit: str, stress_unit: str) -> Figure:
     """The surface of the deformed body, coloured; edges at rest; contact points by state."""
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
     problem, mesh, moved = body.problem, body.mesh, body.vertices
     facets = mesh.boundary_facets
-    fig = Figure(figsize=(6.3, 5.0))
+    fig = new_figure((6.3, 5.0))
     ax: Any = fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d", computed_zorder=False)
     fine = len(facets) > MANY_FACETS
     surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060", zorder=2)

@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.report.picture import new_figure
 from hemivar.solvers import ContactState
 
 if TYPE_CHECKING:
@@ -105,11 +106,10 @@ def with_unit(name: str, unit: str) -> str:
 
 def axes_on(ax: Axes | None, size: tuple[float, float]) -> tuple[Figure, Axes]:
     """The axes given and their figure, or new ones on a figure of this size in inches, with room on the right."""
-    from matplotlib.figure import Figure
 
     if ax is not None:
         return figure_of(ax), ax
-    fig = Figure(figsize=size)
+    fig = new_figure(size)
     return fig, fig.add_axes((0.09, 0.12, 0.56, 0.8))
 
 

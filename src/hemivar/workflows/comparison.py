@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.display import brief
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import posed
@@ -70,6 +71,8 @@ class Attempt(Notice):
     seconds: float | None = None
     difference: float | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
@@ -90,6 +93,8 @@ class Comparison:
     attempts: tuple[Attempt, ...]
     reference: Attempt | None
     interrupted: bool
+
+    __repr__ = brief
 
 
 def compare(problem: DiscreteProblem | Statement, options: CompareOptions | None = None) -> Work[Comparison]:

@@ -12,6 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hemivar.basics.arguments import described, expect, whole_number
+from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
@@ -91,6 +92,8 @@ class StudyLevel(Notice):
     displacement: float = math.nan
     pressure: float = math.nan
 
+    __repr__ = brief
+
     @property
     def converged(self) -> bool:
         """Whether the solve met its tolerance."""
@@ -98,7 +101,7 @@ class StudyLevel(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(Displayed):
     """What :func:`study` found.
 
     Attributes
@@ -122,6 +125,12 @@ class Study:
     norms: Mapping[str, float]
     reference: str
     interrupted: bool = False
+
+    def __repr__(self) -> str:
+        orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
+        h, count = self.sizes, len(self.levels)
+        meshes = f"{count} meshes, h {h[0]:.3g} to {h[-1]:.3g}"
+        return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'})"
 
     @property
     def sizes(self) -> Array:
