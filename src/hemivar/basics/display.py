@@ -33,7 +33,7 @@ class Displayed:
     def plot(self) -> Figure:
         """A picture of it, which a notebook shows by itself; ``.savefig(path)`` writes it.
 
-        The functions ``plot_...`` of :mod:`hemivar.report` draw the same with titles, units and more.
+        The functions ``plot_...`` of ``hemivar.report`` draw the same with titles, units and more.
 
         Raises
         ------
