@@ -95,6 +95,13 @@ def test_figures_are_matplotlibs_and_can_be_kept() -> None:
         assert again._repr_png_().startswith(b"\x89PNG")
 
 
+def test_every_figure_is_of_that_kind() -> None:
+    """What a function draws on is made by ``new_figure``; films show themselves otherwise."""
+    folder = FilePath(report.__file__).parent
+    made = [path.name for path in folder.glob("*.py") if " Figure(" in path.read_text(encoding="utf-8")]
+    assert made == ["film_pictures.py"]
+
+
 def test_pyplot_knows_of_no_figure() -> None:
     code = (
         "import sys\nfrom hemivar.gallery import survey\nfigure = survey('5.1', 2).plot()\nfigure._repr_png_()\n"

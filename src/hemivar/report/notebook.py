@@ -48,7 +48,7 @@ _MOST_FACETS = 5000
 #: Solutions of a set that are drawn, and rows of a table.
 _MOST_PICTURES = 3
 _MOST_ROWS = 20
-_DPI = 64
+_DPI = 84
 #: Unknowns up to which a certificate is computed to be shown, and the seconds that it may take.
 _MOST_CERTIFIED = 20_000
 _SECONDS = 2.0
