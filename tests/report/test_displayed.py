@@ -98,7 +98,7 @@ def test_figures_are_matplotlibs_and_can_be_kept() -> None:
 def test_every_figure_is_of_that_kind() -> None:
     """What a function draws on is made by ``new_figure``; films show themselves otherwise."""
     folder = FilePath(report.__file__).parent
-    made = [path.name for path in folder.glob("*.py") if " Figure(" in path.read_text(encoding="utf-8")]
+    made = [path.name for path in folder.glob("*.py") if "= Figure(" in path.read_text(encoding="utf-8")]
     assert made == ["film_pictures.py"]
 
 
