@@ -810,12 +810,39 @@ def test_interrupt_exits_with_130(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "a.json").read_text())["status"] == "interrupted"
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--colour", "stres", "--plot", "a.png"], "--colour stres: it is not known; did you mean 'stress'?"),
+        (["--colour", "stress"], "--colour goes with --plot or --render"),
+    ],
+)
+def test_colours_are_checked_before_the_work(
+    folder: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "part.toml").write_text(BASE)
+    code, _, err = run(capsys, "solve", "part.toml", *options)
+    assert code == 2
+    assert message in err
+
+
+def test_the_picture_of_a_solve_has_the_colours_asked_for(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "part.toml").write_text(BASE)
+    for colour, words in (("stress", "von Mises stress<"), ("displacement", ">displacement<")):
+        code, _, _ = run(capsys, "solve", "part.toml", "--quiet", "--plot", "a.svg", "--colour", colour)
+        assert code == 0
+        assert words in (folder / "a.svg").read_text()
+
+
 def test_the_picture_tells_the_kind_that_was_certified(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "part.toml").write_text(BASE)
     code, out, _ = run(capsys, "solve", "part.toml", "--quiet", "--plot", "a.svg")
     assert code == 0
     told = re.search(r"^kind +(.*); (.*)$", out, re.MULTILINE)
+    distance = re.search(r"^distance .*relative (\S+), to the exact discrete solution$", out, re.MULTILINE)
     assert told is not None
+    assert distance is not None
     picture = (folder / "a.svg").read_text()
-    for part in told.groups():
-        assert part in picture
+    (line,) = re.findall(r">residual .*exact discrete solution<", picture)
+    assert told[1] in line
+    assert f"at most {float(distance[1]):.1g}"[:9] in line

@@ -114,6 +114,8 @@ def test_bad_input_is_refused_in_one_line(
     ("event", "text"),
     [
         (SearchProgress(7, 2), "7 starts, 2 solutions"),
+        (SearchProgress(0, 0, 130), "0 of 130 starts, 0 solutions"),
+        (SearchProgress(130, 2, 130), "130 starts, 2 solutions"),
         (SearchProgress(0, 2), "2 solutions"),
         (PathProgress(5, 0.25), "5 points, load factor 0.25"),
     ],
@@ -126,6 +128,44 @@ def test_a_terminal_shows_how_far_a_search_is(event: Event, text: str) -> None:
         assert (text in out.getvalue()) is terminal
 
 
+def test_a_terminal_shows_how_long_a_search_takes_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten starts took twenty seconds: thirty more take sixty, and a hundred take minutes; two tell nothing."""
+    clock = [100.0]
+    monkeypatch.setattr("hemivar.cli.show.time.monotonic", lambda: clock[0])
+    for event, left in (
+        (SearchProgress(10, 1, 40), "about 60 s left"),
+        (SearchProgress(10, 1, 110), "about 3 min left"),
+        (SearchProgress(2, 1, 40), ""),
+        (SearchProgress(40, 1, 40), ""),
+    ):
+        out = io.StringIO()
+        with StageView(Console(file=out, force_terminal=True, width=120)) as view:
+            clock[0] += 20.0
+            view(event)
+        assert ("left" in out.getvalue()) == bool(left)
+        assert left in out.getvalue()
+
+
+def test_each_solution_is_drawn_and_all_side_by_side(
+    block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, record = tmp_path / "all.svg", tmp_path / "all.json"
+    files = ["--plot", str(out), "--json", str(record)]
+    assert cli.main(["solutions", str(block), *files, "--colour", "stress", "--max-solutions", "2"]) == 0
+    energies = [f"energy {solution['energy']:.6g}" for solution in json.loads(record.read_text())["solutions"]]
+    assert len(energies) == 2
+    overview = out.read_text()
+    assert all(energy in overview for energy in energies)
+    assert "2 solutions; there may be others" in overview
+    for number, energy in enumerate(energies, start=1):
+        own = (tmp_path / f"all_{number}.svg").read_text()
+        assert f"solution {number}: {energy}" in own
+        assert "von Mises stress" in own
+        assert ">residual " in own
+    assert f"all_{len(energies)}.svg" in capsys.readouterr().out
+    assert not (tmp_path / f"all_{len(energies) + 1}.svg").exists()
+
+
 def test_the_example_that_is_pulled_off_speaks_of_openings(capsys: pytest.CaptureFixture[str]) -> None:
     """All points have lifted and hang on the glue; at no load there is rounding, not penetration."""
     strip = str(Path(__file__).parents[2] / "examples" / "problems" / "delamination.toml")
@@ -133,6 +173,6 @@ def test_the_example_that_is_pulled_off_speaks_of_openings(capsys: pytest.Captur
     shown = capsys.readouterr().out
     assert "max penetration" not in shown
     assert re.search(r"^least opening +1\.7\S+e-05 ", shown, re.MULTILINE)
-    assert re.search(r"^held in tension +16 of these points", shown, re.MULTILINE)
+    assert re.search(r"^contact points +0 open, 0 stick, 0 slip, 16 bonded$", shown, re.MULTILINE)
     cli.main(["path", strip, "--max-points", "3"])
     assert re.search(r"^max penetration +-\S+ to 0$", capsys.readouterr().out, re.MULTILINE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,15 @@ import pytest
 
 import hemivar as hv
 from hemivar.adapt import AdaptiveEnd, AdaptiveSolution, adaptive
+from hemivar.adapt.exact_certificate import statement_of
 from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds
+from hemivar.basics.rounding import rounded_up
 from hemivar.errors import ProblemError
 from hemivar.files import write_vtu
 from hemivar.gallery import survey, survey_cube
 from hemivar.report import adaptive_table, plot_adaptive, plot_meshes, save
+
+from .test_figures import texts
 
 
 def estimated(discrete: hv.DiscreteProblem, workspace: hv.Workspace) -> TraceBounds:
@@ -55,9 +60,17 @@ def test_meshes_from_coarse_to_fine(found: AdaptiveSolution) -> None:
     assert titles[0].startswith(f"{found.levels[0].unknowns} unknowns")
     assert titles[-1].startswith(f"{found.levels[-1].unknowns} unknowns\nerror about")
     assert figure.axes[0].get_ylabel() == "y (mm)"
-    edges = figure.axes[-1].collections[0].get_segments()  # type: ignore[attr-defined]
+    (edges,) = (patch.get_path() for patch in figure.axes[-1].patches if not patch.get_fill())
     mesh = found.solution.problem.field.mesh  # type: ignore[union-attr]
-    assert len(edges) == len(mesh.edges)
+    np.testing.assert_array_equal(edges.vertices.reshape(-1, 2, 2), mesh.points[mesh.edges])
+
+
+def test_figures_tell_how_far_the_last_solution_is(found: AdaptiveSolution) -> None:
+    certificate = replace(found.solution.certify(), exact=statement_of(found.distance))
+    assert "from the exact solution" in certificate.brief()
+    for draw in (plot_adaptive, plot_meshes):
+        assert certificate.brief() in texts(draw(found, certificate=certificate))
+        assert f"about {rounded_up(100.0 * found.distance.relative)} % from the exact" in texts(draw(found))
 
 
 def test_a_goal_has_curves_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

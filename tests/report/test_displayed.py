@@ -96,10 +96,10 @@ def test_figures_are_matplotlibs_and_can_be_kept() -> None:
 
 
 def test_every_figure_is_of_that_kind() -> None:
-    """What a function draws on is made by ``new_figure``; films show themselves otherwise."""
+    """What a function draws on is made by ``new_figure``; films and rendered files are no figures that are returned."""
     folder = FilePath(report.__file__).parent
     made = [path.name for path in folder.glob("*.py") if "= Figure(" in path.read_text(encoding="utf-8")]
-    assert made == ["film_pictures.py"]
+    assert sorted(made) == ["film_pictures.py", "scene.py"]
 
 
 def test_pyplot_knows_of_no_figure() -> None:
@@ -116,7 +116,7 @@ def test_pyplot_knows_of_no_figure() -> None:
 def test_nothing_to_draw_is_said(values: dict[str, Any]) -> None:
     with pytest.raises(ProblemError, match="made of arrays"):
         THREE.plot()
-    with pytest.raises(ProblemError, match="no solution to draw"):
+    with pytest.raises(ProblemError, match="no solution was found"):
         replace(values["solutions"], solutions=()).plot()
     with pytest.raises(ProblemError, match="no picture of a str"):
         picture_of("text")
@@ -168,33 +168,6 @@ def test_what_is_sampled_or_left_out_looks_so(values: dict[str, Any]) -> None:
     assert words(figure).count("for lack of time") == 2
     endless = report.plot_certificate(replace(one, margin=-np.inf))
     assert bars(endless, 0)[0][0] > endless.axes[0].get_xlim()[1]
-
-
-# ---- solutions side by side ------------------------------------------------------------------------------------
-
-
-def test_solutions_side_by_side(values: dict[str, Any]) -> None:
-    one = values["solution"]
-    other = replace(one, unknowns=2.0 * one.unknowns, kind=hv.certify(one).kind)
-    found = hv.SolutionSet((one, other, one), False, np.inf, 0, "")
-    figure = report.plot_solutions(found, most=2)
-    panels = [ax for ax in figure.axes if ax.get_visible()]
-    assert [ax.get_title() for ax in panels] == [
-        f"converged\nenergy {one.energy:.4g}", f"unique minimiser\nenergy {other.energy:.4g}",
-    ]  # fmt: skip
-    assert figure.get_suptitle() == "3 solutions, perhaps more; the 2 of least energy"
-    small = replace(found, solutions=tuple(replace(s, unknowns=s.unknowns / 40.0) for s in found.solutions))
-    assert small.plot().get_suptitle() == "3 solutions, perhaps more; displacements times 20"
-    with pytest.raises(ProblemError, match="most"):
-        report.plot_solutions(found, most=0)
-
-
-def test_solutions_as_curves(values: dict[str, Any]) -> None:
-    found = values["solutions"]
-    figure = found.plot()
-    curves = [line.get_ydata() for line in figure.axes[0].lines[1:]]
-    assert [float(y[0]) for y in curves] == pytest.approx([float(one.penetration[0]) for one in found])
-    assert figure.get_suptitle() == "3 solutions, no others"
 
 
 # ---- the certificate beside solutions and problems -------------------------------------------------------------

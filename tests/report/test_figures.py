@@ -10,18 +10,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem import discretize
-from hemivar.gallery import beam, survey, survey_cube
+from hemivar.fem import discretize, von_mises
+from hemivar.gallery import beam, membrane_obstacle, survey, survey_cube
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Tresca
+from hemivar.mechanics import Contact, ContactProblem
 from hemivar.mesh import rectangle
-from hemivar.report import Arrows, plot_contact, plot_errors, plot_history, plot_solution, save
+from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.law_figures import law_captions
+from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.statement_figure import painted, plot_problem
-from hemivar.solvers import ContactState, Solution, solve
+from hemivar.solvers import ContactState, Controls, Solution, solve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,8 +32,6 @@ if TYPE_CHECKING:
 
 def texts(figure: Figure) -> str:
     """Everything that is written on a figure."""
-    from matplotlib.text import Text
-
     return " | ".join(item.get_text() for item in figure.findobj(Text))
 
 
@@ -150,6 +151,73 @@ def test_many_cells_are_coloured_instead_of_lined(tmp_path: Path) -> None:
     save(figure, tmp_path / "figure.png", dpi=40)
 
 
+def test_few_cells_are_coloured_on_demand(plane: Solution) -> None:
+    """By the stress of each cell, or by the displacement of each vertex; nothing by itself, and no other colours."""
+    from matplotlib.collections import PolyCollection, TriMesh
+
+    stated = plane.problem.origin
+    assert isinstance(stated, ContactProblem)
+    assert not plot_solution(plane, arrows="none").findobj(PolyCollection)
+    (cells,) = plot_solution(plane, colour="stress", arrows="none").axes[0].findobj(PolyCollection)
+    np.testing.assert_array_equal(cells.get_array(), von_mises(stated, plane.displacement))
+    assert "von Mises stress (MPa)" in texts(plot_solution(plane, colour=BodyColour.STRESS, stress_unit="MPa"))
+    figure = plot_solution(plane, colour="displacement", unit="mm")
+    (mesh,) = figure.axes[0].findobj(TriMesh)
+    np.testing.assert_allclose(mesh.get_array(), np.linalg.norm(plane.displacement, axis=1))
+    assert "displacement (mm)" in texts(figure)
+
+
+def test_many_cells_need_no_colours() -> None:
+    from matplotlib.collections import PolyCollection
+
+    dense = solve(discretize(survey("figure2", 40)))
+    assert not plot_solution(dense, colour="none", arrows="none").findobj(PolyCollection)
+
+
+@pytest.mark.parametrize("colour", [*BodyColour])
+def test_a_solid_has_the_same_colours(solid: Solution, colour: BodyColour) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    figure = plot_solution(solid, colour=colour)
+    (surface,) = figure.findobj(Poly3DCollection)
+    assert (surface.get_array() is None) == (colour is BodyColour.NONE)
+    assert ("von Mises stress" in texts(figure)) == (colour is BodyColour.STRESS)
+    assert ("displacement" in texts(figure)) == (colour is BodyColour.DISPLACEMENT)
+
+
+def test_a_scalar_problem_keeps_its_own_colours() -> None:
+    with pytest.raises(ProblemError, match="scalar problem"):
+        plot_solution(solve(membrane_obstacle(6).problem), colour="stress")
+
+
+def test_every_picture_of_a_solution_tells_what_it_is_worth(plane: Solution, solid: Solution) -> None:
+    """The certificate in one line, or the residual and that nothing was certified; inside the figure's own edges."""
+    scalar = solve(membrane_obstacle(6).problem)
+    for solution in (plane, solid, scalar):
+        certificate = solution.certify()
+        for draw in (plot_solution, plot_contact):
+            assert certificate.brief() in texts(draw(solution, certificate=certificate))
+            assert f"residual {solution.residual.relative:.1e}, not certified" in texts(draw(solution))
+    figure = plot_solution(plane, colour="stress")
+    figure.draw_without_rendering()
+    (line,) = figure.findobj(lambda part: isinstance(part, Text) and part.get_text().startswith("residual"))
+    assert line.get_window_extent().y0 >= 0.0
+
+
+def test_a_solution_that_did_not_converge_says_so_in_its_picture() -> None:
+    stopped = solve(discretize(survey("figure4", 8)), controls=Controls(max_steps=1))
+    assert f"{stopped.status.value}: residual" in texts(plot_solution(stopped))
+
+
+def test_lines_of_a_mesh_are_one_path_and_fade_with_their_density() -> None:
+    points = rectangle((1.0, 1.0), 4).points
+    edges = rectangle((1.0, 1.0), 4).edges
+    few, many = (mesh_lines(points, edges, cells, 3.0) for cells in (32, 4000))
+    np.testing.assert_array_equal(few.get_path().vertices.reshape(-1, 2, 2), points[edges])
+    assert many.get_linewidth() < few.get_linewidth()
+    assert many.get_alpha() < few.get_alpha() == 1.0
+
+
 def test_own_axes_are_used(plane: Solution) -> None:
     from matplotlib.figure import Figure
 
@@ -195,7 +263,9 @@ def test_history_shows_every_step(plane: Solution, bar: Solution) -> None:
     np.testing.assert_array_equal(energies.lines[0].get_ydata(), above[above > 0.0])
 
 
-@pytest.mark.parametrize("options", [{"scale": -1.0}, {"scale": "big"}, {"scale": np.nan}, {"arrows": "long"}])
+@pytest.mark.parametrize(
+    "options", [{"scale": -1.0}, {"scale": "big"}, {"scale": np.nan}, {"arrows": "long"}, {"colour": "strain"}]
+)
 def test_options_are_checked(plane: Solution, options: dict[str, object]) -> None:
     with pytest.raises(ProblemError, match=next(iter(options))):
         plot_solution(plane, **options)  # type: ignore[arg-type]
@@ -236,8 +306,32 @@ def test_marks_and_arrows_do_not_pile_up() -> None:
         (quiver,) = (one for one in figure.findobj(Quiver) if len(one.U) > 0)
         apart = np.diff(np.sort(quiver.XY[:, 0]))
         assert 2 < len(quiver.U) <= most
-        assert len(quiver.U) > 50 or apart.mean() > 0.2
+        assert len(quiver.U) > 30 or apart.mean() > 0.2
+        drawn = DeformedBody.of(solution, 1.0).contact_places
+        index = [int(np.argmin(np.linalg.norm(drawn - place, axis=1))) for place in quiver.XY]
+        assert solution.problem.contact.points is not None
+        at_rest = np.diff(np.sort(solution.problem.contact.points[index, 0]))
+        np.testing.assert_allclose(at_rest, at_rest[0])  # even on the body
         assert f"slip ({np.count_nonzero(solution.state == ContactState.SLIP)})" in texts(figure)
+
+
+@pytest.mark.parametrize("reach", [0.05, 0.5])
+def test_a_small_part_that_bears_is_enlarged(reach: float) -> None:
+    """Beside the body, where arrows would lie on each other; with all its points and their forces."""
+    from matplotlib.quiver import Quiver
+
+    flat = Contact(Compliance(5.0), gap=lambda x: np.where(np.abs(x[:, 0] - 1.0) < reach, 0.0, 1.0))
+    block = replace(survey("5.1", 4), mesh=rectangle((2.0, 1.0), (128, 4)), contact={"bottom": flat})
+    solution = solve(discretize(replace(block, body_force=(0.0, -0.01)))).raise_for_status()
+    enlarged = [panel for panel in plot_solution(solution).axes if panel.get_title() == "the part that bears"]
+    bears = solution.pressure > 0.0
+    assert len(enlarged) == (reach < 0.1)
+    for panel in enlarged:
+        (quiver,) = panel.findobj(Quiver)
+        assert np.count_nonzero(bears) == 7
+        assert np.count_nonzero(np.hypot(quiver.U, quiver.V) > 1e-9) == 7
+        low, high = panel.get_xlim()
+        assert low < 0.95 < 1.05 < high < low + 0.3
 
 
 def test_friction_is_named_after_its_bound() -> None:
@@ -267,7 +361,7 @@ def test_statement_shows_its_conditions(plane: Solution) -> None:
     figure = plot_problem(stated, unit="mm")
     for words in ("support: left", "contact: bottom", "x (mm)"):
         assert words in texts(figure)
-    lines = [part.get_segments() for part in figure.findobj(LineCollection)][1:]
+    lines = [part.get_segments() for part in figure.findobj(LineCollection)]
     np.testing.assert_array_equal(lines[0], stated.mesh.points[stated.mesh.boundaries["left"]])
     np.testing.assert_array_equal(lines[1], stated.mesh.points[stated.mesh.boundaries["bottom"]])
 

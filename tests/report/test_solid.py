@@ -137,8 +137,9 @@ def test_maps_of_two_boundaries() -> None:
     for name in ("bottom", "right"):
         assert name in words
         state = solution.on(name).state
-        for kind in ContactState:
+        for kind in (ContactState.OPEN, ContactState.STICK, ContactState.SLIP):
             assert f"{kind.label} ({np.count_nonzero(state == kind)})" in words
+    assert "bonded" not in words
 
 
 def test_maps_of_a_slanted_boundary() -> None:
@@ -187,7 +188,7 @@ def test_rendering_with_pyvista(cube: Solution, tmp_path: Path) -> None:
         "import sys\nimport hemivar as hv\nfrom hemivar.gallery import survey_cube\n"
         "from hemivar.report import render_solution\n"
         "solution = hv.solve(hv.discretize(survey_cube('5.1', 4)))\n"
-        "render_solution(solution, sys.argv[1], scale='auto', size=(400, 300))"
+        "render_solution(solution, sys.argv[1], scale='auto', title='a cube', size=(400, 300))"
     )
     done = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, timeout=120, check=False)
     if done.returncode < 0:
@@ -198,6 +199,13 @@ def test_rendering_with_pyvista(cube: Solution, tmp_path: Path) -> None:
     picture = imread(path)
     assert picture.shape[:2] == (300, 400)
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 50  # not blank
+    left, low, high = 8, 24, 264  # where the body is drawn: title above, legend and line below, colours beside
+    drawn = picture[low:high, left:336, :3].min(axis=2) < 0.97
+    for part, whole in zip(np.nonzero(drawn), drawn.shape, strict=True):
+        assert part.min() + part.max() == pytest.approx(whole, abs=0.04 * whole)
+    assert max(np.ptp(part) / whole for part, whole in zip(np.nonzero(drawn), drawn.shape, strict=True)) > 0.85
+    for edge in (picture[:2], picture[-2:], picture[:, :2].swapaxes(0, 1), picture[:, -2:].swapaxes(0, 1)):
+        assert edge[..., :3].min() > 0.97  # nothing touches an edge
 
 
 def test_rendering_says_what_it_cannot_do(

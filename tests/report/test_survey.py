@@ -74,7 +74,7 @@ def test_figure_3_friction(small):
 def test_report_is_one_page(small):
     result, _ = small
     page = (result.folder / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 9
+    assert page.count("data:image/svg+xml;base64,") == 9
     assert 'src="figure' not in page
     assert "Table 1" in page
     assert "numpy" in page

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hemivar.solvers import ContactState
-from hemivar.solvers.solution import contact_state
+from hemivar.solvers.solution import contact_state, state_counts
 
 LARGE = (0.02, 50.0)  # displacement and multiplier of the point that sets the sizes
 
@@ -35,6 +35,16 @@ def test_points_that_moved_by_rounding_stick(slip: float) -> None:
 )
 def test_points_that_lifted_and_bear_nothing_are_open(penetration: float, pressure: float, is_open: bool) -> None:
     assert (states((penetration, 0.0, pressure)) == [ContactState.OPEN]) == is_open
+
+
+@pytest.mark.parametrize("slip", [0.0, 1e-4])
+def test_points_that_lifted_and_are_pulled_back_are_bonded(slip: float) -> None:
+    assert states((-1e-4, slip, -1e-4)) == [ContactState.BONDED]
+
+
+def test_bonded_points_are_counted_where_there_are_some() -> None:
+    assert [*state_counts(np.array([0, 2, 2]))] == [ContactState.OPEN, ContactState.STICK, ContactState.SLIP]
+    assert state_counts(np.array([0, 3, 3]))[ContactState.BONDED] == 2
 
 
 def test_sizes_of_all_points_count_where_these_are_not_all() -> None:

@@ -13,7 +13,7 @@ from hemivar.solvers import ContactState, solve
 from hemivar.solvers.solution import contact_state
 from tests.problems import square
 
-OPEN, STICK, SLIP = ContactState.OPEN, ContactState.STICK, ContactState.SLIP
+OPEN, STICK, SLIP, BONDED = ContactState
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,10 @@ OPEN, STICK, SLIP = ContactState.OPEN, ContactState.STICK, ContactState.SLIP
         ((-1e-12, 0.0), (0.0, 0.0), STICK),
         ((-1e-6, 0.0), (1e-12, 0.0), OPEN),
         ((-1e-6, 0.0), (1e-6, 0.0), STICK),
-        ((-1e-6, 0.0), (-1e-6, 0.0), STICK),
+        ((-1e-6, 0.0), (-1e-6, 0.0), BONDED),
+        ((-1e-6, 1e-6), (-1e-6, 0.0), BONDED),
+        ((-1e-6, 0.0), (-1e-12, 0.0), OPEN),
+        ((-1e-12, 0.0), (-1e-6, 0.0), STICK),
         ((-1e-6, 1e-6), (1e-6, 0.0), SLIP),
         ((1e-6, 0.0), (0.0, 0.0), STICK),
         ((0.0, 1e-6), (1.0, 0.1), SLIP),

@@ -241,6 +241,11 @@ def test_a_search_tells_of_its_starts_and_ends_when_asked_to(enumerate_up_to: in
     assert steps[-1].found == len(whole) == 3
     assert [step.found for step in steps] == sorted(step.found for step in steps)
     assert steps[-1].starts == whole.starts
+    assert (steps[-1].planned > 0) == (enumerate_up_to == 0)
+    assert all(step.planned == steps[-1].planned for step in steps if step.starts > 1)
+    if enumerate_up_to == 0:
+        assert steps[0] == SearchProgress(0, 0)  # it tells of itself before the first start
+        assert steps[-1].planned <= steps[-1].starts  # and of more where saddles lead to some
     first = result_of(finding(problem, options), lambda event: event.found == 1)
     assert first.interrupted
     assert len(first) == 1

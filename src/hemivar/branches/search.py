@@ -24,10 +24,13 @@ from hemivar.systems.workspace import Workspace
 
 __all__ = ["SearchProgress", "SolutionSearch"]
 
+#: Methods that start from where they begin by themselves.
+_SOLVERS = (NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL), LoadStepping())
+
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """A start was tried.
+    """The search begins, or a start was tried.
 
     Attributes
     ----------
@@ -35,10 +38,13 @@ class SearchProgress:
         Tried so far; 0 while combinations of pieces and kinks are.
     found : int
         Solutions so far.
+    planned : int
+        Starts that there will be; what is found leads to more.  0 where none are planned.
     """
 
     starts: int
     found: int
+    planned: int = 0
 
 
 class SolutionSearch:
@@ -60,7 +66,7 @@ class SolutionSearch:
         self.controls = controls
         self.limit = limit
         self.random = random
-        self.starts = 0
+        self.starts = self.planned = 0
         self.found: list[Solution] = []
         self.points: list[tuple[Array, IntArray]] = []
         self.left_out = 0
@@ -94,8 +100,13 @@ class SolutionSearch:
             with limited(self.budget):
                 if next(work, self) is self:
                     return
-            if (yield SearchProgress(self.starts, len(self.found))):
+            if (yield self.progress):
                 raise KeyboardInterrupt
+
+    @property
+    def progress(self) -> SearchProgress:
+        """How far the search is."""
+        return SearchProgress(self.starts, len(self.found), self.planned)
 
     @property
     def full(self) -> bool:
@@ -212,13 +223,14 @@ class SolutionSearch:
         if found.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
 
-    def from_solvers(self, count: int) -> Iterator[None]:
-        """The minimising methods, from zero, under and over the load, from every piece, and at random."""
+    def plan(self, count: int) -> None:
+        """Count the starts there will be, with so many at random of each kind."""
+        self.planned = self.starts + len(_SOLVERS) + len(self._places_to_start()) + count
+        self.planned += 0 if self.chain is None else 2 * count
+
+    def _places_to_start(self) -> list[tuple[Array, float]]:
+        """Penetrations (m,) and a slip: under and over the load, and every piece of the law from both sides."""
         m, d = self.system.shape
-        newton, downhill = NonsmoothNewton(), NonsmoothNewton(search=Search.DOWNHILL)
-        for solver in (newton, downhill, LoadStepping()):
-            self.run(solver)
-            yield
         size = self.system.length_scale
         places = [np.full(m, far * size) for far in (-5.0, 5.0)]
         if not self.system.law.state_dependent:
@@ -231,12 +243,21 @@ class SolutionSearch:
                     middle = 0.5 * (ends[:, k - 1] + ends[:, k])
                     places.append(np.where(np.isfinite(middle), middle, 0.0))
         slips = (0.0,) if d == 1 else (0.0, size, -size)
-        for place in places:
-            for slip in slips:
-                r = np.zeros((m, d))
-                r[:, 0], r[:, 1:2] = place, slip
-                self.run(downhill, self.system.start(r))
-                yield
+        return [(place, slip) for place in places for slip in slips]
+
+    def from_solvers(self, count: int) -> Iterator[None]:
+        """The minimising methods, from zero, under and over the load, from every piece, and at random."""
+        m, d = self.system.shape
+        for solver in _SOLVERS:
+            self.run(solver)
+            yield
+        newton, downhill, _ = _SOLVERS
+        for place, slip in self._places_to_start():
+            r = np.zeros((m, d))
+            r[:, 0], r[:, 1:2] = place, slip
+            self.run(downhill, self.system.start(r))
+            yield
+        size = self.system.length_scale
         for k in range(count):
             if self.full:
                 return
@@ -273,7 +294,7 @@ class SolutionSearch:
         """The load path through every solution, and the ways down from every saddle."""
         chain = self.chain
         assert chain is not None
-        downhill = NonsmoothNewton(search=Search.DOWNHILL)
+        _, downhill, _ = _SOLVERS
         done = 0
         while done < min(len(self.points), rounds) and not self.full:
             theta, segment = self.points[done]

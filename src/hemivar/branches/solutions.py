@@ -180,6 +180,8 @@ def finding(
         return (yield from _enumerated(search, chain))
     constants: Smallness | None = None
     with search.stopped_cleanly():
+        if (yield search.progress):
+            raise KeyboardInterrupt
         budget.check()
         with limited(budget):
             if not dependent:
@@ -194,6 +196,7 @@ def finding(
                 chain = chain_of(system)
                 search.follow(chain)
         if not (proved and search.found):
+            search.plan(options.starts)
             yield from search.working(search.from_solvers(options.starts))
             if chain is not None:
                 yield from search.working(search.from_deflation(options.starts))

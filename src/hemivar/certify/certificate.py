@@ -20,7 +20,7 @@ from hemivar.certify.distance_to_exact import DistanceToExact
 from hemivar.certify.kind import LocalStudy, study
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
 from hemivar.certify.smallness import Smallness, one_solution, smallness, unknown_constants, with_survey
-from hemivar.certify.words import certificate_lines
+from hemivar.certify.words import certificate_brief, certificate_lines
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, residual
@@ -139,6 +139,10 @@ class Certificate(Displayed):
     def lines(self, whole: bool = False) -> list[str]:
         """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""
         return certificate_lines(self, whole)
+
+    def brief(self) -> str:
+        """The certificate in one line: residual, kind, uniqueness, margin, distance; pictures have it at their foot."""
+        return certificate_brief(self)
 
     def __repr__(self) -> str:
         residual = f"residual          {self.residual.relative:.1e} relative, tolerance {self.tolerance:.0e}"

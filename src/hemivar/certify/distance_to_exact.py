@@ -71,6 +71,13 @@ class DistanceToExact:
         """The reasons in one line."""
         return "; ".join(self.reasons)
 
+    def brief(self) -> str:
+        """In a few words; none where nothing is known."""
+        if not self.known:
+            return ""
+        size = f"{rounded_up(100.0 * self.relative)} % from the exact solution"
+        return f"at most {size}" if self.guaranteed else f"about {size}"
+
     def lines(self) -> list[str]:
         """In lines of text: the bound, what it is made of, and what it rests on."""
         label = f"{'exact solution':<18}"

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from hemivar.basics.rounding import rounded_down, rounded_up
+
 if TYPE_CHECKING:
     from hemivar.certify.certificate import Certificate
     from hemivar.certify.smallness import Smallness
 
-__all__ = ["certificate_lines"]
+__all__ = ["certificate_brief", "certificate_lines"]
+
+_UNIQUE = {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}
 
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
@@ -26,8 +30,7 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("inclusion", f"{_text(certificate.inclusion)} (force), {_text(off_law)} of the load's")
         say("residual", f"{certificate.residual.relative:.1e} relative, tolerance {certificate.tolerance:.0e}")
         say("energy", f"{certificate.energy:.10g}")
-    unique = {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}
-    known = unique[certificate.unique]
+    known = _UNIQUE[certificate.unique]
     if certificate.unique is None and certificate.margin > 0.0 and constants.sampled:
         known += " (the margin is positive, but sampled)"
     say("kind", f"{certificate.kind.value}; {known}")
@@ -83,6 +86,24 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         if constants.m_L_sampled:
             say("note", "a friction bound knows its slope from samples only: margin and distance are estimates")
     return lines
+
+
+def certificate_brief(certificate: Certificate) -> str:
+    """The certificate in one line for the foot of a picture: residual, kind, uniqueness, margin, distance."""
+    sampled = " (sampled)" if certificate.error_bound_sampled else ""
+    kind = certificate.kind.value
+    parts = [f"residual {certificate.residual.relative:.1e}"]
+    parts.append(kind if "unique" in kind else f"{kind}, {_UNIQUE[certificate.unique]}")
+    if math.isfinite(certificate.margin):
+        parts.append(f"margin {rounded_down(certificate.margin)}{sampled}")
+    if certificate.exact is not None and certificate.exact.known:
+        parts.append(certificate.exact.brief())
+    elif math.isfinite(certificate.error_bound_relative):
+        size = f"{rounded_up(certificate.error_bound_relative, 2)} (relative) from the exact discrete solution"
+        parts.append(f"about {size}" if sampled else f"at most {size}")
+    else:
+        parts.append("no bound of the distance")
+    return "; ".join(parts)
 
 
 def _without_margin(constants: Smallness) -> str:

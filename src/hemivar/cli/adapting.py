@@ -68,7 +68,7 @@ class AdaptRun:
     method : str or None
     asked : mapping
         ``rtol``, ``goal``, ``max_unknowns``, ``max_time``, ``max_memory`` (GiB), ``max_steps``, ``given`` (of
-        ``--set``); None where not given.
+        ``--set``), ``colour``; None where not given.
 
     Raises
     ------
@@ -79,6 +79,7 @@ class AdaptRun:
         self, path: Path, outputs: Mapping[str, Path | None], method: str | None, asked: Mapping[str, Any]
     ) -> None:
         _check(asked)
+        self.colour: str | None = asked.get("colour")
         named = None if method is None else method_named(method)
         self.session = session = Session(
             path, outputs, None, asked["max_time"], asked["max_steps"], given=asked.get("given")
@@ -157,10 +158,10 @@ class AdaptRun:
             writer.write(
                 option,
                 outputs[option],
-                lambda path, figure=figure: save(figure(found, title=title), path),  # type: ignore[misc]
+                lambda path, figure=figure: save(figure(found, title=title, certificate=certificate), path),  # type: ignore[misc]
                 picture=True,
             )
-        draw(session, found.solution)
+        draw(session, found.solution, certificate, self.colour)
 
     def _ended(self, result: AdaptResult) -> int:
         """The exit code; says on standard error what was not reached."""

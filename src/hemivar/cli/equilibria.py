@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hemivar.basics.arguments import suggest
-from hemivar.cli.options import MOST_STEPS, Exit, Given, MaxTime, ProblemPath, Rtol
+from hemivar.cli.options import MOST_STEPS, Colour, Exit, Given, MaxTime, ProblemPath, Rtol, check_colour
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_head, print_table
+from hemivar.cli.solving import check_drawable
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ _SHOWN = 12
 def solutions(
     problem: ProblemPath,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the solutions.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw all side by side, and FILE_1, FILE_2 ... each by itself.")
+    ] = None,
+    colour: Colour = None,
     starts: Annotated[int, typer.Option(metavar="N", min=0, max=_MOST_STARTS, help="Random starts of each kind.")] = 40,
     max_solutions: Annotated[int, typer.Option(metavar="N", min=1, help="Stop after so many.")] = 100,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the random starts.")] = 0,
@@ -41,7 +46,9 @@ def solutions(
 
     Exit code 0 if at least one was found.
     """
-    session = Session(problem, {"--json": json}, rtol=rtol, max_time=max_time, given=given)
+    check_colour(colour, {"--plot": plot})
+    session = Session(problem, {"--json": json, "--plot": plot}, rtol=rtol, max_time=max_time, given=given)
+    check_drawable(session.stated, None, None, colour)
     discrete = session.discrete()
     print_head(session.stated, discrete)
     from hemivar.files import solution_record
@@ -63,9 +70,34 @@ def solutions(
     print(f"searched          {found.searched}")
     if len(found):
         print_table(console(), _solutions_table(found))
+        if plot is not None:
+            _draw(session, found, plot, colour)
     session.writer.tell()
     code = Exit.CONVERGED if len(found) else Exit.NOT_CONVERGED
     return session.writer.ended(Exit.INTERRUPTED if found.interrupted else code)
+
+
+def _draw(session: Session, found: SolutionSet, file: Path, colour: Any) -> None:
+    """All solutions on one picture, and each on one of its own, named after it."""
+    from hemivar.report import plot_solution, plot_solutions, save
+    from hemivar.report.solution_pictures import MOST_PICTURES, common_scale
+    from hemivar.systems.workspace import Workspace
+
+    kept, scale, writer = Workspace(), common_scale(found), session.writer
+
+    def one(number: int, path: Path) -> None:
+        solution = found[number]
+        certificate = solution.certify(trace_constant=False, workspace=kept)
+        title = f"{session.title or session.stated.name}, solution {number + 1}: energy {solution.energy:.6g}"
+        save(plot_solution(solution, scale=scale, title=title, colour=colour, certificate=certificate), path)
+
+    def overview(path: Path) -> None:
+        save(plot_solutions(found, title=session.title, colour=colour), path)
+
+    writer.write("--plot", file, overview, picture=True)
+    for number in range(min(len(found), MOST_PICTURES)):
+        own = file.with_name(f"{file.stem}_{number + 1}{file.suffix}")
+        writer.write("--plot", own, lambda path, number=number: one(number, path), picture=True)  # type: ignore[misc]
 
 
 def _solutions_table(found: SolutionSet) -> Table:

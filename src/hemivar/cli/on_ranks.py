@@ -14,7 +14,7 @@ from hemivar.cli.ending import all_or_none
 from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_distinct, keep_off, one_line
 from hemivar.cli.session import naming_file
-from hemivar.cli.show import print_contact, print_not_converged, print_step, print_step_head
+from hemivar.cli.show import print_contact, print_extremes, print_not_converged, print_step, print_step_head
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
@@ -321,5 +321,4 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
     force = sums["force"]
     print(f"force             ({', '.join(f'{c:.6g}' for c in force)}), of the foundation on the body")
     print_contact("length" if body.dim == 2 else "area", sums["contact_length"], sums["whole_length"], sums["counts"])
-    print(f"max penetration   {sums['max_penetration']:.6g}")
-    print(f"max pressure      {sums['max_pressure']:.6g}")
+    print_extremes(sums["max_penetration"], sums["max_pressure"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ENGINES",
     "MOST_STEPS",
+    "Colour",
     "EngineName",
     "Exit",
     "Given",
@@ -27,6 +28,7 @@ __all__ = [
     "ProblemPath",
     "Quiet",
     "Rtol",
+    "check_colour",
     "check_engine",
     "check_limits",
     "controls_of",
@@ -48,6 +50,10 @@ MaxSteps = Annotated[int | None, typer.Option(metavar="N", help="Limit of steps 
 Given = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Put a value in place of the file's, as contact.bottom.gap=0.1."),
+]
+Colour = Annotated[
+    str | None,
+    typer.Option("--colour", metavar="NAME", help="Of the body in pictures: stress (von Mises), displacement or none."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing but the summary.")]
 #: Engines by the names of ``--engine``.
@@ -71,6 +77,18 @@ def check_engine(name: str) -> None:
     """Refuse an engine that there is not."""
     if name not in ENGINES:
         raise ProblemError(f"--engine {name}: it is not known{suggest(name, ENGINES)}")
+
+
+def check_colour(name: str | None, pictures: Mapping[str, object]) -> None:
+    """Refuse a colouring that there is not, or that no picture shows."""
+    if name is None:
+        return
+    from hemivar.report import BodyColour
+
+    if name not in [*BodyColour]:
+        raise ProblemError(f"--colour {name}: it is not known{suggest(name, [*BodyColour])}")
+    if not any(pictures.values()):
+        raise ProblemError(f"--colour goes with {' or '.join(pictures)}; give one of them, or leave it out")
 
 
 def check_limits(rtol: float | None = None, max_time: float | None = None, max_steps: int | None = None) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from hemivar.engines.petsc import DistributedSolution
     from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
-    from hemivar.solvers import Progress, Solution
+    from hemivar.solvers import ContactState, Progress, Solution
     from hemivar.workflows import Event
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "StageView",
     "console",
     "print_contact",
+    "print_extremes",
     "print_head",
     "print_not_converged",
     "print_step",
@@ -39,6 +41,9 @@ __all__ = [
     "print_table",
     "unread",
 ]
+
+#: Parts that tell how long the others take, and seconds from which on minutes are told.
+_SOME, _LONG = 4, 100.0
 
 
 def console(plain: bool = False) -> Console:
@@ -112,6 +117,7 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
         self._console = console
         self._context = contextlib.ExitStack()
         self._bar: Bar | None = None
+        self._began = time.monotonic()
 
     def __call__(self, event: Event) -> None:
         """Show a stage, a start of a search or a point of a path.
@@ -129,12 +135,21 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
                 if not self._console.is_terminal:
                     print(name, flush=True)
                 self._show(name, number, count)
-            case SearchProgress(starts, found):
-                self._show(f"{starts} starts, {found} solutions" if starts else f"{found} solutions")
+            case SearchProgress(starts, found, planned):
+                tried = f"{starts} of {planned} starts" if starts < planned else f"{starts} starts" if starts else ""
+                told = (tried, f"{found} solutions", self._left(starts, planned))
+                self._show(", ".join(part for part in told if part), starts, planned or None)
             case PathProgress(points, load_factor):
                 self._show(f"{points} points, load factor {load_factor:.4g}")
         if unread():
             raise KeyboardInterrupt
+
+    def _left(self, done: int, count: int) -> str:
+        """About how long it takes yet, once some parts of the whole are done."""
+        if not _SOME <= done < count:
+            return ""
+        seconds = (time.monotonic() - self._began) / done * (count - done)
+        return f"about {seconds:.0f} s left" if seconds < _LONG else f"about {seconds / 60.0:.0f} min left"
 
     def _show(self, text: str, number: int = 0, count: int | None = None) -> None:
         """Move the bar of a terminal; without a count it tells only that the work goes on."""
@@ -146,7 +161,7 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
             columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
             self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
             self._bar.add_task("", total=count)
-        self._bar.update(TaskID(0), description=text, completed=number)
+        self._bar.update(TaskID(0), description=text, completed=number, total=count)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -226,9 +241,8 @@ def print_not_converged(solution: Solution | DistributedSolution) -> None:
 
 def print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
     """Print what was found."""
-    import numpy as np
-
-    from hemivar.solvers import ContactState, Status
+    from hemivar.solvers import Status
+    from hemivar.solvers.solution import state_counts
 
     good = solution.status is Status.CONVERGED
     console.print("\nstatus            ", end="")
@@ -251,26 +265,27 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     elif friction.size:
         vector = -solution.problem.contact.weights @ solution.friction_vectors
         print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
-    contact = solution.contact
-    counts = [int(np.sum(solution.state == state)) for state in ContactState]
-    print_contact(solution.measured, solution.contact_length, float(contact.weights.sum()), counts)
-    pulled = int(
-        np.sum((solution.state != ContactState.OPEN) & (solution.penetration < 0.0) & (solution.pressure < 0.0))
-    )
-    if pulled:
-        print(f"held in tension   {pulled} of these points have lifted and are pulled back by the foundation")
-    deepest = float(solution.penetration.max())
+    whole = float(solution.contact.weights.sum())
+    print_contact(solution.measured, solution.contact_length, whole, state_counts(solution.state))
+    print_extremes(float(solution.penetration.max()), float(solution.pressure.max()))
+
+
+def print_contact(what: str, closed: float, whole: float, counts: Mapping[ContactState, int]) -> None:
+    """Print how much of the contact boundary is closed, and how many points are in each state."""
+    from hemivar.solvers import ContactState
+
+    print(f"contact {what:<10}{closed:.6g} of {whole:.6g}")
+    bonded = counts.get(ContactState.BONDED, 0)
+    told = (f"{count} {kind.label}" for kind, count in counts.items() if count or kind is not ContactState.BONDED)
+    print(f"contact points    {', '.join(told)}")
+    if bonded:
+        print(f"{'':<18}bonded points have lifted and are pulled back by the foundation")
+
+
+def print_extremes(deepest: float, pressure: float) -> None:
+    """Print the largest penetration, or the least opening where nothing penetrates, and the largest pressure."""
     if deepest < 0.0:
         print(f"least opening     {-deepest:.6g} (no point penetrates)")
     else:
         print(f"max penetration   {deepest:.6g}")
-    print(f"max pressure      {solution.pressure.max():.6g}")
-
-
-def print_contact(what: str, closed: float, whole: float, counts: Sequence[int]) -> None:
-    """Print how much of the contact boundary is closed, and how many points are open, stick and slip."""
-    from hemivar.solvers import ContactState
-
-    print(f"contact {what:<10}{closed:.6g} of {whole:.6g}")
-    states = (f"{count} {state.label}" for count, state in zip(counts, ContactState, strict=True))
-    print(f"contact points    {', '.join(states)}")
+    print(f"max pressure      {pressure:.6g}")

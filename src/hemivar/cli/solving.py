@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hemivar.cli.options import (
     ENGINES,
+    Colour,
     EngineName,
     Exit,
     Given,
@@ -17,6 +18,7 @@ from hemivar.cli.options import (
     MaxTime,
     ProblemPath,
     Rtol,
+    check_colour,
     check_engine,
     check_limits,
     method_named,
@@ -50,6 +52,7 @@ def solve(
     render: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw a body in 3D shaded, by PyVista.")
     ] = None,
+    colour: Colour = None,
     rtol: Rtol = None,
     max_time: MaxTime = None,
     max_steps: MaxSteps = None,
@@ -94,6 +97,7 @@ def solve(
     limits = rtol, max_time, max_steps
     pictures = {"--plot": plot, "--plot-contact": plot_contact, "--render": render}
     check_engine(engine)
+    check_colour(colour, {"--plot": plot, "--render": render})
     own = {"--csv": csv, "--plot-error": plot_error, "--plot-meshes": plot_meshes}
     if adaptive:
         _refuse({"--checkpoint": checkpoint, "--restart": restart}, "petsc")
@@ -103,7 +107,7 @@ def solve(
         from hemivar.cli.adapting import AdaptRun
 
         asked: dict[str, object] = {"rtol": rtol, "goal": goal, "max_unknowns": max_unknowns, "max_time": max_time}
-        asked |= {"max_memory": max_memory, "max_steps": max_steps, "given": given}
+        asked |= {"max_memory": max_memory, "max_steps": max_steps, "given": given, "colour": colour}
         run_adaptive = AdaptRun(problem, {"--json": json, "--vtu": vtu, **own, **pictures}, method, asked)
         return run_adaptive.solve(quiet)
     for option, value in {"--goal": goal, "--max-unknowns": max_unknowns, "--max-memory": max_memory, **own}.items():
@@ -123,7 +127,7 @@ def solve(
     named = None if method is None else method_named(method)
     session = Session(problem, {"--json": json, "--vtu": vtu, **pictures}, *limits, given=given)
     stated, writer = session.stated, session.writer
-    check_drawable(stated, plot_contact, render)
+    check_drawable(stated, plot_contact, render, colour)
     controls = session.controls
     meshes = stated.coarser_meshes() if warm_start else []
     if warm_start and not meshes:
@@ -145,7 +149,7 @@ def solve(
         print_summary(console(), found.solution, certificate)
     finally:  # whatever happens between, what was computed is written
         if view.solution is not None:
-            _write(session, view.solution, certificate)
+            _write(session, view.solution, certificate, colour)
             writer.tell()
             writer.complain()
     if interrupted:
@@ -162,7 +166,9 @@ def _refuse(options: Mapping[str, object], engine: str) -> None:
             raise ProblemError(f"{option} goes with --engine {engine}; leave one of the two out")
 
 
-def check_drawable(stated: ProblemFile, plot_contact: Path | None, render: Path | None) -> None:
+def check_drawable(
+    stated: ProblemFile, plot_contact: Path | None, render: Path | None, colour: str | None = None
+) -> None:
     """Refuse pictures that this problem has not."""
     if plot_contact is not None and not (stated.problem.contact or getattr(stated.problem, "areas", {})):
         raise ProblemError(f"{stated.name}: --plot-contact draws contact boundaries, and there is none; take --plot")
@@ -171,6 +177,10 @@ def check_drawable(stated: ProblemFile, plot_contact: Path | None, render: Path 
     scalar = isinstance(stated.problem, ScalarProblem)
     if scalar and plot_contact is not None and stated.problem.mesh.dim == 3:
         raise ProblemError(f"{stated.name}: --plot-contact draws contact of one component in the plane; take --vtu")
+    if scalar and colour is not None:
+        raise ProblemError(
+            f"{stated.name}: --colour is of elastic bodies, and a scalar problem has its own; leave it out"
+        )
     if scalar and render is not None:
         raise ProblemError(f"{stated.name}: --render draws deformed bodies, and this is a scalar problem; take --plot")
     if render is not None:
@@ -182,35 +192,28 @@ def check_drawable(stated: ProblemFile, plot_contact: Path | None, render: Path 
             raise ProblemError(f"--render: {error}") from None
 
 
-def _write(session: Session, solution: Solution, certificate: Certificate | None) -> None:
+def _write(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> None:
     """Write what was asked for, data before pictures, and what may end the process last."""
     from hemivar.files import write_json, write_vtu
 
     writer, outputs = session.writer, session.outputs
     writer.write("--json", outputs["--json"], lambda path: write_json(solution, path, certificate))
     writer.write("--vtu", outputs["--vtu"], lambda path: write_vtu(solution, path))
-    draw(session, solution, certificate)
+    draw(session, solution, certificate, colour)
 
 
-def draw(session: Session, solution: Solution, certificate: Certificate | None = None) -> None:
-    """Draw the pictures of a solution that were asked for; the legend of the body tells the kind that was certified."""
+def draw(session: Session, solution: Solution, certificate: Certificate | None, colour: str | None) -> None:
+    """Draw the pictures of a solution that were asked for, with a line each that tells what was certified."""
     writer, outputs, title = session.writer, session.outputs, session.title
     if not any(outputs[option] for option in ("--plot", "--plot-contact", "--render")):
         return
     from hemivar.report import plot_contact, plot_solution, render_solution, save
 
-    plain = session.stated.problem.title or None
-    note = "" if certificate is None else _kind(certificate)
+    body: dict[str, Any] = {"scale": "auto", "colour": colour, "certificate": certificate}
     pictures: dict[str, Callable[[Path], object]] = {
-        "--plot": lambda path: save(plot_solution(solution, scale="auto", title=title, note=note), path),
-        "--plot-contact": lambda path: save(plot_contact(solution, title=title), path),
-        "--render": lambda path: render_solution(solution, path, scale="auto", title=plain),
+        "--plot": lambda path: save(plot_solution(solution, title=title, **body), path),
+        "--plot-contact": lambda path: save(plot_contact(solution, title=title, certificate=certificate), path),
+        "--render": lambda path: render_solution(solution, path, title=title, **body),
     }
     for option, task in pictures.items():
         writer.write(option, outputs[option], task, picture=True)
-
-
-def _kind(certificate: Certificate) -> str:
-    """Kind and uniqueness, as the summary says them, one below the other."""
-    told = next(line for line in certificate.lines() if line.startswith("kind "))
-    return told.removeprefix("kind").strip().replace("; ", ";\n", 1)

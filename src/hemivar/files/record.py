@@ -82,8 +82,8 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
     ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
-    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction``, ``state`` ("open", "stick", "slip") and
-    ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
+    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction``, ``state`` ("open", "stick", "slip",
+    "bonded") and ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
     Slip and friction are numbers in 2D (along the normal turned by +90 degrees), vectors of two local components in
     3D, and null in 1D. Numbers that are not finite become null.
     """
@@ -154,7 +154,7 @@ def _tangential(values: Array) -> Array | None:
 
 
 def state_names(solution: Solution) -> list[str]:
-    """The state of each contact point: open, stick or slip."""
+    """The state of each contact point: open, stick, slip or bonded."""
     return [ContactState(number).label for number in solution.state.tolist()]
 
 

@@ -19,8 +19,9 @@ def scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict
     Point data: the unknown by its name (``deflection``, ``temperature``; ``u_z`` in antiplane shear), for membranes and
     antiplane shear ``displacement`` as well, a vector across the plane to warp by; ``flux`` (``A grad u``, a vector,
     nodal averages); at contact points ``pressure``, ``gap``, ``penetration``, where there is friction ``friction`` and
-    ``slip`` (numbers), ``state`` (0 open, 1 stick, 2 slip) and ``boundary`` (number of the contact boundary or area;
-    the field data ``boundary NAME`` hold the number of each); elsewhere 0, and -1 for ``state`` and ``boundary``.
+    ``slip`` (numbers), ``state`` (0 open, 1 stick, 2 slip, 3 bonded) and ``boundary`` (number of the contact boundary
+    or area; the field data ``boundary NAME`` hold the number of each); elsewhere 0, and -1 for ``state`` and
+    ``boundary``.
 
     In time ``velocity`` as well, but of heat.  Cell data: ``gradient`` and ``flux`` in the middle of each cell.
     """

@@ -14,8 +14,8 @@ from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.fem.thermal_stress import cell_thermal_stress
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.solvers import ContactState
 from hemivar.solvers.boundary_result import ContactValues
+from hemivar.solvers.solution import lifted_states
 
 __all__ = ["Snapshot", "moving_state", "snapshot"]
 
@@ -92,7 +92,7 @@ def _thermal_stress(discrete: DiscreteEvolution, frame: Frame) -> Array | None:
 def moving_state(frame: Frame, start: float, vectors: Vectors = WHOLE) -> IntArray:
     """A :class:`~hemivar.solvers.ContactState` for each contact point, (m,): friction acts on the rate of the slip.
 
-    Open: lifted, no pressure; slip: it moves along the foundation; else stick.
+    Open: lifted, no pressure; bonded: lifted, pulled back; slip: it moves along the foundation; else stick.
 
     Parameters
     ----------
@@ -105,12 +105,9 @@ def moving_state(frame: Frame, start: float, vectors: Vectors = WHOLE) -> IntArr
     penetration, pressure = frame.local[:, 0], frame.multiplier[:, 0]
     parts = (frame.local, frame.multiplier, frame.velocity, frame.displacement)
     moved, pressed, fast, far = vectors.largest(*(float(np.abs(part).max(initial=0.0)) for part in parts)).tolist()
-    small, weak = 1e-9 * moved, 1e-9 * pressed
-    is_open = (penetration < -small) & (np.abs(pressure) <= weak)
     passed = frame.time - start
     slow = _SLOW * fast
     if passed > 0.0:
         slow = max(slow, _NOISE * far / passed)
     moves = np.linalg.norm(frame.rate[:, 1:], axis=1) > slow
-    state = np.where(moves, ContactState.SLIP, ContactState.STICK)
-    return np.asarray(np.where(is_open, ContactState.OPEN, state), dtype=np.int64)
+    return lifted_states(penetration, pressure, moves, (moved, pressed))

@@ -48,10 +48,11 @@ def write_vtu(
 
     Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
     ``pressure``, ``gap``, ``penetration``, ``friction`` and ``slip`` (global vectors), ``contact_force`` (force per
-    area of the foundation on the body, global vector), ``state`` (0 open, 1 stick, 2 slip) and ``boundary`` (number of
-    the contact boundary, in the order of the statement; the field data ``boundary NAME`` hold the number of each). Off
-    the contact boundary, and at contact nodes that a support holds entirely, these are 0, and ``state`` and
-    ``boundary`` are -1. A node of two contact boundaries carries the values of the first.
+    area of the foundation on the body, global vector), ``state`` (0 open, 1 stick, 2 slip, 3 bonded: lifted, but
+    pulled back) and ``boundary`` (number of the contact boundary, in the order of the statement; the field data
+    ``boundary NAME`` hold the number of each). Off the contact boundary, and at contact nodes that a support holds
+    entirely, these are 0, and ``state`` and ``boundary`` are -1. A node of two contact boundaries carries the values of
+    the first.
 
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
     models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).

@@ -3,6 +3,7 @@
 from hemivar.report.adaptive_figures import plot_adaptive, plot_meshes
 from hemivar.report.animation import animate
 from hemivar.report.bodies import plot_solution
+from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_figure import plot_certificate
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.film_pictures import FilmColour
@@ -13,7 +14,7 @@ from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
 from hemivar.report.scene import render_solution
-from hemivar.report.solutions_figure import plot_solutions
+from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.statement_figure import plot_problem
 from hemivar.report.study_figures import plot_study, plot_sweep
 from hemivar.report.study_tables import study_table, sweep_table
@@ -24,6 +25,7 @@ __all__ = [
     "MARCH_FIGURES",
     "PAPER_TABLE_1",
     "Arrows",
+    "BodyColour",
     "FilmColour",
     "SurveyReport",
     "Table",

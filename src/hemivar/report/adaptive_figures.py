@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hemivar.adapt import AdaptiveLevel, AdaptiveSolution
+from hemivar.adapt.exact_certificate import statement_of
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array, BoolArray
+from hemivar.certify import Certificate
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
+from hemivar.report.certificate_line import FOOT, certificate_line, write_below, write_foot
+from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, DASHES, GREEN, GREY, MANY_CELLS, ORANGE, PURPLE, RED, SKY, drawing, with_unit
 
@@ -28,7 +32,9 @@ _LEAST = 0.02
 _MOST, _BESIDE = 6, 3
 
 
-def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figure:
+def plot_adaptive(
+    found: AdaptiveSolution, *, title: str | None = None, certificate: Certificate | None = None
+) -> Figure:
     """Relative error against the number of unknowns, on logarithmic scales.
 
     Filled marks are guaranteed bounds, open ones estimates; broken lines are the parts that the bound is made of.  With
@@ -38,6 +44,8 @@ def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figur
     ----------
     found : AdaptiveSolution
     title : str, optional
+    certificate : Certificate, optional
+        What is known about the last solution, for the line below; without it the line has residual and distance.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -46,8 +54,9 @@ def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figur
         raise ProblemError("no mesh of this adaptive solve has a distance to draw; see the reasons of its distance")
     unknowns = np.array([level.unknowns for level in levels], dtype=float)
     with drawing():
-        fig = new_figure((6.3, 3.9))
-        ax = fig.add_axes((0.11, 0.13, 0.53, 0.78))
+        high = 3.9 + FOOT
+        fig = new_figure((6.3, high))
+        ax = fig.add_axes((0.11, (0.507 + FOOT) / high, 0.53, 3.042 / high))
         _bounds(ax, unknowns, levels)
         goal = levels[-1].goal
         if goal is not None:
@@ -73,6 +82,7 @@ def plot_adaptive(found: AdaptiveSolution, *, title: str | None = None) -> Figur
         ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
         ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, labelspacing=0.8)
+        write_below(ax, certificate_line(found.solution, certificate, statement_of(found.distance)))
         if title:
             ax.set_title(title)
     return fig
@@ -119,7 +129,9 @@ def _percent(ratio: float) -> str:
     return f"{100.0 * ratio:.6g} %"
 
 
-def plot_meshes(found: AdaptiveSolution, *, title: str | None = None, unit: str = "") -> Figure:
+def plot_meshes(
+    found: AdaptiveSolution, *, title: str | None = None, unit: str = "", certificate: Certificate | None = None
+) -> Figure:
     """The meshes from coarse to fine, up to six of them, each with its unknowns and what is known of its error.
 
     Parameters
@@ -129,6 +141,8 @@ def plot_meshes(found: AdaptiveSolution, *, title: str | None = None, unit: str 
         The name of the goal by default, if there is one.
     unit : str
         Unit of length for the labels.
+    certificate : Certificate, optional
+        What is known about the last solution, for the line below; without it the line has residual and distance.
     """
 
     count = min(len(found.levels), _MOST)
@@ -143,7 +157,7 @@ def plot_meshes(found: AdaptiveSolution, *, title: str | None = None, unit: str 
     shape = 0.95 if solid else float(np.clip(extent[1] / extent[0], 0.3, 1.6))
     width = 6.3 / columns if columns > 1 else 3.4
     with drawing():
-        fig = new_figure((width * columns, rows * (0.85 * width * shape + 0.72) + (0.3 if title else 0.0)))
+        fig = new_figure((width * columns, rows * (0.85 * width * shape + 0.72) + FOOT + (0.3 if title else 0.0)))
         for place, level in enumerate(levels):
             mesh = level.problem.field.mesh  # type: ignore[union-attr]
             ax: Any = fig.add_subplot(rows, columns, place + 1, projection="3d" if solid else None)
@@ -158,7 +172,9 @@ def plot_meshes(found: AdaptiveSolution, *, title: str | None = None, unit: str 
                 ax.set(xlabel=with_unit("x", unit) if bottom else "", ylabel=with_unit("y", unit) if left else "")
         if title:
             fig.suptitle(title, fontsize=10.0)
-        fig.tight_layout(pad=0.6, w_pad=1.0, h_pad=1.0)
+        foot = FOOT / fig.get_figheight()
+        fig.tight_layout(pad=0.6, w_pad=1.0, h_pad=1.0, rect=(0.0, foot, 1.0, 1.0))
+        write_foot(fig, certificate_line(found.solution, certificate, statement_of(found.distance)))
     return fig
 
 
@@ -174,15 +190,12 @@ def _known(level: AdaptiveLevel) -> str:
 
 
 def _plane(ax: Any, mesh: Mesh) -> None:
-    from matplotlib.collections import LineCollection
-
     for line in polylines(mesh.boundary_facets):
         ax.fill(*mesh.points[line].T, color="#d9e6f2", alpha=0.6, lw=0.0)
         ax.plot(*mesh.points[line].T, color="black", lw=0.7)
-    thickness = float(np.clip(14.0 / math.sqrt(mesh.number_of_cells), 0.08, 0.5))
-    edges = LineCollection(list(mesh.points[mesh.edges]), colors="#4a4a4a", linewidths=thickness)
+    edges = mesh_lines(mesh.points, mesh.edges, mesh.number_of_cells, 2.0, "#2f2f2f")
     edges.set_rasterized(mesh.number_of_cells > MANY_CELLS)
-    ax.add_collection(edges)
+    ax.add_patch(edges)
 
 
 def _solid(ax: Any, mesh: Mesh) -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+from hemivar.certify import Certificate
 from hemivar.errors import ProblemError
 from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.report.body_colour import BodyColour
+from hemivar.report.certificate_line import FOOT, certificate_line, write_below
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.plane_body import Arrows, PlaneBody
 from hemivar.report.scalar_map import plot_scalar
@@ -31,6 +34,8 @@ def plot_solution(
     unit: str = "",
     stress_unit: str = "",
     legend: bool = True,
+    colour: BodyColour | Literal["stress", "displacement", "none"] | None = None,
+    certificate: Certificate | None = None,
 ) -> Figure:
     """The deformed body on its foundation, with contact states and contact forces.
 
@@ -39,6 +44,7 @@ def plot_solution(
     the body are mirrored with respect to the contact boundary, as in the survey's Figures 1 to 4: they are drawn
     inside the foundation. A 3D body is drawn by its surface, coloured by the von Mises stress, without forces.
     Of a scalar problem the unknown is drawn in colours over the mesh, hatched where an area is in contact.
+    A line below the picture tells residual, uniqueness, margin and distance.
 
     Parameters
     ----------
@@ -58,24 +64,36 @@ def plot_solution(
     unit, stress_unit : str
         Units of length and stress for the labels.
     legend : bool
-        Write the legend, the data and the scale of the arrows to the right of the axes.
+        Write the legend, the data and the scale of the arrows to the right of the axes, and the line below them.
+    colour : BodyColour, optional
+        What colours the body: ``"stress"`` (von Mises), ``"displacement"`` (its size) or ``"none"``; by itself the
+        stress in space and from 5000 cells on.
+    certificate : Certificate, optional
+        What is known about the solution, for the line below; without it the line has the residual only.
 
     Raises
     ------
     ProblemError
-        The problem was made of arrays and has no mesh; or ``scale`` is not a positive number.
+        The problem was made of arrays and has no mesh; ``scale`` is not a positive number; there are no such arrows or
+        colours; or a scalar problem, which has colours of its own, is given some.
     """
+    line = certificate_line(solution, certificate)
     if isinstance(solution.problem.origin, ScalarProblem):
+        if colour is not None:
+            raise ProblemError(f"colour = {str(colour)!r}: a scalar problem is coloured by its unknown; leave it out")
         with drawing():
-            return plot_scalar(solution, ax, title, note, unit, stress_unit, legend)
+            return plot_scalar(solution, ax, title, note, unit, stress_unit, line if legend else "", legend)
     body = DeformedBody.of(solution, scale)
     try:
         arrows = Arrows(arrows)
     except ValueError as error:
         raise ProblemError(f"arrows = {arrows!r}; choose one of {', '.join(Arrows)}") from error
+    coloured = body.colour(colour)
     with drawing():
         if body.mesh.dim == 3:
-            return draw_solid(body, title, unit, stress_unit)
-        fig, ax = body_axes(ax, body.mesh.points, title, unit)
-        PlaneBody(body, stress_unit).draw(ax, arrows, note, legend)
+            return draw_solid(body, coloured, title, (unit, stress_unit), line)
+        fig, ax = body_axes(ax, body.mesh.points, title, unit, foot=FOOT if legend else 0.0)
+        lowest, below = PlaneBody(body, (unit, stress_unit)).draw(ax, arrows, coloured, note, legend)
+        if legend:
+            write_below(lowest, line, below)
     return fig

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.certify import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import contact_boundaries
 from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.report.certificate_line import FOOT, certificate_line, write_foot
 from hemivar.report.contact_maps import contact_maps
 from hemivar.report.deformed import round_number
 from hemivar.report.picture import new_figure
 from hemivar.report.scalar_map import area_maps, over_area
-from hemivar.report.style import GREEN, MARKERS, RED, drawing, state_mark, with_unit
+from hemivar.report.style import GREEN, MARKERS, RED, STYLE, drawing, state_mark, with_unit
 from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
@@ -27,7 +29,14 @@ if TYPE_CHECKING:
 __all__ = ["plot_contact"]
 
 
-def plot_contact(solution: Solution, *, title: str | None = None, unit: str = "", stress_unit: str = "") -> Figure:
+def plot_contact(
+    solution: Solution,
+    *,
+    title: str | None = None,
+    unit: str = "",
+    stress_unit: str = "",
+    certificate: Certificate | None = None,
+) -> Figure:
     """Pressure, friction (with its bound), penetration and slip along the contact boundary.
 
     One column of panels for each contact boundary; the coordinate is x or y along straight boundaries parallel to an
@@ -42,6 +51,8 @@ def plot_contact(solution: Solution, *, title: str | None = None, unit: str = ""
     title : str, optional
     unit, stress_unit : str
         Units of length and stress for the labels.
+    certificate : Certificate, optional
+        What is known about the solution, for the line below; without it the line has the residual only.
 
     Raises
     ------
@@ -51,18 +62,19 @@ def plot_contact(solution: Solution, *, title: str | None = None, unit: str = ""
     problem = solution.problem
     if problem.contact_points == 0:
         raise ProblemError("the problem has no contact point; draw it with plot_solution")
+    line = certificate_line(solution, certificate)
     with drawing():
         contact = problem.contact
         if over_area(solution).any():
-            return area_maps(solution, title, unit, stress_unit)
+            return area_maps(solution, title, unit, stress_unit, line)
         if isinstance(problem.origin, ScalarProblem) and problem.origin.mesh.dim == 3:
             raise ProblemError("contact of one component in space is not drawn along a line; write it with write_vtu")
         if contact.components == 3 and contact.points is not None and contact.frames is not None:
-            return contact_maps(solution, title, unit, stress_unit)
-        return _contact_lines(solution, title, unit, stress_unit)
+            return contact_maps(solution, title, unit, stress_unit, line)
+        return _contact_lines(solution, title, unit, stress_unit, line)
 
 
-def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
+def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit: str, line: str) -> Figure:
     from matplotlib.lines import Line2D
 
     problem = solution.problem
@@ -116,9 +128,14 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
         handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
     present = [kind for kind in MARKERS if (state == kind).any()]
     handles += [state_mark(kind, kind.label) for kind in present]
-    fig.legend(handles=handles, loc="outside lower center", ncols=len(handles), columnspacing=1.4, handlelength=1.8)
+    above = 72.0 * FOOT / STYLE["legend.fontsize"] + 0.5  # the line at the foot, in letters
+    fig.legend(
+        handles=handles, loc="outside lower center", borderaxespad=above, ncols=len(handles), columnspacing=1.4,
+        handlelength=1.8,
+    )  # fmt: skip
     if title:
         fig.suptitle(title, fontsize=10)
+    write_foot(fig, line)
     return fig
 
 

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
+from hemivar.report.certificate_line import write_foot
 from hemivar.report.picture import new_figure
 from hemivar.report.style import GREY, MANY_FACETS, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState, Solution
+from hemivar.solvers.solution import state_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +26,7 @@ __all__ = ["contact_maps"]
 _MOST_ARROWS = 14
 
 
-def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
+def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: str, line: str) -> Figure:
     """Pressure, friction, penetration and states of each contact boundary, projected along its mean normal.
 
     Where only a small part of a boundary touches, that part is shown, with as much again around it.
@@ -38,6 +40,7 @@ def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: 
         name = boundary.name + _maps(solution, boundary, panels, unit, stress_unit)
         heading = [text for text in (title if part is subfigures[0] else "", name) if text]
         part.suptitle(": ".join(heading), fontsize=10)
+    write_foot(fig, line)
     return fig
 
 
@@ -115,11 +118,11 @@ def _state_map(
     size = float(np.clip(0.5 * 150.0 / math.sqrt(np.count_nonzero(seen)), 0.7, 7.0))
     extent = float(np.ptp(places if window is None else window, axis=0).max())
     handles = []
-    for kind, colour in STATE_COLOURS.items():
-        here = state == kind
-        if here.any():
+    for kind, count in state_counts(state).items():
+        here, colour = state == kind, STATE_COLOURS[kind]
+        if count:
             panel.plot(*places[here].T, "s", color=colour, mec=GREY, mew=0.3, ms=size, zorder=1)
-        label = f"{kind.label} ({np.count_nonzero(here)})"
+        label = f"{kind.label} ({count})"
         handles.append(Line2D([], [], marker="s", ls="", color=colour, mec=GREY, mew=0.3, ms=5.0, label=label))
     slip = solution.slip_vectors[boundary.index] @ axes.T
     length = np.linalg.norm(slip, axis=1)

@@ -15,7 +15,10 @@ from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, von_mises
 from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
+from hemivar.report.body_colour import BodyColour
+from hemivar.report.style import MANY_CELLS
 from hemivar.solvers import ContactState, Solution
+from hemivar.solvers.solution import state_counts
 
 __all__ = ["DeformedBody", "round_number"]
 
@@ -95,17 +98,36 @@ class DeformedBody:
 
     def states(self) -> Iterator[tuple[ContactState, BoolArray, str]]:
         """Each contact state, which points are in it, (m,), and what a legend says of it."""
-        for kind in ContactState:
-            here = np.asarray(self.solution.state == kind)
-            yield kind, here, f"{kind.label} ({np.count_nonzero(here)})"
+        for kind, count in state_counts(self.solution.state).items():
+            yield kind, np.asarray(self.solution.state == kind), f"{kind.label} ({count})"
 
-    @cached_property
-    def surface(self) -> tuple[Array, str]:
-        """Values at the vertices, (N,), that colour the body, and their name: von Mises stress, else displacement."""
-        origin = self.problem.origin
-        if isinstance(origin, ContactProblem):
-            return nodal_average(self.mesh, von_mises(origin, self.solution.displacement)), "von Mises stress"
-        return np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1), "displacement"
+    def colour(self, given: BodyColour | str | None) -> BodyColour:
+        """What colours the body: what was asked for; by itself stress in space and where cells are many, else nothing.
+
+        Raises
+        ------
+        ProblemError
+            There is no such colouring, or no material from which a stress could be computed.
+        """
+        material = isinstance(self.problem.origin, ContactProblem)
+        usual = BodyColour.STRESS if material else BodyColour.DISPLACEMENT
+        if self.mesh.dim == 2 and (not material or self.mesh.number_of_cells <= MANY_CELLS):
+            usual = BodyColour.NONE
+        chosen = BodyColour.of(given, usual)
+        if chosen is BodyColour.STRESS and not material:
+            raise ProblemError("colour = 'stress': the material of this problem is not known; take 'displacement'")
+        return chosen
+
+    def cell_stress(self) -> Array:
+        """The von Mises stress of each cell, (M,), of a body with a material."""
+        assert isinstance(self.problem.origin, ContactProblem)
+        return von_mises(self.problem.origin, self.solution.displacement)
+
+    def values(self, colour: BodyColour) -> Array:
+        """What colours the vertices, (N,)."""
+        if colour is BodyColour.STRESS:
+            return nodal_average(self.mesh, self.cell_stress())
+        return np.asarray(np.linalg.norm(self.solution.displacement[: self.mesh.number_of_nodes], axis=1))
 
 
 def _visible(mesh: Mesh, displacement: Array, gap: Array) -> float:

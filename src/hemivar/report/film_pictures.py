@@ -16,6 +16,7 @@ from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
 from hemivar.report.deformed import round_number
 from hemivar.report.style import DASHES, GREY, MANY_CELLS, MARKERS, RED, state_mark, with_unit
+from hemivar.solvers.solution import state_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,18 +71,21 @@ class FilmPicture(ABC):
         self.travel, self.push = _Range(self.places.shape), _Range(self.places.shape)
         self.gaps = _Range(len(self.places))
         moved, peak, self.strongest, self.brightest = 0.0, 0.0, 0.0, 0.0
+        met: list[IntArray] = []
         for frame in map(film.frame, sorted(set(shown))):
             u = frame.displacement[: len(film.points)]
             body.add(u)
             self.travel.add(frame.moved)
             self.push.add(frame.force)
             self.gaps.add(frame.gap)
+            met.append(np.unique(frame.state))
             moved = max(moved, _longest(u))
             self.strongest = max(self.strongest, _longest(frame.force))
             here = self.coloured(frame)
             self.brightest = max(self.brightest, float(np.quantile(here, _BRIGHT)))
             peak = max(peak, float(here.max()))
         self.clipped = peak > self.brightest
+        self.kinds = tuple(state_counts(np.concatenate(met)))
         wanted = 0.1 * float(np.ptp(film.points, axis=0).max())
         if scale == "auto":
             self.factor = round_number(wanted / moved) if 0.0 < moved < wanted else 1.0
@@ -176,7 +180,7 @@ class PlanePicture(FilmPicture):
             ax.add_collection(collection, autolim=False)
         size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
         self.marks = {
-            kind: ax.plot([], [], ls="", ms=size, mew=0.6, zorder=6, **style)[0] for kind, style in MARKERS.items()
+            kind: ax.plot([], [], ls="", ms=size, mew=0.6, zorder=6, **MARKERS[kind])[0] for kind in self.kinds
         }
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         ax.set_aspect("equal")
@@ -191,7 +195,7 @@ class PlanePicture(FilmPicture):
         for collection in (self.foundation, self.hatch):
             ax.add_collection(collection, autolim=False)
         if len(places):
-            handles = [state_mark(kind, kind.label) for kind in MARKERS]
+            handles = [state_mark(kind, kind.label) for kind in self.kinds]
             if self.strongest > 0.0:
                 told = f"force per area, at most {self.strongest:.3g}"
                 handles.append(Line2D([], [], color=RED, lw=1.2, label=told))
@@ -313,14 +317,15 @@ class SolidPicture(FilmPicture):
         places = self.places
         size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 0.8, 3.6))
         self.marks = {
-            kind: self.ax.plot([], [], [], ls="", ms=size, mew=0.1 * size, zorder=10, clip_on=False, **style)[0]
-            for kind, style in MARKERS.items()
+            kind: self.ax.plot([], [], [], ls="", ms=size, mew=0.1 * size, zorder=10, clip_on=False, **MARKERS[kind])[0]
+            for kind in self.kinds
         }
         if len(places):
             self.ax.view_init(*self._view(places))
             self.fig.legend(
-                handles=[state_mark(kind, kind.label) for kind in MARKERS], loc="lower right", ncols=3, handlelength=1.2
-            )
+                handles=[state_mark(kind, kind.label) for kind in self.kinds], loc="lower right",
+                ncols=len(self.kinds), handlelength=1.2,
+            )  # fmt: skip
         for axis, low, wide in zip("xyz", self.low, extent, strict=True):
             getattr(self.ax, f"set_{axis}lim")(low, low + wide)
             own = getattr(self.ax, f"{axis}axis")

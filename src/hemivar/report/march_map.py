@@ -12,7 +12,7 @@ from hemivar.evolution.history import History
 from hemivar.files.boundary import contact_boundaries
 from hemivar.files.snapshot import moving_state
 from hemivar.report.picture import new_figure
-from hemivar.report.style import BLUE, GREY, ORANGE, with_unit
+from hemivar.report.style import GREY, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_map"]
 
-_COLOURS = {ContactState.OPEN: "#f2f2f2", ContactState.STICK: BLUE, ContactState.SLIP: ORANGE}
+_COLOURS = STATE_COLOURS | {ContactState.OPEN: "#f2f2f2"}
 
 
 def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, stress_unit: str) -> Figure:

@@ -27,13 +27,14 @@ from hemivar.report.contact_curves import plot_contact
 from hemivar.report.march_figures import plot_march
 from hemivar.report.path_diagrams import plot_path
 from hemivar.report.saving import png
-from hemivar.report.solutions_figure import plot_solutions
+from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.statement_figure import plot_problem
 from hemivar.report.study_figures import plot_study, plot_sweep
 from hemivar.report.study_tables import study_table, sweep_table
 from hemivar.report.style import MANY_CELLS
 from hemivar.report.tables import Table, adaptive_table
-from hemivar.solvers import ContactState, Solution, Status
+from hemivar.solvers import Solution, Status
+from hemivar.solvers.solution import state_counts
 from hemivar.workflows.study import Study
 from hemivar.workflows.sweep import Sweep
 
@@ -45,10 +46,9 @@ __all__ = ["html_of", "picture_of", "table_of"]
 #: Larger bodies are shown without a picture, which would take longer than a reader waits.
 _MOST_CELLS = 10 * MANY_CELLS
 _MOST_FACETS = 5000
-#: Solutions of a set that are drawn, and rows of a table.
-_MOST_PICTURES = 3
+#: Rows of a table.
 _MOST_ROWS = 20
-_DPI = 84
+_DPI = 76
 #: Unknowns up to which a certificate is computed to be shown, and the seconds that it may take.
 _MOST_CERTIFIED = 20_000
 _SECONDS = 2.0
@@ -125,7 +125,7 @@ def _rows(rows: Iterable[_Row]) -> Table:
 
 def _solution(solution: Solution) -> _Shown:
     problem = solution.problem
-    counts = {kind.label: int(np.count_nonzero(solution.state == kind)) for kind in ContactState}
+    counts = state_counts(solution.state)
     rows: list[_Row] = [
         ("status", solution.status.value),
         ("remedy", None if solution.status is Status.CONVERGED else solution.status.remedy),
@@ -134,7 +134,7 @@ def _solution(solution: Solution) -> _Shown:
         ("energy", solution.energy),
         *(_certified(solution) or [("kind", solution.kind)]),
         ("unknowns", problem.unknowns),
-        ("contact points", ", ".join(f"{count} {name}" for name, count in counts.items() if count) or 0),
+        ("contact points", ", ".join(f"{count} {kind.label}" for kind, count in counts.items() if count) or 0),
         (f"contact {solution.measured}", solution.contact_length),
         ("normal force", solution.normal_force),
         ("friction force", _numbers(solution.friction_force) if problem.contact.components > 1 else None),
@@ -238,7 +238,7 @@ def _solution_set(found: SolutionSet) -> _Shown:
     heading = f"{count}, {'there are no others' if found.exhaustive else 'there may be more'}"
     field = found.solutions[0].problem.field if found.solutions else None
     drawn = found.solutions and (field is None or _small(field.mesh))
-    return heading, lambda: [plot_solutions(found, most=_MOST_PICTURES)] if drawn else [], table
+    return heading, lambda: [plot_solutions(found)] if drawn else [], table
 
 
 def _problem(problem: ContactProblem) -> _Shown:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.fem import von_mises
 from hemivar.files.boundary import ContactBoundary, contact_boundaries, polylines
-from hemivar.mechanics import ContactProblem
+from hemivar.report.body_colour import BodyColour
 from hemivar.report.deformed import DeformedBody, round_number
 from hemivar.report.law_figures import law_captions
-from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, state_mark, with_unit
+from hemivar.report.mesh_lines import mesh_lines
+from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, state_mark
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -24,8 +25,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrows", "PlaneBody"]
 
-#: Least distance along the boundary, relative to the body, at which two marks or arrows are told apart.
-_APART = 0.012
+#: Points below axes that the names of their scales take.
+_BELOW = 36.0
+#: The part that bears is enlarged where it has so many points and is as small a part of the body; to that size.
+_FEW, _SMALL, _BESIDE = 5, 0.06, (1.7, 1.3)
+#: Width of a body on the usual figure, about.
+_INCHES = 3.2
+#: Least distance along the boundary, relative to the body, at which two marks, or two arrows, are told apart.
+_APART, _ARROWS_APART = 0.018, 0.022
 
 
 class Arrows(StrEnum):
@@ -42,20 +49,24 @@ class Arrows(StrEnum):
 class PlaneBody:
     """Everything that is drawn of one plane solution, and what the legend says of it."""
 
-    def __init__(self, body: DeformedBody, stress_unit: str) -> None:
+    def __init__(self, body: DeformedBody, units: tuple[str, str]) -> None:
         self.body, self.mesh, self.problem = body, body.mesh, body.problem
-        self.stress_unit = stress_unit
+        self.units = units
         self.boundaries = contact_boundaries(body.problem)
         self.outline = polylines(body.mesh.boundary_facets)
         self.size = float(np.linalg.norm(np.ptp(body.mesh.points, axis=0)))
         self.handles: list[Artist] = []
         self.keys: list[tuple[Quiver, str, float, float]] = []
 
-    def draw(self, ax: Axes, arrows: Arrows, note: str, legend: bool) -> None:
-        """The body deformed and at rest, the foundations, states and forces, and the legend to the right of them."""
+    def draw(self, ax: Axes, arrows: Arrows, colour: BodyColour, note: str, legend: bool) -> tuple[Axes, float]:
+        """The body deformed and at rest, the foundations, states and forces, and the legend to the right of them.
+
+        Returns the lowest axes, those of the scale of colours if there is one, and how many points below them all is
+        empty.
+        """
         from matplotlib.lines import Line2D
 
-        self._body(ax)
+        lowest = self._body(ax, colour)
         for line in self.outline:
             ax.plot(*self.mesh.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
         self.handles.append(Line2D([], [], color=GREY, lw=0.8, ls=DASHES, label="body at rest"))
@@ -64,33 +75,50 @@ class PlaneBody:
             for boundary in self.boundaries:
                 self._foundation(ax, boundary, longest)
             self._states(ax)
-        if legend:
-            self._legend(ax, note)
+        if not legend:
+            return lowest, _BELOW
+        bottom = self._enlarged(ax, arrows, self._legend(ax, note))
+        fig = figure_of(ax)
+        drop = (lowest.get_window_extent().transformed(fig.transFigure.inverted()).y0 - bottom) * fig.get_figheight()
+        return lowest, max(72.0 * drop, _BELOW)
 
-    def _body(self, ax: Axes) -> None:
-        from matplotlib.collections import LineCollection
+    def _body(self, ax: Axes, colour: BodyColour) -> Axes:
         from matplotlib.lines import Line2D
+
+        moved, lowest = self.body.vertices, ax
+        self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
+        if colour is BodyColour.NONE:
+            for line in self.outline:
+                ax.fill(*moved[line].T, color="#d9e6f2", alpha=0.45, lw=0.0, zorder=1.5)
+        else:
+            lowest = self._colours(ax, colour)
+        if self.mesh.number_of_cells <= MANY_CELLS:
+            ink = ("#8f8f8f", 1.0) if colour is BodyColour.NONE else ("black", 0.3)
+            ax.add_patch(mesh_lines(moved, self.mesh.edges, self.mesh.number_of_cells, _INCHES, *ink))
+        for line in self.outline:
+            ax.plot(*moved[line].T, color="black", lw=0.9, zorder=3)
+        return lowest
+
+    def _colours(self, ax: Axes, colour: BodyColour) -> Axes:
+        """Cells in one colour by their stress, or vertices by their displacement; returns the axes of the scale."""
         from matplotlib.tri import Triangulation
 
         moved = self.body.vertices
-        self.handles.append(Line2D([], [], color="black", lw=0.9, label=self.body.label))
-        if self.mesh.number_of_cells <= MANY_CELLS:
-            for line in self.outline:
-                ax.fill(*moved[line].T, color="#d9e6f2", alpha=0.45, lw=0.0, zorder=1.5)
-            width = float(np.clip(12.0 / math.sqrt(self.mesh.number_of_cells), 0.25, 0.6))
-            ax.add_collection(
-                LineCollection(list(moved[self.mesh.edges]), colors="#8f8f8f", linewidths=width, zorder=2)
-            )
-        elif isinstance(self.problem.origin, ContactProblem):
-            stress = von_mises(self.problem.origin, self.body.solution.displacement)
-            colours = ax.tripcolor(
-                Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells), facecolors=stress, cmap="cividis",
-                vmax=float(np.quantile(stress, 0.999)), zorder=2, rasterized=True,
-            )  # fmt: skip
-            bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, extend="max")
-            bar.set_label(with_unit("von Mises stress", self.stress_unit))
-        for line in self.outline:
-            ax.plot(*moved[line].T, color="black", lw=0.9, zorder=3)
+        grid = Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells)
+        peak: dict[str, Any] = {}
+        colours: Any
+        if colour is BodyColour.STRESS:
+            stress = self.body.cell_stress()
+            # a corner may hold what makes all else dark; of few cells none is left out
+            most = float(np.quantile(stress, 0.999)) if len(stress) > MANY_CELLS else float(stress.max())
+            colours = ax.tripcolor(grid, facecolors=stress, cmap="cividis", vmax=most, zorder=1.8, rasterized=True)
+            peak = {"extend": "max"} if most < stress.max() else {}
+        else:
+            values = self.body.values(colour)
+            colours = ax.tripcolor(grid, values, shading="gouraud", cmap="cividis", zorder=1.8, rasterized=True)
+        bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, **peak)
+        bar.set_label(colour.label(*self.units))
+        return bar.ax
 
     def _foundation(self, ax: Axes, boundary: ContactBoundary, reach: float) -> None:
         """The foundation down to a depth of ``reach`` and some more, hatched along its surface."""
@@ -124,24 +152,32 @@ class PlaneBody:
                 ax.add_patch(Polygon(np.vstack([surface, below[::-1]]), closed=True, zorder=0.5, **style))
             ax.plot(*surface.T, color="#3a3a3a", lw=1.0, zorder=1)
 
-    def _apart(self, index: IntArray) -> IntArray:
-        """Those of some contact points that are far enough from each other along the boundary to be told apart."""
+    def _apart(self, distance: float) -> IntArray:
+        """Contact points that stand at least so far from each other, in parts of the body, evenly along a boundary.
+
+        Counted from the middle of the part that bears, so that what is symmetric stays so.
+        """
         points, kept = self.problem.contact.points, []
         assert points is not None
+        bears = np.linalg.norm(self.body.solution.multiplier, axis=1)
         for boundary in self.boundaries:
-            here = np.isin(boundary.index, index)
-            where = boundary.position(points)[0][here]
-            first = np.unique(np.floor(where / (_APART * self.size)), return_index=True)[1]
-            kept.append(boundary.index[here][first])
+            index = boundary.index
+            order = np.argsort(boundary.position(points)[0], kind="stable")
+            index, where = index[order], boundary.position(points)[0][order]
+            bearing = np.flatnonzero(bears[index] > 1e-9 * bears.max(initial=0.0))
+            middle = int(bearing[len(bearing) // 2]) if len(bearing) else len(index) // 2
+            kept.append(index[_spread(where, middle, distance * self.size)])
         return np.sort(np.concatenate(kept))
 
     def _states(self, ax: Axes) -> None:
         places = self.body.contact_places
         size = float(np.clip(30.0 / math.sqrt(max(len(places), 1)), 1.4, 4.4))
+        shown = self._apart(_APART)
         for kind, here, label in self.body.states():
             if here.any():
                 ax.plot(
-                    *places[self._apart(np.flatnonzero(here))].T,
+                    # one mark at least of each state that there is
+                    *places[shown[here[shown]] if here[shown].any() else np.flatnonzero(here)[:1]].T,
                     ls="",
                     ms=size,
                     mew=0.6,
@@ -159,7 +195,7 @@ class PlaneBody:
         along = self.body.solution.friction_vectors
         outward = along - self.body.solution.tractions
         places = self.body.contact_places
-        shown = self._apart(np.arange(len(places)))
+        shown = self._apart(_ARROWS_APART)
         sets = (
             [("force", outward + along, RED)]
             if arrows is Arrows.FORCE
@@ -181,7 +217,37 @@ class PlaneBody:
         ax.autoscale_view()
         return length
 
-    def _legend(self, ax: Axes, note: str) -> None:
+    def _enlarged(self, ax: Axes, arrows: Arrows, bottom: float) -> float:
+        """The part that bears, larger below the legend where it is too small to be seen; returns where all ends."""
+        bears = np.linalg.norm(self.body.solution.multiplier, axis=1)
+        places = self.body.contact_places[bears > 1e-9 * bears.max(initial=0.0)]
+        if len(places) < _FEW or (extent := float(np.ptp(places, axis=0).max())) > _SMALL * self.size:
+            return bottom
+        fig = figure_of(ax)
+        width, height = fig.get_size_inches()
+        left = ax.get_window_extent().transformed(fig.transFigure.inverted()).x1 + 0.5 / width
+        bottom -= (0.35 + _BESIDE[1]) / height
+        inset = fig.add_axes((left, bottom, _BESIDE[0] / width, _BESIDE[1] / height))
+        part = copy.copy(self)
+        part.size, part.handles, part.keys = 2.0 * extent, [], []
+        for line in self.outline:
+            inset.plot(*self.body.vertices[line].T, color="black", lw=0.9, zorder=3)
+        longest = part._forces(inset, arrows) if arrows is not Arrows.NONE else 0.0
+        for boundary in self.boundaries:
+            part._foundation(inset, boundary, longest)
+        part._states(inset)
+        for artist in inset.lines:
+            artist.set_clip_on(True)
+        middle, half = 0.5 * (places.min(axis=0) + places.max(axis=0)), 0.75 * extent
+        low = middle[1] - half * _BESIDE[1] / _BESIDE[0] - 0.5 * longest
+        inset.set(xlim=(middle[0] - half, middle[0] + half), ylim=(low, low + 2.0 * half * _BESIDE[1] / _BESIDE[0]))
+        inset.locator_params(nbins=3)
+        inset.tick_params(labelsize=6.5)
+        inset.set_title("the part that bears", fontsize=7.0, pad=3.0)
+        return float(bottom - 0.3 / height)
+
+    def _legend(self, ax: Axes, note: str) -> float:
+        """The legend to the right; returns where it ends, in fractions of the figure."""
         from matplotlib.patches import Patch
 
         if self.boundaries:
@@ -211,6 +277,21 @@ class PlaneBody:
             key.set_in_layout(False)
             fig.text(tip + 0.08 / width, bottom, name, va="center", fontsize=8)
             bottom -= 0.2 / height
+        return float(bottom)
+
+
+def _spread(where: Array, first: int, distance: float) -> IntArray:
+    """Which of these increasing places (k,) stand ``distance`` apart, counted from one of them to both sides."""
+    chosen = [first]
+    for way in (1, -1):
+        last = first
+        while True:
+            ahead = where[last] + way * distance * (1.0 - 1e-9)
+            last = int(np.searchsorted(where, ahead)) if way > 0 else int(np.searchsorted(where, ahead, "right")) - 1
+            if not 0 <= last < len(where):
+                break
+            chosen.append(last)
+    return np.sort(np.array(chosen))
 
 
 def _unit(vector: Array) -> Array:

@@ -13,7 +13,7 @@ from hemivar.report.style import drawing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["png", "save"]
+__all__ = ["png", "save", "svg"]
 
 
 def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
@@ -44,6 +44,19 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
     with drawing(), whole_file(path) as name:
         fig.savefig(name, dpi=dpi, metadata=metadata, bbox_inches="tight", pad_inches=0.05)
     return path
+
+
+def svg(fig: Figure) -> bytes:
+    """The bytes of a figure as SVG, cropped to what is drawn, its letters as outlines: the same wherever it is read."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    stream = io.BytesIO()
+    with drawing(), matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "hemivar"}):
+        FigureCanvasSVG(fig).print_figure(
+            stream, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.05
+        )
+    return stream.getvalue()
 
 
 def png(fig: Figure, dpi: int = 200) -> bytes:

@@ -11,10 +11,12 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.mechanics.scalar import ScalarProblem, Side
+from hemivar.report.certificate_line import FOOT, write_below, write_foot
 from hemivar.report.law_figures import law_captions
 from hemivar.report.picture import new_figure
-from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, axes_on, with_unit
+from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, body_axes, state_mark, with_unit
 from hemivar.solvers import ContactState, Solution
+from hemivar.solvers.solution import state_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +35,14 @@ def over_area(solution: Solution) -> BoolArray:
 
 
 def plot_scalar(
-    solution: Solution, ax: Axes | None, title: str | None, note: str, unit: str, stress_unit: str, legend: bool
+    solution: Solution,
+    ax: Axes | None,
+    title: str | None,
+    note: str,
+    unit: str,
+    stress_unit: str,
+    line: str,
+    legend: bool,
 ) -> Figure:
     """The unknown in colours with its contour lines, and where foundations act.
 
@@ -43,14 +52,13 @@ def plot_scalar(
     stated = solution.problem.origin
     assert isinstance(stated, ScalarProblem)
     if stated.mesh.dim == 3:
-        return _surface(solution, stated, title, unit)
+        return _surface(solution, stated, title, unit, line)
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
     from matplotlib.tri import Triangulation
 
     mesh, contact = stated.mesh, solution.problem.contact
-    width, height = np.ptp(mesh.points, axis=0)
-    fig, ax = axes_on(ax, (6.3, 1.3 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+    fig, ax = body_axes(ax, mesh.points, title, unit, head=1.3, foot=FOOT if line else 0.0)
     values = solution.displacement[: mesh.number_of_nodes, 0]
     grid = Triangulation(mesh.points[:, 0], mesh.points[:, 1], mesh.cells)
     colours = ax.tripcolor(
@@ -61,8 +69,8 @@ def plot_scalar(
     bar.set_label(with_unit(named[stated.kind.value], "" if stated.kind.value == "heat" else unit))
     if np.ptp(values) > 1e-12 * np.abs(values).max(initial=0.0):
         ax.tricontour(grid, values, _LEVELS, colors="white", linewidths=0.5, alpha=0.8, linestyles="solid")
-    for line in polylines(mesh.boundary_facets):
-        ax.plot(*mesh.points[line].T, color="black", lw=0.9, zorder=3)
+    for edge in polylines(mesh.boundary_facets):
+        ax.plot(*mesh.points[edge].T, color="black", lw=0.9, zorder=3)
     handles: list[Any] = []
     over = over_area(solution)
     touching = over & (solution.state != ContactState.OPEN)
@@ -77,36 +85,32 @@ def plot_scalar(
             Patch(facecolor="#d8d8d8", edgecolor="black", hatch="//////", linewidth=0.6,
                   label=f"in contact: {100.0 * share:.3g} % of the area")
         )  # fmt: skip
-    edge = np.flatnonzero(~over)
-    if len(edge):
+    beside = np.flatnonzero(~over)
+    if len(beside):
         assert contact.points is not None
-        size = float(np.clip(30.0 / math.sqrt(len(edge)), 1.4, 4.4))
-        for kind in ContactState:
-            here = edge[solution.state[edge] == kind]
-            if len(here):
+        size = float(np.clip(30.0 / math.sqrt(len(beside)), 1.4, 4.4))
+        for kind, count in state_counts(solution.state[beside]).items():
+            here = beside[solution.state[beside] == kind]
+            if count:
                 ax.plot(*contact.points[here].T, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
-                label = f"{kind.label} ({len(here)})"
-                handles.append(Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind]))
-    ax.set_aspect("equal")
-    ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit))
-    ax.spines[["top", "right"]].set_visible(False)
-    if title:
-        ax.set_title(title)
+                handles.append(state_mark(kind, f"{kind.label} ({count})"))
     if legend:
         sides = {one.side for one in (*stated.contact.values(), *stated.areas.values()) if not one.rubs}
         lines = [note] if note else []
-        lines += [line for line in law_captions(solution.problem) if not line.lower().startswith("none law")]
+        lines += [text for text in law_captions(solution.problem) if not text.lower().startswith("none law")]
         lines += ["foundation below"] if sides == {Side.BELOW} else []
         lines += [f"{solution.problem.unknowns} unknowns", f"{solution.method}: {solution.status.value}"]
-        handles += [Line2D([], [], ls="", label=line) for line in lines]
+        handles += [Line2D([], [], ls="", label=text) for text in lines]
         ax.legend(
             handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, handlelength=1.6,
             handleheight=1.2, labelspacing=0.7,
         )  # fmt: skip
+    if line:
+        write_below(bar.ax, line)
     return fig
 
 
-def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit: str) -> Figure:
+def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit: str, line: str) -> Figure:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     mesh = stated.mesh
@@ -125,10 +129,12 @@ def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit:
     ax.set_box_aspect(high - low, zoom=1.0)
     if title:
         ax.set_title(title)
+    if line:
+        write_foot(fig, line)
     return fig
 
 
-def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str) -> Figure:
+def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str, line: str) -> Figure:
     """Force per area of the foundation, and the penetration, over an area of contact; not in cells that supports touch.
 
     Raises
@@ -162,8 +168,8 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
             grid, at, shading="gouraud", cmap="cividis", rasterized=mesh.number_of_cells > MANY_CELLS
         )
         fig.colorbar(colours, ax=panel, location="bottom", shrink=0.85, aspect=30).set_label(name)
-        for line in polylines(mesh.boundary_facets):
-            panel.plot(*mesh.points[line].T, color="black", lw=0.8)
+        for edge in polylines(mesh.boundary_facets):
+            panel.plot(*mesh.points[edge].T, color="black", lw=0.8)
         panel.set_aspect("equal")
         panel.locator_params(nbins=5)
         panel.set_xlabel(with_unit("x", unit))
@@ -171,4 +177,5 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     panels[0].set_ylabel(with_unit("y", unit))
     if title:
         fig.suptitle(title, fontsize=10)
+    write_foot(fig, line)
     return fig

@@ -10,6 +10,8 @@ import numpy as np
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.mesh.mesh import Mesh
+from hemivar.report.body_colour import BodyColour
+from hemivar.report.certificate_line import write_foot
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.picture import new_figure
 from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, state_mark, with_unit
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-__all__ = ["draw_solid", "sharp_edges", "viewing_direction"]
+__all__ = ["draw_solid", "legend_of_solid", "mark_size", "sharp_edges", "viewing_direction"]
 
 
 def sharp_edges(mesh: Mesh, degrees: float = 30.0) -> IntArray:
@@ -32,9 +34,11 @@ def sharp_edges(mesh: Mesh, degrees: float = 30.0) -> IntArray:
     return np.asarray(pairs[order[::2]][cosine < math.cos(math.radians(degrees))])
 
 
-def draw_solid(body: DeformedBody, title: str | None, unit: str, stress_unit: str) -> Figure:
-    """The surface of the deformed body, coloured; edges at rest; contact points by state."""
-    from matplotlib.lines import Line2D
+def draw_solid(body: DeformedBody, colour: BodyColour, title: str | None, units: tuple[str, str], line: str) -> Figure:
+    """The surface of the deformed body, coloured; edges at rest; contact points by state; a line below.
+
+    ``units`` are those of length and stress.
+    """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
     problem, mesh, moved = body.problem, body.mesh, body.vertices
@@ -44,30 +48,26 @@ def draw_solid(body: DeformedBody, title: str | None, unit: str, stress_unit: st
     fine = len(facets) > MANY_FACETS
     surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060", zorder=2)
     surface.set_rasterized(fine)
-    values, name = body.surface
-    shown = values[facets].mean(axis=1)
-    surface.set_array(shown)
-    surface.set_cmap("cividis")
-    bar = fig.colorbar(surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5)))
-    bar.set_label(with_unit(name, unit if name == "displacement" else stress_unit))
+    if colour is BodyColour.NONE:
+        surface.set_facecolor("#d9e6f2")
+    else:
+        surface.set_array(body.values(colour)[facets].mean(axis=1))
+        surface.set_cmap("cividis")
+        fig.colorbar(surface, cax=fig.add_axes((0.84, 0.22, 0.022, 0.5))).set_label(colour.label(*units))
     ax.add_collection3d(surface)
     if fine:  # possible once the surface has axes
         surface.set_edgecolor("face")
     edges = mesh.points[sharp_edges(mesh)]
     ax.add_collection3d(Line3DCollection(list(edges), colors=GREY, linewidths=0.7, linestyles=[DASHES], zorder=1))
-    handles = [
-        Line2D([], [], color="black", lw=0.9, label=body.label),
-        Line2D([], [], color=GREY, lw=0.7, ls=DASHES, label="edges at rest"),
-    ]
     if problem.contact_points:
         elevation, azimuth = _view(problem)
         ax.view_init(elevation, azimuth)
-        places, size = body.contact_places, _mark_size(problem.contact_points)
-        for kind, here, label in body.states():
+        places, size = body.contact_places, mark_size(problem.contact_points)
+        for kind, here, _ in body.states():
             if here.any():
                 ax.plot(*places[here].T, ls="", ms=size, mew=0.1 * size, zorder=10, **MARKERS[kind])
-                handles.append(state_mark(kind, label))
-    fig.legend(handles=handles, loc="lower center", ncols=len(handles), columnspacing=1.4, handlelength=1.8)
+    legend_of_solid(fig, body)
+    write_foot(fig, line)
     low, high = np.minimum(moved, mesh.points).min(axis=0), np.maximum(moved, mesh.points).max(axis=0)
     extent = np.maximum(high - low, 1e-6 * float((high - low).max()))
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
@@ -75,11 +75,28 @@ def draw_solid(body: DeformedBody, title: str | None, unit: str, stress_unit: st
     for axis, label in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
         axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
         axis.set_major_locator(_few_ticks(float(extent["xyz".index(label)] / extent.max())))
-        axis.set_label_text(with_unit(label, unit))
+        axis.set_label_text(with_unit(label, units[0]))
     ax.grid(False)
     if title:
         fig.suptitle(title, fontsize=10, y=0.98)
     return fig
+
+
+def legend_of_solid(fig: Figure, body: DeformedBody) -> None:
+    """The legend below a body in space: its lines, and the states that there are."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color="black", lw=0.9, label=body.label),
+        Line2D([], [], color=GREY, lw=0.7, ls=DASHES, label="edges at rest"),
+    ]
+    for kind, here, label in body.states() if body.problem.contact_points else ():
+        if here.any():
+            handles.append(state_mark(kind, label))
+    fig.legend(
+        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03), ncols=len(handles), columnspacing=1.4,
+        handlelength=1.8,
+    )  # fmt: skip
 
 
 def _few_ticks(share: float) -> MaxNLocator:
@@ -88,7 +105,7 @@ def _few_ticks(share: float) -> MaxNLocator:
     return MaxNLocator(max(1, round(5 * share)))
 
 
-def _mark_size(count: int) -> float:
+def mark_size(count: int) -> float:
     """Size of a mark in points, so that marks on a surface leave it visible."""
     return float(np.clip(30.0 / math.sqrt(count), 0.8, 3.6))
 

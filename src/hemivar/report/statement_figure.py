@@ -9,6 +9,7 @@ import numpy as np
 from hemivar.basics.types import IntArray
 from hemivar.files.boundary import polylines
 from hemivar.mechanics import ScalarProblem, Statement
+from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, body_axes, drawing, with_unit
 
@@ -63,7 +64,7 @@ def _plane(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -
         ax.fill(*mesh.points[line].T, color=_PLAIN, alpha=0.45, lw=0.0)
         ax.plot(*mesh.points[line].T, color="black", lw=0.9)
     if mesh.number_of_cells <= MANY_CELLS:
-        ax.add_collection(LineCollection(list(mesh.points[mesh.edges]), colors="#8f8f8f", linewidths=0.3))
+        ax.add_patch(mesh_lines(mesh.points, mesh.edges, mesh.number_of_cells, fig.get_figwidth() / 2.0))
     for name, colour, thickness in marks:
         lines = list(mesh.points[mesh.boundaries[name]])
         ax.add_collection(LineCollection(lines, colors=colour, linewidths=thickness, capstyle="round", zorder=4))

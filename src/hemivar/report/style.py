@@ -80,9 +80,10 @@ MARKERS: Mapping[ContactState, dict[str, Any]] = {
     ContactState.OPEN: {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"},
     ContactState.STICK: {"marker": "s", "markerfacecolor": BLUE, "markeredgecolor": BLUE},
     ContactState.SLIP: {"marker": "^", "markerfacecolor": ORANGE, "markeredgecolor": "black"},
+    ContactState.BONDED: {"marker": "D", "markerfacecolor": PURPLE, "markeredgecolor": "black"},
 }
 
-STATE_COLOURS = {ContactState.OPEN: "white", ContactState.STICK: BLUE, ContactState.SLIP: ORANGE}
+STATE_COLOURS = {kind: mark["markerfacecolor"] for kind, mark in MARKERS.items()}
 
 
 def state_mark(kind: ContactState, label: str) -> Line2D:
@@ -104,19 +105,26 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def axes_on(ax: Axes | None, size: tuple[float, float]) -> tuple[Figure, Axes]:
-    """The axes given and their figure, or new ones on a figure of this size in inches, with room on the right."""
+def axes_on(ax: Axes | None, size: tuple[float, float], foot: float = 0.0) -> tuple[Figure, Axes]:
+    """The axes given and their figure, or new ones on a figure of this size in inches, with room on the right.
+
+    Below them the figure is higher by ``foot`` inches.
+    """
 
     if ax is not None:
         return figure_of(ax), ax
-    fig = new_figure(size)
-    return fig, fig.add_axes((0.09, 0.12, 0.56, 0.8))
+    width, height = size
+    whole = height + foot
+    fig = new_figure((width, whole))
+    return fig, fig.add_axes((0.09, (0.12 * height + foot) / whole, 0.56, 0.8 * height / whole))
 
 
-def body_axes(ax: Axes | None, points: Array, title: str | None, unit: str) -> tuple[Figure, Axes]:
-    """Axes for a plane body with these vertices (N, 2), named and of its proportions."""
+def body_axes(
+    ax: Axes | None, points: Array, title: str | None, unit: str, *, head: float = 0.9, foot: float = 0.0
+) -> tuple[Figure, Axes]:
+    """Axes for a plane body with these vertices (N, 2), named and of its proportions, ``foot`` as in axes_on."""
     width, height = np.ptp(points, axis=0)
-    fig, ax = axes_on(ax, (6.3, 0.9 + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))))
+    fig, ax = axes_on(ax, (6.3, head + float(np.clip(3.5 * (height / width + 0.25), 2.3, 5.0))), foot)
     ax.set_aspect("equal")
     ax.set(xlabel=with_unit("x", unit), ylabel=with_unit("y", unit))
     ax.spines[["top", "right"]].set_visible(False)

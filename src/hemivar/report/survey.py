@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import html
 import itertools
 import os
@@ -17,15 +16,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, read_bytes, write_text
+from hemivar.basics.disk import make_folder, write_text
 from hemivar.basics.generators import result_of
-from hemivar.errors import FileError, HemivarError
+from hemivar.errors import HemivarError
 from hemivar.files import write_csv, write_json
 from hemivar.gallery import SURVEY_DATA
 from hemivar.report.bodies import plot_solution
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.histories import plot_errors
-from hemivar.report.saving import save
+from hemivar.report.saving import save, svg
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 from hemivar.solvers import Solution, Status
 from hemivar.workflows.comparison import energy_norm_difference
@@ -129,6 +128,7 @@ class SurveyReport:
         self.files: list[Path] = []
         self.failed: dict[Path, str] = {}
         self.started = time.perf_counter()
+        self._drawn: dict[str, bytes] = {}
 
     def __call__(self, event: Event) -> None:
         """Write what an event brings."""
@@ -154,9 +154,10 @@ class SurveyReport:
         shown = self._shown(key)
         x, y = SURVEY_DATA[key].body_force
         title = f"Figure {key[-1]}: {CAPTIONS[key]}"
-        drawn = plot_solution(shown, title=title, note=f"$f_0 = ({x:g}, {y:g})$, h = 1/{FIGURE_CELLS}")
-        self.save(drawn, key, ".png", ".pdf")
-        self.save(plot_contact(shown, title=title), f"{key}_contact", ".png")
+        certificate = shown.certify()
+        note = f"$f_0 = ({x:g}, {y:g})$, h = 1/{FIGURE_CELLS}"
+        self.save(plot_solution(shown, title=title, note=note, certificate=certificate), key, ".png", ".pdf")
+        self.save(plot_contact(shown, title=title, certificate=certificate), f"{key}_contact", ".png")
         self.put(f"{key}.csv", lambda path: write_csv(shown, path))
         self.put(f"{key}.json", lambda path: write_json(shown, path))
         self.write(self.methods_table(), "methods.csv")
@@ -291,7 +292,8 @@ class SurveyReport:
         self.put(name, table.write_csv)
 
     def save(self, figure: Figure, name: str, *suffixes: str) -> None:
-        """Write a figure in several forms."""
+        """Write a figure in several forms, and keep it for the page: lines that a browser shrinks make patterns."""
+        self._drawn[name] = svg(figure)
         for suffix in suffixes:
             self.put(f"{name}{suffix}", lambda path: save(figure, path))
 
@@ -333,12 +335,9 @@ class SurveyReport:
     def _image(self, name: str, caption: str) -> str:
         pictures = []
         for stem in (name, f"{name}_contact"):
-            path = self.folder / f"{stem}.png"
-            if path not in self.files:
-                continue
-            with contextlib.suppress(FileError):  # it may have been removed since
-                data = base64.b64encode(read_bytes(path)).decode("ascii")
-                pictures.append(f'<img alt="{html.escape(stem)}" src="data:image/png;base64,{data}">')
+            if stem in self._drawn:
+                data = base64.b64encode(self._drawn[stem]).decode("ascii")
+                pictures.append(f'<img alt="{html.escape(stem)}" src="data:image/svg+xml;base64,{data}">')
         return f"<figure>{''.join(pictures)}<figcaption>{html.escape(caption)}</figcaption></figure>"
 
 

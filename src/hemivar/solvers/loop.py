@@ -136,7 +136,7 @@ def _stopped(due: float) -> Status:
 
 
 def contact_states(system: System, r: Array, lam: Array) -> IntArray:
-    """Open, stick or slip at the contact points of this process, by the sizes of all."""
+    """Open, stick, slip or bonded at the contact points of this process, by the sizes of all."""
     local = system.local(r)
     sizes = system.vectors.largest(np.abs(local).max(initial=0.0), np.abs(lam).max(initial=0.0)).tolist()
     return contact_state(local, lam, (sizes[0], sizes[1]))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hemivar.basics.display import Displayed
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
@@ -36,15 +36,23 @@ if TYPE_CHECKING:
     from hemivar.certify.certificate import Certificate
     from hemivar.systems.workspace import Workspace
 
-__all__ = ["ContactState", "Solution", "contact_state"]
+__all__ = ["ContactState", "Solution", "contact_state", "lifted_states", "state_counts"]
+
+#: What is rounding, of the largest displacement and multiplier.
+_ROUNDING = 1e-9
 
 
 class ContactState(IntEnum):
     """What a contact point does."""
 
     OPEN = 0
+    """It has lifted and bears nothing."""
     STICK = 1
+    """It rests on the foundation, or has not moved."""
     SLIP = 2
+    """It has moved sideways."""
+    BONDED = 3
+    """It has lifted, and the foundation pulls it back: glue in tension, whether it moved sideways or not."""
 
     @property
     def label(self) -> str:
@@ -164,7 +172,7 @@ class Solution(ContactValues, Portable, Displayed):
         lines = [f"Solution of {problem.unknowns} unknowns by {self.method}", f"status      {ended}"]
         lines.append(f"energy      {self.energy:.10g}" + (f", {self.kind.value}" if self.kind else ""))
         if problem.contact_points:
-            states = ", ".join(f"{np.count_nonzero(self.state == s)} {s.label}" for s in ContactState)
+            states = ", ".join(f"{count} {kind.label}" for kind, count in state_counts(self.state).items())
             lines.append(f"contact     {problem.contact_points} points: {states}")
             lines.append(f"            penetration at most {r[:, 0].max():.4g}, normal force {self.normal_force:.6g}")
         return "\n  ".join([*lines, *(f"warning     {sentence}" for sentence in self.warnings)])
@@ -201,8 +209,8 @@ class Solution(ContactValues, Portable, Displayed):
 
         Fields: ``boundary`` (name), ``x`` and ``normal`` (vectors), ``weight``, ``gap``, ``penetration``, ``slip``,
         ``pressure``, ``friction`` (it and ``slip`` in local components: numbers in 2D), ``state`` ("open", "stick",
-        "slip") and ``force`` (vector; of the foundation on the body).  What is not known of a problem made of arrays,
-        and what a law of one component lacks, is left out.
+        "slip", "bonded") and ``force`` (vector; of the foundation on the body).  What is not known of a problem made of
+        arrays, and what a law of one component lacks, is left out.
         """
         names = np.array([kind.label for kind in ContactState])
         return contact_table(self.contact, self.local, self.multiplier, names[self.state])
@@ -259,15 +267,29 @@ class Solution(ContactValues, Portable, Displayed):
 
 
 def contact_state(local: Array, multiplier: Array, sizes: tuple[float, float] | None = None) -> IntArray:
-    """Open (lifted, no pressure), slip (moved tangentially) or stick, for each contact point.
+    """Open (lifted, no pressure), bonded (lifted, pulled back), slip (moved tangentially) or stick, for each point.
 
     ``sizes`` are the largest displacement and multiplier of all points, where these are not all.
     """
     if sizes is None:
         sizes = float(np.abs(local).max(initial=0.0)), float(np.abs(multiplier).max(initial=0.0))
-    size, force = sizes
-    small, weak = 1e-9 * size, 1e-9 * force
-    is_open = (local[:, 0] <= 0.0) & (np.abs(multiplier[:, 0]) <= weak) & (local[:, 0] < -small)
-    moved = np.linalg.norm(local[:, 1:], axis=1) > small
-    state = np.where(moved, ContactState.SLIP, ContactState.STICK)
-    return np.asarray(np.where(is_open, ContactState.OPEN, state), dtype=np.int64)
+    moved = np.linalg.norm(local[:, 1:], axis=1) > _ROUNDING * sizes[0]
+    return lifted_states(local[:, 0], multiplier[:, 0], moved, sizes)
+
+
+def lifted_states(penetration: Array, pressure: Array, moves: BoolArray, sizes: tuple[float, float]) -> IntArray:
+    """A :class:`ContactState` for each contact point, (m,), of those that move sideways and those that do not.
+
+    ``sizes`` are the largest displacement and multiplier, of which a billionth is rounding.
+    """
+    small, weak = _ROUNDING * sizes[0], _ROUNDING * sizes[1]
+    lifted = penetration < -small
+    state = np.where(moves, ContactState.SLIP, ContactState.STICK)
+    state = np.where(lifted & (pressure < -weak), ContactState.BONDED, state)
+    return np.asarray(np.where(lifted & (np.abs(pressure) <= weak), ContactState.OPEN, state), dtype=np.int64)
+
+
+def state_counts(state: IntArray) -> dict[ContactState, int]:
+    """How many points are in each state, for tables and legends: bonded ones only where there are some."""
+    counts = {kind: int(np.count_nonzero(state == kind)) for kind in ContactState}
+    return {kind: count for kind, count in counts.items() if count or kind is not ContactState.BONDED}

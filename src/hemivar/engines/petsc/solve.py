@@ -88,7 +88,7 @@ class DistributedSolution:
         """Resultants and extremes of the whole contact boundary.
 
         Keys ``normal_force``, ``friction_force`` (d - 1,), ``force`` (d,), ``contact_length``, ``whole_length``,
-        ``counts`` (open, stick, slip), ``max_penetration``, ``max_pressure``.
+        ``counts`` (of each :class:`ContactState`), ``max_penetration``, ``max_pressure``.
         """
         body, w, lam = self.body, self.body.weights, self.multiplier
         d = body.dim
@@ -99,13 +99,13 @@ class DistributedSolution:
             *force,
             float(w @ closed),
             float(w.sum()),
-            *(float(np.count_nonzero(self.state == s)) for s in range(3)),
+            *(float(np.count_nonzero(self.state == s)) for s in ContactState),
         )
         top = body.ranks.largest(self.local[:, 0].max(initial=-np.inf), lam[:, 0].max(initial=-np.inf))
         return {
             "normal_force": float(total[0]), "friction_force": total[1:d], "force": total[d : 2 * d],
             "contact_length": float(total[2 * d]), "whole_length": float(total[2 * d + 1]),
-            "counts": [int(c) for c in total[2 * d + 2 :]],
+            "counts": {kind: int(c) for kind, c in zip(ContactState, total[2 * d + 2 :], strict=True)},
             "max_penetration": float(top[0]), "max_pressure": float(top[1]),
         }  # fmt: skip
 

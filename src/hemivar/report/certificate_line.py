@@ -1,0 +1,47 @@
+"""One quiet line below a picture: how exact the solution is, and whether it is the only one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hemivar.certify import Certificate, DistanceToExact
+from hemivar.report.style import GREY
+from hemivar.solvers import Solution, Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["FOOT", "certificate_line", "write_below", "write_foot"]
+
+#: Room for the line below axes, in inches.
+FOOT = 0.22
+_SIZE = 6.5
+
+
+def certificate_line(solution: Solution, certificate: Certificate | None, exact: DistanceToExact | None = None) -> str:
+    """What a picture says of the worth of its solution: what was certified, or the residual and the distance alone."""
+    if certificate is not None:
+        told = certificate.brief()
+    else:
+        known = "" if exact is None else exact.brief()
+        told = f"residual {solution.residual.relative:.1e}" + (f"; {known}" if known else ", not certified")
+    return told if solution.status is Status.CONVERGED else f"{solution.status.value}: {told}"
+
+
+def write_below(ax: Axes, line: str, points: float = 36.0) -> None:
+    """Write the line so many points below axes, under the name of their scale."""
+    ax.annotate(
+        line, (0.0, 0.0), (0.0, -points), xycoords="axes fraction", textcoords="offset points", fontsize=_SIZE,
+        color=GREY, va="top", annotation_clip=False,
+    )  # fmt: skip
+
+
+def write_foot(fig: Figure, line: str) -> None:
+    """Write the line at the lower edge of a figure, which keeps room for it where its layout is constrained."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    engine, share = fig.get_layout_engine(), FOOT / fig.get_figheight()
+    if isinstance(engine, ConstrainedLayoutEngine):
+        engine.set(rect=(0.0, share, 1.0, 1.0 - share))
+    fig.text(0.01, 0.25 * share, line, fontsize=_SIZE, color=GREY, va="bottom")
