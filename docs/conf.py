@@ -36,10 +36,10 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx-mathjax-offline",
     "numpydoc",
-    "myst_parser",
+    "myst_nb",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "README.md", "gallery/**/*.ipynb", "gallery/**/*.py"]
+exclude_patterns = ["_build", "README.md", "gallery/*.ipynb", "gallery/**/*.ipynb", "gallery/**/*.py"]
 nitpicky = True
 #: Another package, whose pages are on another host.
 nitpick_ignore_regex = [("py:.*", r"numpy\..*")]
@@ -48,6 +48,13 @@ nitpick_ignore_regex = [("py:.*", r"numpy\..*")]
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]
 myst_heading_anchors = 4
 myst_dmath_double_inline = True
+
+# Notebooks are run here, as pages are built; what they show is not kept in the repository.
+nb_execution_mode = "force"
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_execution_in_temp = True
+nb_merge_streams = True
 suppress_warnings = ["config.cache"]
 
 # The reference: docstrings after numpydoc.

@@ -46,6 +46,8 @@ HANDED_ON = {
     ("solvers.solution", "certify"): "certify",
     ("certify.certificate", "certify"): "adapt",
     ("basics.display", "_repr_html_"): "report",
+    ("basics.display", "plot"): "report",
+    ("basics.display", "to_dataframe"): "report",
     ("solvers.solution", "to_dict"): "files",
     ("solvers.solution", "to_json"): "files",
     ("solvers.solution", "to_vtu"): "files",

@@ -52,3 +52,48 @@ def test_a_solution_without_contact_or_with_nan_is_shown_as_well() -> None:
         PROBLEM, np.full(72, np.nan), np.full((4, 2), np.nan), hv.Status.NONFINITE, SOLUTION.residual, "own"
     )
     assert "nonfinite" in repr(lost)
+
+
+def test_every_public_value_is_shown_shortly() -> None:
+    from tests.test_public_types import examples
+
+    several = {id(one): one for found in examples().values() for one in found}
+    assert len(several) > 100
+    for one in several.values():
+        text = repr(one)
+        assert len(text) <= 600, type(one).__name__
+        assert "array(" not in text, type(one).__name__
+
+
+def test_results_of_workflows_are_shown_shortly() -> None:
+    flows = hv.workflows
+    run = flows.result_of(flows.run(PROBLEM))
+    compared = flows.result_of(flows.compare(PROBLEM))
+    adapted = flows.result_of(flows.adapt(STATEMENT, flows.AdaptOptions(rtol=0.5)))
+    history = hv.march(hv.Evolution(STATEMENT), 0.2, step=0.1)
+    for value in (run, compared, *compared.attempts, adapted, history.frames[0], history.rows[0], run.certificate):
+        text = repr(value)
+        assert len(text) <= 600, type(value).__name__
+        assert "array(" not in text, type(value).__name__
+
+
+def test_a_description_by_fields() -> None:
+    from dataclasses import dataclass
+
+    from hemivar.basics.display import brief
+
+    @dataclass(frozen=True)
+    class Value:
+        size: float
+        field: object
+        several: tuple[object, ...]
+
+        __repr__ = brief
+
+    table = repr(Value(1.0 / 3.0, np.zeros((3, 3)), ("a", 1)))
+    assert table == "Value(size=0.333333, field=array (3, 3), several=('a', 1))"
+    many = repr(Value(1.0, np.eye(2), tuple(range(99))))
+    assert many == "Value(size=1.0, field=[[1.0, 0.0], [0.0, 1.0]], several=<99 entries>)"
+    assert repr(Value(1.0, "x" * 99, (np.zeros(9),))).endswith("xxx...', several=(array (9,),))")
+    assert repr(Value(1.0, SOLUTION, (1,))) == "Value(size=1.0, field=<Solution>, several=(1,))"
+    assert len(repr(Value(1.0, "x" * 80, tuple("y" * 9 for _ in range(99))))) < 401

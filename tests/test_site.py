@@ -152,5 +152,16 @@ def test_a_tutorial_shows_the_figures_of_its_code(page: str) -> None:
         assert (SITE / "_images" / name).read_bytes() == drawn.read_bytes()
 
 
+@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "docs" / "notebooks").glob("*.ipynb")))
+def test_notebooks_stand_with_what_they_show(name: str) -> None:
+    page = (SITE / "notebooks" / f"{name}.html").read_text(encoding="utf-8")
+    inside = re.findall(r'src="data:image/png;base64,([^"]{2000,})"', page)
+    beside = re.findall(r'src="(\.\./_images/[^"]+\.png)"', page)
+    assert len(inside) + len(beside) >= 5
+    assert len(beside) >= 2
+    assert "Traceback" not in page
+    assert "&lt;Picture size" not in page
+
+
 def test_the_gallery_has_at_least_twenty() -> None:
     assert len(EXAMPLES) >= 20

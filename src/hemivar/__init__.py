@@ -157,14 +157,16 @@ _EXPORTS = {
     "hemivar.workflows.study": ("Study", "study"),
     "hemivar.workflows.sweep": ("Sweep", "sweep"),
 }
+#: Rooms that are there as attributes, such as ``hemivar.report.plot_solution``.
+_ROOMS = ("files", "gallery", "report", "workflows")
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
 __all__ = ["__version__", *sorted(_HOME)]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "workflows":
-        return importlib.import_module("hemivar.workflows")
+    if name in _ROOMS:
+        return importlib.import_module(f"hemivar.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'hemivar' has no attribute {name!r}")
     value = getattr(importlib.import_module(_HOME[name]), name)
@@ -214,6 +216,9 @@ if TYPE_CHECKING:
     ]
     # fmt: on
 
+    import hemivar.files as files
+    import hemivar.gallery as gallery
+    import hemivar.report as report
     import hemivar.workflows as workflows
     from hemivar.adapt import (
         AdaptiveEnd,

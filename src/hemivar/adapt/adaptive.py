@@ -25,6 +25,7 @@ from hemivar.adapt.goal_values import GoalValue, goal_value
 from hemivar.adapt.goals import Goal, goal_named
 from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.basics.arguments import expect, number
+from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.types import Array, BoolArray, Record
@@ -66,6 +67,8 @@ class AdaptiveLevel:
     indicator: Array
     seconds: float
     goal: GoalValue | None = None
+
+    __repr__ = brief
 
     @property
     def problem(self) -> DiscreteProblem:
@@ -111,7 +114,7 @@ class AdaptiveLevel:
 
 
 @dataclass(frozen=True, eq=False)
-class AdaptiveSolution:
+class AdaptiveSolution(Displayed):
     """Solutions on finer and finer meshes, with their distances to the exact one.
 
     Attributes

@@ -33,6 +33,7 @@ from hemivar.adapt.sweeps import ContactPrice, Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.adapt.vertex_moments import unsettled
 from hemivar.basics.arguments import expect
+from hemivar.basics.display import brief
 from hemivar.basics.types import Array, IntArray
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
@@ -130,6 +131,8 @@ class ExactDistance:
     facets: IntArray
     facet_contact: Array
     facet_gap: Array
+
+    __repr__ = brief
 
     @property
     def relative(self) -> float:

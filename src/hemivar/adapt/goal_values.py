@@ -34,6 +34,7 @@ from hemivar.adapt.goals import Goal
 from hemivar.adapt.sweeps import Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.adapt.vertex_moments import unsettled
+from hemivar.basics.display import brief
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, IntArray
 from hemivar.certify.bound import snap
@@ -81,6 +82,8 @@ class GoalValue:
     corrected: Array
     spread: Array
     indicator: Array
+
+    __repr__ = brief
 
     @property
     def relative(self) -> float:

@@ -1,14 +1,89 @@
-"""How objects show themselves in a notebook."""
+"""How objects show themselves: in a notebook, as a picture, as a table, and in a line at a prompt."""
 
 from __future__ import annotations
 
-__all__ = ["Displayed"]
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+__all__ = ["Displayed", "brief"]
+
+#: Characters of a field in a short description, and of the whole; numbers of an array that are told.
+_FIELD, _WHOLE, _FEW = 90, 400, 6
 
 
 class Displayed:
-    """Base of classes that a notebook shows by a small picture and a table, see :mod:`hemivar.report.notebook`."""
+    """Base of classes that have a picture and a table, and that a notebook shows by both.
+
+    What they show is told in one place, :mod:`hemivar.report.notebook` and :mod:`hemivar.report.frames`.
+    """
 
     def _repr_html_(self) -> str:
         from hemivar.report.notebook import html_of
 
         return html_of(self)
+
+    def plot(self) -> Figure:
+        """A picture of it, which a notebook shows by itself; ``.savefig(path)`` writes it.
+
+        The functions ``plot_...`` of ``hemivar.report`` draw the same with titles, units and more.
+
+        Raises
+        ------
+        ProblemError
+            There is nothing to draw.
+        """
+        from hemivar.report.notebook import picture_of
+
+        return picture_of(self)
+
+    def to_dataframe(self) -> DataFrame:
+        """A pandas DataFrame of what it holds, a row for each of its parts.
+
+        Raises
+        ------
+        ProblemError
+            pandas is not installed.
+        """
+        from hemivar.report.frames import frame_of
+
+        return frame_of(self)
+
+
+def brief(value: Any) -> str:
+    """The ``__repr__`` of a dataclass in a line or two, arrays by their shape and long entries by their number."""
+    if not is_dataclass(value):
+        return object.__repr__(value)
+    told = [f"{item.name}={_entry(getattr(value, item.name, None))}" for item in fields(value) if item.repr]
+    text = f"{type(value).__name__}({', '.join(told)})"
+    return text if len(text) <= _WHOLE else text[: _WHOLE - 5] + " ...)"
+
+
+def _entry(value: object) -> str:
+    if isinstance(value, bool | int | str | None):
+        text = str(value.value) if isinstance(value, Enum) else repr(value)
+        return text if len(text) <= _FIELD else text[: _FIELD - 4] + f"...{text[-1]}"
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, float):
+        text = repr(value)
+        return text if len(text) <= 8 else f"{value:.6g}"
+    if isinstance(value, np.ndarray):
+        few = 0 < value.ndim <= 2 and value.size <= _FEW
+        return f"[{', '.join(_entry(one) for one in value)}]" if few else f"array {value.shape}"
+    if isinstance(value, tuple | list):
+        parts = [_entry(one) for one in value[: _FIELD // 3]]
+        text = ", ".join(parts)
+        if len(value) <= _FIELD // 3 and len(text) <= _FIELD:
+            return f"({text},)" if len(value) == 1 else f"({text})"
+        return f"<{len(value)} entries>"
+    if isinstance(value, FunctionType):
+        return "<function>" if value.__name__ == "<lambda>" else f"<function {value.__name__}>"
+    text = repr(value)
+    return text if len(text) <= _FIELD and "\n" not in text else f"<{type(value).__name__}>"

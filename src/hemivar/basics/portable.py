@@ -13,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from hemivar.basics.display import brief
 from hemivar.basics.types import AnyArray
 from hemivar.errors import ProblemError
 
@@ -32,6 +33,12 @@ class Portable:
         When pickled: an attribute is a function that another process could not import, a lambda for instance.  With
         cloudpickle or dill, which send such functions, they are left to these.
     """
+
+    def __init_subclass__(cls, **options: object) -> None:
+        """A dataclass is shown in a line or two: the decorator leaves a ``__repr__`` that is there."""
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls) and cls.__repr__ in (object.__repr__, brief):
+            cls.__repr__ = brief  # type: ignore[method-assign]
 
     def _stated(self) -> dict[str, object]:
         """The attributes that travel."""

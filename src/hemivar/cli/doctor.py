@@ -42,7 +42,9 @@ def doctor(
     print("\noptional")
     for part in found.optional:
         state = part.version or "not there"
-        print(f"  {part.name:<16}{state}{_trouble(part.broken)}\n{'':18}for {part.serves}{_way(part.remedy)}")
+        print(f"  {part.name:<16}{state}{_trouble(part.broken)}\n{'':18}for {part.serves}")
+        if part.remedy:
+            print(f"{'':18}{part.remedy}")
     if found.remarks:
         print("\nto do")
         for remark in found.remarks:
@@ -54,7 +56,3 @@ def doctor(
 
 def _trouble(broken: str | None) -> str:
     return f"  (broken: {broken})" if broken else ""
-
-
-def _way(remedy: str) -> str:
-    return f": {remedy}" if remedy else ""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import shown
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
     from rich.progress import Progress as Bar
+    from rich.table import Table as RichTable
 
     from hemivar.certify import Certificate
     from hemivar.discrete.problem import DiscreteProblem
@@ -167,15 +169,43 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
         self._context.close()
 
 
-def print_table(console: Console, table: Table) -> None:
-    """Print a table whole, also where it is wider than the terminal."""
+def print_table(console: Console, table: Table, keys: int = 1) -> None:
+    """Print a table with all its columns.
+
+    On a terminal that is too narrow for them they stand in several tables, each with the first ``keys`` columns, which
+    tell the rows apart; elsewhere lines are as long as they must be.
+    """
+    drawn, whole = _drawn(console, table)
+    if not console.is_terminal or whole <= console.width:
+        return _print_whole(console, drawn, whole)
+    first, rest = list(range(keys)), list(range(keys, len(table.columns)))
+    while rest:
+        taken = [rest.pop(0)]
+        while rest and _drawn(console, _columns(table, [*first, *taken, rest[0]]))[1] <= console.width:
+            taken.append(rest.pop(0))
+        _print_whole(console, *_drawn(console, _columns(table, [*first, *taken])))
+        table = replace(table, title="")
+    return None
+
+
+def _columns(table: Table, kept: Sequence[int]) -> Table:
+    """A table of some columns."""
+    rows = tuple(tuple(row[k] for k in kept) for row in table.rows)
+    return replace(table, columns=tuple(table.columns[k] for k in kept), rows=rows)
+
+
+def _drawn(console: Console, table: Table) -> tuple[RichTable, int]:
+    """A table as it is printed, and how wide it is."""
     from rich import box
 
     drawn = table.rich()
     drawn.box = box.SIMPLE_HEAD
     for column in drawn.columns:
         column.no_wrap = True
-    whole = console.measure(drawn, options=console.options.update(width=10_000)).maximum
+    return drawn, console.measure(drawn, options=console.options.update(width=10_000)).maximum
+
+
+def _print_whole(console: Console, drawn: RichTable, whole: int) -> None:
     width = console.width
     console.width = max(width, whole)
     console.print(drawn, crop=False)

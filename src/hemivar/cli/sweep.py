@@ -86,7 +86,7 @@ def sweep(
         found = result_of(sweeping(problem, axes, SweepOptions(search, jobs, keep, changes)), view)
     table = sweep_table(found)
     if len(table.rows) <= _SHOWN:
-        print_table(terminal, table)
+        print_table(terminal, table, keys=len(found.axes))
     else:
         print(f"                  {len(table.rows)} points are done; --csv writes their table")
     failed = [point for point in found.points if point.failed]

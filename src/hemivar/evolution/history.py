@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from hemivar.basics.display import Displayed
+from hemivar.basics.display import Displayed, brief
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -79,6 +79,8 @@ class Frame(Portable):
     rate: Array
     memory: Mapping[str, Array] = field(default_factory=dict)
     temperature: Array | None = None
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.disk import read_text, shown, whole_file, write_text
+from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Array, Record
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
@@ -199,13 +200,7 @@ def history_frame(history: History) -> DataFrame:
     ProblemError
         pandas is not installed.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise ProblemError(
-            "pandas is not installed; pip install pandas, or take history.table, which needs numpy only"
-        ) from None
-    return pandas.DataFrame(history_columns(history))
+    return data_frame(history_columns(history), "history.table, which needs numpy only")
 
 
 def write_history_json(history: History, path: str | Path) -> Path:

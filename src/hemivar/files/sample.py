@@ -56,7 +56,7 @@ gap = 0.0                    # distance between body and foundation (f)
 
 #: Problem files that come with the package, beside the sample: name, file and what it is.
 _SHIPPED = {
-    "survey": ("survey_5_1.toml", "the survey's body with its data (5.1): a block dragged over a foundation"),
+    "survey": ("survey_5_1.toml", "the survey's body, data (5.1): a block dragged over a foundation"),
     "softening": ("softening.toml", "a foundation that gives way: one solution, or several"),
     "delamination": ("delamination.toml", "a strip pulled off the ground that it is glued to"),
     "hertz": ("hertz_line.toml", "rigid contact: a steel block on a cylinder (mm, N, MPa)"),

@@ -4,6 +4,7 @@ from hemivar.report.adaptive_figures import plot_adaptive, plot_meshes
 from hemivar.report.animation import animate
 from hemivar.report.bodies import plot_solution
 from hemivar.report.body_colour import BodyColour
+from hemivar.report.certificate_figure import plot_certificate
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
@@ -33,6 +34,7 @@ __all__ = [
     "animate",
     "comparison_table",
     "plot_adaptive",
+    "plot_certificate",
     "plot_contact",
     "plot_errors",
     "plot_history",

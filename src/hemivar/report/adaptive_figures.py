@@ -17,6 +17,7 @@ from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.certificate_line import FOOT, certificate_line, write_below, write_foot
 from hemivar.report.mesh_lines import mesh_lines
+from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, DASHES, GREEN, GREY, MANY_CELLS, ORANGE, PURPLE, RED, SKY, drawing, with_unit
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ def plot_adaptive(
     ProblemError
         No mesh has a distance.
     """
-    from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     levels = [level for level in found.levels if math.isfinite(level.distance.relative) or level.goal is not None]
@@ -61,7 +61,7 @@ def plot_adaptive(
     unknowns = np.array([level.unknowns for level in levels], dtype=float)
     with drawing():
         high = 3.9 + FOOT
-        fig = Figure(figsize=(6.3, high))
+        fig = new_figure((6.3, high))
         ax = fig.add_axes((0.11, (0.507 + FOOT) / high, 0.53, 3.042 / high))
         _bounds(ax, unknowns, levels)
         goal = levels[-1].goal
@@ -150,7 +150,6 @@ def plot_meshes(
     certificate : Certificate, optional
         What is known about the last solution, for the line below; without it the line has residual and distance.
     """
-    from matplotlib.figure import Figure
 
     count = min(len(found.levels), _MOST)
     chosen = np.unique(np.round(np.linspace(0, len(found.levels) - 1, count)).astype(int))
@@ -164,7 +163,7 @@ def plot_meshes(
     shape = 0.95 if solid else float(np.clip(extent[1] / extent[0], 0.3, 1.6))
     width = 6.3 / columns if columns > 1 else 3.4
     with drawing():
-        fig = Figure(figsize=(width * columns, rows * (0.85 * width * shape + 0.72) + FOOT + (0.3 if title else 0.0)))
+        fig = new_figure((width * columns, rows * (0.85 * width * shape + 0.72) + FOOT + (0.3 if title else 0.0)))
         for place, level in enumerate(levels):
             mesh = level.problem.field.mesh  # type: ignore[union-attr]
             ax: Any = fig.add_subplot(rows, columns, place + 1, projection="3d" if solid else None)

@@ -16,6 +16,7 @@ from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.certificate_line import FOOT, certificate_line, write_foot
 from hemivar.report.contact_maps import contact_maps
 from hemivar.report.deformed import round_number
+from hemivar.report.picture import new_figure
 from hemivar.report.scalar_map import area_maps, over_area
 from hemivar.report.style import GREEN, MARKERS, RED, STYLE, drawing, state_mark, with_unit
 from hemivar.solvers import Solution
@@ -74,7 +75,6 @@ def plot_contact(
 
 
 def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit: str, line: str) -> Figure:
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     problem = solution.problem
@@ -85,7 +85,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     except ProblemError:
         everything = np.arange(problem.contact_points)
         parts = [("", everything, everything.astype(float), "contact point")]
-    fig = Figure(figsize=(max(6.3, 3.4 * len(parts)), 5.0), layout="constrained")
+    fig = new_figure((max(6.3, 3.4 * len(parts)), 5.0), layout="constrained")
     panels = fig.subplots(2, len(parts), sharex="col", squeeze=False)
     bound = _rest_bound(problem)
     multiplier, local, state = solution.multiplier, solution.local, solution.state

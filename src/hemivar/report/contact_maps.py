@@ -12,6 +12,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.report.certificate_line import write_foot
+from hemivar.report.picture import new_figure
 from hemivar.report.style import GREY, MANY_FACETS, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState, Solution
 from hemivar.solvers.solution import state_counts
@@ -30,10 +31,9 @@ def contact_maps(solution: Solution, title: str | None, unit: str, stress_unit: 
 
     Where only a small part of a boundary touches, that part is shown, with as much again around it.
     """
-    from matplotlib.figure import Figure
 
     boundaries = contact_boundaries(solution.problem)
-    fig = Figure(figsize=(6.3, 5.6 * len(boundaries)), layout="constrained")
+    fig = new_figure((6.3, 5.6 * len(boundaries)), layout="constrained")
     subfigures = fig.subfigures(len(boundaries), 1, squeeze=False)[:, 0]
     for part, boundary in zip(subfigures, boundaries, strict=True):
         panels = part.subplots(2, 2)

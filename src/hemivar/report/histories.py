@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.report.picture import new_figure
 from hemivar.report.style import SERIES, axes_on, drawing
 from hemivar.solvers import Solution
 from hemivar.workflows.survey_runs import observed_order
@@ -146,13 +147,12 @@ def plot_history(solutions: Solution | Sequence[Solution], *, title: str | None 
     ProblemError
         There is no solution.
     """
-    from matplotlib.figure import Figure
 
     solutions = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not solutions:
         raise ProblemError("there is no solution to draw the history of")
     with drawing():
-        fig = Figure(figsize=(6.3, 3.2), layout="constrained")
+        fig = new_figure((6.3, 3.2), layout="constrained")
         left, right = fig.subplots(1, 2, sharex=True)
         for number, solution in enumerate(solutions):
             alike = [other for other in solutions if other.problem is solution.problem]

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import CoulombBound, Friction, PenetrationBound, PiecewiseQuadratic, StateBound, Superpotential
+from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, drawing
 
 if TYPE_CHECKING:
@@ -43,7 +44,6 @@ def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None,
     ProblemError
         If ``reach`` is not a positive number.
     """
-    from matplotlib.figure import Figure
 
     one = law.take(np.array([point]))
     told = one.describe()
@@ -54,7 +54,7 @@ def plot_law(law: Superpotential, *, point: int = 0, reach: float | None = None,
         raise ProblemError(f"reach = {reach}; it must be a positive length")
     low, high = max(-reach, told.domain[0]), min(reach, told.domain[1])
     with drawing():
-        fig = Figure(figsize=(6.3, 3.1 + 0.16 * len(told.lines)), layout="constrained")
+        fig = new_figure((6.3, 3.1 + 0.16 * len(told.lines)), layout="constrained")
         graph, potential = fig.subplots(1, 2)
         ends = np.array([low, *[knot for knot in told.knots if low < knot < high], high])
         highest = 0.0

@@ -13,6 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.history_table import history_columns
 from hemivar.report.march_map import draw_map
+from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, drawing, with_unit
 
 if TYPE_CHECKING:
@@ -115,9 +116,8 @@ def plot_march(
 
 def _panels(count: int, height: float, ratios: Sequence[float] | None = None) -> tuple[Figure, list[Axes]]:
     """A column of panels over one axis of time."""
-    from matplotlib.figure import Figure
 
-    fig = Figure(figsize=(6.3, height), layout="constrained")
+    fig = new_figure((6.3, height), layout="constrained")
     panels = list(fig.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0])
     for panel in panels:
         panel.spines[["top", "right"]].set_visible(False)
@@ -214,7 +214,6 @@ def _forces(table: Mapping[str, Array], columns: Sequence[str], units: Units) ->
 
 def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
     from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
 
     if len(columns) not in (0, 2):
         raise ProblemError(f"a loop is drawn of two columns, and {len(columns)} are given; name two, or none")
@@ -228,7 +227,7 @@ def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> F
             raise ProblemError("the table holds neither probes nor forces; name two columns for the loop")
     x, y, time = table[across], table[up], table["time"]
     seen = np.isfinite(x) & np.isfinite(y)
-    fig = Figure(figsize=(5.2, 3.6), layout="constrained")
+    fig = new_figure((5.2, 3.6), layout="constrained")
     ax = fig.add_subplot()
     ax.spines[["top", "right"]].set_visible(False)
     ends = np.stack([x[seen], y[seen]], axis=1)

@@ -11,6 +11,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.boundary import contact_boundaries
 from hemivar.files.snapshot import moving_state
+from hemivar.report.picture import new_figure
 from hemivar.report.style import GREY, STATE_COLOURS, with_unit
 from hemivar.solvers import ContactState
 
@@ -31,7 +32,6 @@ def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, 
         The boundary is not known, the body is not plane, or there are not two frames.
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     problem = history.discrete.problem
@@ -54,7 +54,7 @@ def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, 
     start = history.discrete.evolution.start
     state = np.array([moving_state(frame, start)[index] for frame in history.frames])
     pressure = np.array([frame.multiplier[index, 0] for frame in history.frames])
-    fig = Figure(figsize=(6.3, 3.8), layout="constrained")
+    fig = new_figure((6.3, 3.8), layout="constrained")
     left, right = fig.subplots(1, 2, sharex=True, sharey=True)
     across, up = _edges(place), _edges(times)
     kinds = list(_COLOURS)

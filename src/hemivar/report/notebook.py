@@ -1,4 +1,4 @@
-"""Problems, solutions and certificates as a notebook shows them: a heading, a small picture and a table."""
+"""Problems, solutions, certificates and studies as a notebook shows them: a heading, a picture and a table."""
 
 from __future__ import annotations
 
@@ -10,36 +10,51 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.adapt import AdaptiveSolution
 from hemivar.branches import Path, SolutionSet
-from hemivar.certify import Certificate, DistanceToExact
+from hemivar.certify import Certificate, DistanceToExact, certify, one_solution, smallness
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import HemivarError, ProblemError
 from hemivar.evolution.history import History
+from hemivar.fem import discretize
 from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.mesh.mesh import Mesh
+from hemivar.report.adaptive_figures import plot_adaptive
 from hemivar.report.bodies import plot_solution
+from hemivar.report.certificate_figure import plot_certificate
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.march_figures import plot_march
 from hemivar.report.path_diagrams import plot_path
 from hemivar.report.saving import png
+from hemivar.report.solution_pictures import plot_solutions
 from hemivar.report.statement_figure import plot_problem
+from hemivar.report.study_figures import plot_study, plot_sweep
+from hemivar.report.study_tables import study_table, sweep_table
 from hemivar.report.style import MANY_CELLS
-from hemivar.report.tables import Table
+from hemivar.report.tables import Table, adaptive_table
 from hemivar.solvers import Solution, Status
 from hemivar.solvers.solution import state_counts
+from hemivar.workflows.study import Study
+from hemivar.workflows.sweep import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["html_of"]
+__all__ = ["html_of", "picture_of", "table_of"]
 
 #: Larger bodies are shown without a picture, which would take longer than a reader waits.
 _MOST_CELLS = 10 * MANY_CELLS
 _MOST_FACETS = 5000
-#: Solutions of a set that are drawn, and rows of a table.
-_MOST_PICTURES = 3
+#: Rows of a table.
 _MOST_ROWS = 20
-_DPI = 64
+_DPI = 76
+#: Unknowns up to which a certificate is computed to be shown, and the seconds that it may take.
+_MOST_CERTIFIED = 20_000
+_SECONDS = 2.0
+
+#: Columns of an adaptive solve that are shown.
+_OF_A_MESH = ("unknowns", "cells", "energy", "relative_bound", "guaranteed", "seconds")
 
 _Row = tuple[str, object]
 _Shown = tuple[str, Callable[[], Iterable["Figure"]], Table]
@@ -59,6 +74,25 @@ def html_of(value: object) -> str:
             pictures = ""
     style = "display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start"
     return f'<div><strong>{html.escape(heading)}</strong><div style="{style}">{pictures}{table.html()}</div></div>'
+
+
+def picture_of(value: object) -> Figure:
+    """The picture of a value that :class:`~hemivar.basics.display.Displayed` has.
+
+    Raises
+    ------
+    ProblemError
+        There is nothing to draw.
+    """
+    for kind, draw in _PICTURES.items():
+        if isinstance(value, kind):
+            return draw(value)
+    raise ProblemError(f"there is no picture of a {type(value).__name__}")
+
+
+def table_of(value: object) -> Table:
+    """The table that stands beside the picture; of names and values where a value has no rows of its own."""
+    return _parts(value)[2]
 
 
 def _plain(value: object) -> str:
@@ -98,7 +132,7 @@ def _solution(solution: Solution) -> _Shown:
         ("method", f"{solution.method}, {solution.steps} steps"),
         ("residual, relative", solution.residual.relative),
         ("energy", solution.energy),
-        ("kind", solution.kind),
+        *(_certified(solution) or [("kind", solution.kind)]),
         ("unknowns", problem.unknowns),
         ("contact points", ", ".join(f"{count} {kind.label}" for kind, count in counts.items() if count) or 0),
         (f"contact {solution.measured}", solution.contact_length),
@@ -116,17 +150,50 @@ def _pictures(solution: Solution) -> list[Figure]:
     return [plot_contact(solution)] if 0 < solution.problem.contact_points <= MANY_CELLS else []
 
 
-def _certificate(certificate: Certificate) -> _Shown:
+def _certified(solution: Solution) -> list[_Row]:
+    """What a certificate says of a solution, where that takes a moment only."""
+    if solution.problem.unknowns > _MOST_CERTIFIED or solution.status is not Status.CONVERGED:
+        return []
+    try:
+        return _trust(certify(solution, trace_constant=False, max_time=_SECONDS))
+    except HemivarError:
+        return []
+
+
+def _trust(certificate: Certificate) -> list[_Row]:
+    """The kind of a point, whether there are others, and the bound of its error."""
     unique = {True: "yes", False: "no", None: "not known"}[certificate.unique]
     margin, bound = _number(certificate.margin), _number(certificate.error_bound_relative)
     if certificate.error_bound_sampled:
         margin, bound = f"{margin} (sampled)", f"{bound} (sampled)"
-    rows: list[_Row] = [
+    return [
         ("kind", certificate.kind.value),
-        ("solves the problem", f"{'yes' if certificate.stationary else 'no'}, to {certificate.tolerance:.0e}"),
         ("the only solution", unique),
         ("margin", margin),
         ("error bound, relative", bound),
+    ]
+
+
+def _margin(problem: DiscreteProblem) -> list[_Row]:
+    """Whether a problem has one solution, where that takes a moment only."""
+    if problem.unknowns > _MOST_CERTIFIED:
+        return []
+    try:
+        constants = smallness(problem, trace_constant=False)
+    except HemivarError:
+        return []
+    margin = _number(constants.margin)
+    if one_solution(problem, constants):
+        return [("margin", f"{margin}: one solution")]
+    if constants.margin > 0.0:
+        return [("margin", f"{margin} (sampled)")]
+    return [("margin", f"{margin}, not positive: there may be several solutions")]
+
+
+def _certificate(certificate: Certificate) -> _Shown:
+    rows: list[_Row] = [
+        ("solves the problem", f"{'yes' if certificate.stationary else 'no'}, to {certificate.tolerance:.0e}"),
+        *_trust(certificate),
         ("distance to the exact solution, relative", _exact(certificate.exact)),
         ("equilibrium, relative", certificate.equilibrium_relative),
         ("inclusion, relative", certificate.inclusion_relative),
@@ -136,7 +203,7 @@ def _certificate(certificate: Certificate) -> _Shown:
         ("left out", ", ".join(certificate.left_out) or None),
         *(("warning", sentence) for sentence in certificate.warnings),
     ]
-    return "Certificate", lambda: (), _rows(rows)
+    return "Certificate", lambda: [plot_certificate(certificate)], _rows(rows)
 
 
 def _exact(found: DistanceToExact | None) -> str | None:
@@ -169,7 +236,9 @@ def _solution_set(found: SolutionSet) -> _Shown:
     table = Table(("", "kind", "energy", "normal force", "contact", "status"), rows, found.searched)
     count = f"{len(found)} solution{'s' if len(found) != 1 else ''}"
     heading = f"{count}, {'there are no others' if found.exhaustive else 'there may be more'}"
-    return heading, lambda: [f for one in found.solutions[:_MOST_PICTURES] for f in _pictures(one)], table
+    field = found.solutions[0].problem.field if found.solutions else None
+    drawn = found.solutions and (field is None or _small(field.mesh))
+    return heading, lambda: [plot_solutions(found)] if drawn else [], table
 
 
 def _problem(problem: ContactProblem) -> _Shown:
@@ -182,9 +251,19 @@ def _problem(problem: ContactProblem) -> _Shown:
         *((f"load: {name}", _told(traction)) for name, traction in problem.tractions.items()),
         *((f"contact: {name}", f"{one.normal.name}; friction {one.friction.name}")
           for name, one in problem.contact.items()),
+        *_stated_margin(problem),
     ]  # fmt: skip
     heading = problem.title or "Contact problem"
     return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
+
+
+def _stated_margin(problem: ContactProblem | ScalarProblem) -> list[_Row]:
+    if problem.mesh.number_of_cells > MANY_CELLS:
+        return []
+    try:
+        return _margin(discretize(problem))
+    except HemivarError as error:  # what is stated cannot be solved
+        return [("refused", str(error))]
 
 
 def _scalar_problem(problem: ScalarProblem) -> _Shown:
@@ -198,6 +277,7 @@ def _scalar_problem(problem: ScalarProblem) -> _Shown:
         *((f"support: {name}", _told(value)) for name, value in problem.supports.items()),
         *((f"flux: {name}", _told(value)) for name, value in problem.fluxes.items()),
         *((f"contact: {name}", one.law.name) for name, one in {**problem.contact, **problem.areas}.items()),
+        *_stated_margin(problem),
     ]
     heading = problem.title or f"Scalar problem: {problem.kind.value}"
     return heading, lambda: [plot_problem(problem)] if _small(problem.mesh) else [], _rows(rows)
@@ -212,6 +292,7 @@ def _discrete(problem: DiscreteProblem) -> _Shown:
         ("normal law", law.normal.name if problem.contact_points else None),
         ("friction", law.friction.name if problem.contact_points and problem.contact.components > 1 else None),
         ("entries of the stiffness", problem.bulk.stiffness.nnz if isinstance(problem.bulk, Quadratic) else None),
+        *_margin(problem),
         *(("warning", sentence) for sentence in problem.warnings),
     ]
     stated = problem.origin
@@ -236,6 +317,37 @@ def _history(history: History) -> _Shown:
     drawn = len(history.rows) > 1
     heading = _title("History", history.discrete.problem)
     return heading, lambda: [plot_march(history)] if drawn else [], _rows(rows)
+
+
+def _study(study: Study) -> _Shown:
+    drawn = len(study.levels) > 1
+    heading = f"Study: {len(study.levels)} meshes, errors against the {study.reference}"
+    return heading, lambda: [plot_study(study)] if drawn else [], study_table(study, relative=True, brief=True)
+
+
+def _sweep(sweep: Sweep) -> _Shown:
+    drawn = len(sweep.axes) <= 2 and any(point.count for point in sweep.points)
+    table = sweep_table(sweep)
+    left = len(table.rows) - _MOST_ROWS
+    if left > 0:
+        table = Table(table.columns, table.rows[:_MOST_ROWS], f"and {left} more rows")
+    heading = f"Sweep: {', '.join(axis.key for axis in sweep.axes)}"
+    return heading, lambda: [plot_sweep(sweep)] if drawn else [], table
+
+
+def _adaptive(found: AdaptiveSolution) -> _Shown:
+    whole = adaptive_table(found)
+    kept = [k for k, name in enumerate(whole.columns) if name in _OF_A_MESH]
+    table = Table(tuple(whole.columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in whole.rows))
+    heading = f"Adaptive solution: {found.ended}, asked for {_number(found.rtol)}"
+    return heading, lambda: [plot_adaptive(found)], table
+
+
+def _stated_of(problem: DiscreteProblem) -> Figure:
+    """The picture of what a discrete problem was made of."""
+    if problem.origin is None:
+        raise ProblemError("the problem was made of arrays and has no mesh to draw; its solution has solution.plot()")
+    return plot_problem(problem.origin)
 
 
 def _title(what: str, problem: DiscreteProblem) -> str:
@@ -272,4 +384,21 @@ _KINDS: Mapping[type, Callable[..., _Shown]] = {
     ScalarProblem: _scalar_problem,
     DiscreteProblem: _discrete,
     History: _history,
+    Study: _study,
+    Sweep: _sweep,
+    AdaptiveSolution: _adaptive,
+}
+
+_PICTURES: Mapping[type, Callable[..., Figure]] = {
+    Solution: plot_solution,
+    Certificate: plot_certificate,
+    Path: plot_path,
+    SolutionSet: plot_solutions,
+    ContactProblem: plot_problem,
+    ScalarProblem: plot_problem,
+    DiscreteProblem: _stated_of,
+    History: plot_march,
+    Study: plot_study,
+    Sweep: plot_sweep,
+    AdaptiveSolution: plot_adaptive,
 }

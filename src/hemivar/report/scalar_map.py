@@ -13,6 +13,7 @@ from hemivar.files.boundary import polylines
 from hemivar.mechanics.scalar import ScalarProblem, Side
 from hemivar.report.certificate_line import FOOT, write_below, write_foot
 from hemivar.report.law_figures import law_captions
+from hemivar.report.picture import new_figure
 from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, body_axes, state_mark, with_unit
 from hemivar.solvers import ContactState, Solution
 from hemivar.solvers.solution import state_counts
@@ -112,12 +113,11 @@ def plot_scalar(
 
 
 def _surface(solution: Solution, stated: ScalarProblem, title: str | None, unit: str, line: str) -> Figure:
-    from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     mesh = stated.mesh
     facets = mesh.boundary_facets
-    fig = Figure(figsize=(6.3, 5.0))
+    fig = new_figure((6.3, 5.0))
     ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d"))
     surface = Poly3DCollection(list(mesh.points[facets]), linewidths=0.15, edgecolors="#00000060")
     surface.set_array(solution.displacement[facets, 0].mean(axis=1))
@@ -144,7 +144,6 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     ProblemError
         The mesh lies in space.
     """
-    from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
 
     problem, stated = solution.problem, solution.problem.origin
@@ -159,7 +158,7 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     held[contact.node[over]] = False
     cells = mesh.cells[(~held[mesh.cells]).all(axis=1)]
     grid = Triangulation(mesh.points[:, 0], mesh.points[:, 1], cells)
-    fig = Figure(figsize=(8.2, 4.4), layout="constrained")
+    fig = new_figure((8.2, 4.4), layout="constrained")
     panels = fig.subplots(1, 2, sharey=True)
     for panel, values, name in (
         (panels[0], lam, with_unit("friction" if rubs else "force per area of the foundation", stress_unit)),

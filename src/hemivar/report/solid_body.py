@@ -13,6 +13,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import write_foot
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.picture import new_figure
 from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, state_mark, with_unit
 
 if TYPE_CHECKING:
@@ -39,12 +40,11 @@ def draw_solid(body: DeformedBody, colour: BodyColour, title: str | None, units:
 
     ``units`` are those of length and stress.
     """
-    from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
     problem, mesh, moved = body.problem, body.mesh, body.vertices
     facets = mesh.boundary_facets
-    fig = Figure(figsize=(6.3, 5.0))
+    fig = new_figure((6.3, 5.0))
     ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.74, 0.82), projection="3d", computed_zorder=False))
     fine = len(facets) > MANY_FACETS
     surface = Poly3DCollection(list(moved[facets]), linewidths=0.15, edgecolors="#00000060", zorder=2)

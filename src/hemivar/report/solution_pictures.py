@@ -12,6 +12,7 @@ from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import write_foot
 from hemivar.report.contact_curves import plot_contact
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.picture import new_figure
 from hemivar.report.saving import png
 from hemivar.report.style import drawing
 from hemivar.solvers import Solution
@@ -51,7 +52,6 @@ def plot_solutions(
     ProblemError
         No solution was found, or there are no such colours.
     """
-    from matplotlib.figure import Figure
 
     if not len(found):
         raise ProblemError("no solution was found that could be drawn; search from more starts")
@@ -59,7 +59,7 @@ def plot_solutions(
     columns = min(len(shown), _BESIDE)
     rows = -(-len(shown) // columns)
     with drawing():
-        fig = Figure(figsize=(max(2.6 * columns, 3.4), 2.7 * rows + 0.4), layout="constrained")
+        fig = new_figure((max(2.6 * columns, 3.4), 2.7 * rows + 0.4), layout="constrained")
         panels = fig.subplots(rows, columns, squeeze=False).ravel()
         for number, (panel, solution) in enumerate(zip(panels, shown, strict=False), start=1):
             _draw(panel, solution, scale, unit, stress_unit, colour)

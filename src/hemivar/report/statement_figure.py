@@ -10,6 +10,7 @@ from hemivar.basics.types import IntArray
 from hemivar.files.boundary import polylines
 from hemivar.mechanics import ScalarProblem, Statement
 from hemivar.report.mesh_lines import mesh_lines
+from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREEN, MANY_CELLS, RED, body_axes, drawing, with_unit
 
 if TYPE_CHECKING:
@@ -73,11 +74,10 @@ def _plane(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -
 
 def _solid(problem: Statement, marks: list[tuple[str, str, float]], unit: str) -> tuple[Figure, Axes]:
     """The surface seen from obliquely below, facets coloured by their last condition, the others transparent."""
-    from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     mesh = problem.mesh
-    fig = Figure(figsize=(6.3, 5.0))
+    fig = new_figure((6.3, 5.0))
     ax = cast("Axes3D", fig.add_axes((0.02, 0.06, 0.62, 0.86), projection="3d"))
     facets, colours = painted(problem, marks)
     ax.add_collection3d(

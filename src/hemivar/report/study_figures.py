@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, SERIES, drawing, figure_of, with_unit
 from hemivar.workflows.study import Study
 from hemivar.workflows.sweep import Sweep, SweepAxis
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from hemivar.files.sweep_record import SweepPoint
+    from hemivar.files.sweep_point import SweepPoint
 
 
 __all__ = ["plot_study", "plot_sweep"]
@@ -52,7 +53,6 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
     ProblemError
         There are no errors to draw.
     """
-    from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, NullFormatter
 
     sizes = study.sizes
@@ -63,7 +63,7 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
         raise ProblemError("the study has no errors to draw: take at least one finer mesh")
     with drawing():
         if ax is None:
-            fig = Figure(figsize=(4.0, 3.4), layout="constrained")
+            fig = new_figure((4.0, 3.4), layout="constrained")
             ax = fig.add_subplot()
         else:
             fig = figure_of(ax)
@@ -158,10 +158,9 @@ def plot_sweep(sweep: Sweep, *, labels: Sequence[str] = (), title: str | None = 
 
 
 def _curves(sweep: Sweep, name: str, title: str | None) -> Figure:
-    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    fig = Figure(figsize=(4.0, 3.8), layout="constrained")
+    fig = new_figure((4.0, 3.8), layout="constrained")
     above, below = fig.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     (axis,) = sweep.axes
     x = _places(axis)
@@ -186,7 +185,7 @@ def _curves(sweep: Sweep, name: str, title: str | None) -> Figure:
         below.plot(failed.astype(float), np.zeros(failed.size), "x", color="black", ms=4.0, label="no result")
     most = np.nanmax(count)
     below.set_ylim(-0.4 if failed.size else 0.4, most + 0.6)
-    below.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
+    below.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=6, min_n_ticks=1))
     below.set_ylabel("solutions")
     below.set_xlabel(name)
     if done.any() and not (done & ~sure == 0).all():
@@ -206,10 +205,9 @@ def _failed(sweep: Sweep) -> list[SweepPoint]:
 def _maps(sweep: Sweep, names: Sequence[str], title: str | None) -> Figure:
     import matplotlib
     from matplotlib.colors import BoundaryNorm, ListedColormap, TwoSlopeNorm
-    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    fig = Figure(figsize=(6.3, 2.9), layout="constrained")
+    fig = new_figure((6.3, 2.9), layout="constrained")
     left, right = fig.subplots(1, 2, sharex=True, sharey=True)
     x, y = (_edges(axis) for axis in sweep.axes)
     margin, count = sweep.margin, sweep.count

@@ -10,6 +10,7 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+from hemivar.report.picture import new_figure
 from hemivar.solvers import ContactState
 
 if TYPE_CHECKING:
@@ -109,13 +110,12 @@ def axes_on(ax: Axes | None, size: tuple[float, float], foot: float = 0.0) -> tu
 
     Below them the figure is higher by ``foot`` inches.
     """
-    from matplotlib.figure import Figure
 
     if ax is not None:
         return figure_of(ax), ax
     width, height = size
     whole = height + foot
-    fig = Figure(figsize=(width, whole))
+    fig = new_figure((width, whole))
     return fig, fig.add_axes((0.09, (0.12 * height + foot) / whole, 0.56, 0.8 * height / whole))
 
 

@@ -15,11 +15,13 @@ import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
 from hemivar.basics.disk import make_folder, open_new, shown, whole_file, write_text
+from hemivar.basics.pandas_frame import data_frame
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
 from hemivar.workflows.comparison import energy_norm_difference
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
     from rich.table import Table as RichTable
 
 __all__ = ["PAPER_TABLE_1", "PaperRow", "Table", "adaptive_table", "comparison_table"]
@@ -130,6 +132,20 @@ class Table:
         lines += ["| " + " | ".join(_escape(_text(cell)) for cell in row) + " |" for row in self.rows]
         heading = f"**{self.title}**\n\n" if self.title else ""
         return heading + "\n".join(lines) + "\n"
+
+    def _repr_html_(self) -> str:
+        return self.html()
+
+    def to_dataframe(self) -> DataFrame:
+        """The table for pandas, with all digits; an empty cell is None, among numbers nan.
+
+        Raises
+        ------
+        ProblemError
+            pandas is not installed.
+        """
+        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
+        return data_frame(dict(zip(self.columns, map(list, columns), strict=True)), "the columns and rows of the table")
 
     def html(self) -> str:
         """The table as HTML."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hemivar.basics.display import Displayed
+from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray, Record
 from hemivar.discrete.contact import ContactPoints
@@ -222,13 +223,7 @@ class Solution(ContactValues, Portable, Displayed):
         ProblemError
             pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise ProblemError(
-                "pandas is not installed; pip install pandas, or take solution.contact_table, which needs numpy only"
-            ) from error
-        return pandas.DataFrame(table_columns(self.contact_table))
+        return data_frame(table_columns(self.contact_table), "solution.contact_table, which needs numpy only")
 
     def to_dict(self) -> Record:
         """Plain numbers, lists and strings, see :func:`hemivar.files.solution_record`."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
 from hemivar.adapt.exact_certificate import statement_of
 from hemivar.basics.arguments import expect
+from hemivar.basics.display import brief
 from hemivar.certify import Certificate
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
@@ -82,6 +83,8 @@ class AdaptResult:
     adaptive: AdaptiveSolution
     certificate: Certificate | None
     complaint: str = ""
+
+    __repr__ = brief
 
     @property
     def interrupted(self) -> bool:

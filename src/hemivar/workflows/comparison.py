@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.display import brief
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import posed
@@ -78,6 +79,8 @@ class Attempt(Notice):
     seconds: float | None = None
     difference: float | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
@@ -98,6 +101,8 @@ class Comparison:
     attempts: tuple[Attempt, ...]
     reference: Attempt | None
     interrupted: bool
+
+    __repr__ = brief
 
 
 def compare(problem: DiscreteProblem | Statement, options: CompareOptions | None = None) -> Work[Comparison]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.display import brief
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
 from hemivar.laws import Friction, Superpotential
@@ -40,6 +41,8 @@ class LawStudy(Notice):
     curve: Superpotential | None
     examples: Mapping[str, Value] = field(default_factory=dict)
     unit_bound: bool = False
+
+    __repr__ = brief
 
 
 def study_law(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hemivar.basics.display import brief
 from hemivar.certify import Certificate, certify, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
@@ -66,6 +67,8 @@ class RunResult:
     certificate: Certificate | None
     complaint: str = ""
     interrupted: bool = False
+
+    __repr__ = brief
 
 
 def run(

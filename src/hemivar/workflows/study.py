@@ -18,6 +18,7 @@ import numpy as np
 from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.content import content
 from hemivar.basics.disk import read_text, write_text
+from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
@@ -122,6 +123,8 @@ class StudyLevel(Notice):
     displacement: float = math.nan
     pressure: float = math.nan
 
+    __repr__ = brief
+
     @property
     def converged(self) -> bool:
         """Whether the solve met its tolerance."""
@@ -129,7 +132,7 @@ class StudyLevel(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(Displayed):
     """What :func:`study` found.
 
     Attributes
@@ -153,6 +156,12 @@ class Study:
     norms: Mapping[str, float]
     reference: str
     interrupted: bool = False
+
+    def __repr__(self) -> str:
+        orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
+        h, count = self.sizes, len(self.levels)
+        meshes = f"{count} meshes, h {h[0]:.3g} to {h[-1]:.3g}"
+        return f"Study({meshes}, against the {self.reference}; orders: {orders or 'none'})"
 
     @property
     def sizes(self) -> Array:

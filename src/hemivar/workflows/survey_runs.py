@@ -12,6 +12,7 @@ import numpy as np
 
 from hemivar.adapt import exact_distance
 from hemivar.adapt.trace_bounds import TraceBounds, guaranteed_trace_bounds
+from hemivar.basics.display import brief
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -109,6 +110,8 @@ class MeshRuns:
     problem: DiscreteProblem
     solutions: Mapping[str, Solution]
 
+    __repr__ = brief
+
     @property
     def mesh(self) -> Mesh:
         """The mesh."""
@@ -146,6 +149,8 @@ class SurveyRuns:
     bounds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     not_guaranteed: tuple[str, ...] = ()
     interrupted: bool = False
+
+    __repr__ = brief
 
     @property
     def sizes(self) -> tuple[float, ...]:

@@ -16,6 +16,7 @@ import numpy as np
 from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.content import content
 from hemivar.basics.disk import noting_files_read, read_bytes
+from hemivar.basics.display import Displayed
 from hemivar.basics.generators import result_of
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array
@@ -163,7 +164,7 @@ class Swept(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Displayed):
     """What :func:`sweep` found.
 
     Attributes
@@ -178,6 +179,14 @@ class Sweep:
     axes: tuple[SweepAxis, ...]
     points: tuple[SweepPoint, ...]
     interrupted: bool = False
+
+    def __repr__(self) -> str:
+        keys = ", ".join(f"{axis.key} of {len(axis.values)}" for axis in self.axes)
+        counts = sorted({point.count for point in self.points if not point.failed})
+        found = ", ".join(map(str, counts[:8])) + (", ..." if len(counts) > 8 else "")
+        failed = sum(point.failed for point in self.points)
+        more = f", {failed} without a result" if failed else ""
+        return f"Sweep({keys} values; {len(self.points)} points done{more}; numbers of solutions: {found or 'none'})"
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -1,0 +1,34 @@
+"""Tables for pandas, where it is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+__all__ = ["data_frame"]
+
+
+def data_frame(columns: Mapping[str, Any], instead: str) -> DataFrame:
+    """Columns as a pandas DataFrame.
+
+    Parameters
+    ----------
+    columns : mapping of name to sequence
+    instead : str
+        What holds the same without pandas, for the error.
+
+    Raises
+    ------
+    ProblemError
+        pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise ProblemError(f"pandas is not installed; pip install pandas, or take {instead}") from error
+    return pandas.DataFrame(dict(columns))

@@ -1,0 +1,107 @@
+"""A certificate as a picture: how much of its softening the body bears, and how exact the pair is."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from hemivar.certify import Certificate
+from hemivar.report.picture import new_figure
+from hemivar.report.style import BLUE, GREEN, GREY, RED, drawing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_certificate"]
+
+#: The range of relative sizes that is drawn; what is smaller is rounding.
+_LEAST, _MOST = 1e-17, 10.0
+#: Where the line for c ends at the least.
+_SHORT = 1.6
+_UNIQUE = {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}
+
+
+def plot_certificate(certificate: Certificate, *, title: str | None = None) -> Figure:
+    """What is known about a pair: above c, which is below 1 if there is one solution; below relative sizes.
+
+    These are how far the pair is from equilibrium and from the graph of the law, with the tolerance, and the distances
+    to the exact discrete and continuous solutions.  Filled bars are bounds that hold; open ones are estimates, from
+    sampled constants or for reasons that the certificate names.  What is not known is said in words.
+
+    Parameters
+    ----------
+    certificate : Certificate
+    title : str, optional
+        The kind of point and whether it is the only solution, by default.
+    """
+    with drawing():
+        fig = new_figure((6.3, 2.9 if certificate.exact is None else 3.3), layout="constrained")
+        above, below = fig.subplots(2, 1, height_ratios=(1, 4 if certificate.exact is None else 5))
+        _margin(above, certificate)
+        _sizes(below, certificate)
+        fig.suptitle(title or f"{certificate.kind.value}; {_UNIQUE[certificate.unique]}", fontsize=10)
+    return fig
+
+
+def _margin(ax: Axes, certificate: Certificate) -> None:
+    """The constant c with its coupling on a line that ends where uniqueness is no longer proved."""
+    left_out = "margin" in certificate.left_out
+    used = 1.0 - certificate.margin
+    shown = used if math.isfinite(used) else 2.0 * _SHORT  # beyond the end
+    sampled = certificate.smallness.sampled
+    unproved = certificate.margin <= 0.0
+    if not left_out:
+        colour = RED if unproved else GREEN
+        ax.barh([0], [max(shown, 0.0)], 0.5, color="none" if sampled else colour, edgecolor=colour, lw=1.0)
+    ax.axvline(1.0, color="black", lw=1.0)
+    end = max(_SHORT, 1.25 * shown) if math.isfinite(used) else _SHORT
+    ax.set_xlim(0.0, end)
+    ax.set_ylim(-0.6, 0.6)
+    margin = "not computed, for lack of time" if left_out else f"{certificate.margin:.3g}"
+    said = f"margin {margin}{' (sampled)' if sampled and not left_out else ''}"
+    right = shown < 0.62 * end or left_out
+    ax.annotate(
+        said, (max(shown, 1.0) if right else 1.0, 0.0), xytext=(5 if right else -5, 0), textcoords="offset points",
+        va="center", ha="left" if right else "right", fontsize=8.0,
+        bbox={"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+    )  # fmt: skip
+    ax.set_yticks([0], labels=["c, below 1 if\nunique"])
+    ax.tick_params(axis="y", length=0)
+    ax.spines[["top", "right", "left"]].set_visible(False)
+
+
+def _sizes(ax: Axes, certificate: Certificate) -> None:
+    """Relative sizes on a logarithmic scale."""
+    exact = certificate.exact
+    bound, sampled = certificate.error_bound_relative, certificate.error_bound_sampled
+    late = "error bound" in certificate.left_out or "margin" in certificate.left_out
+    why = "not computed, for lack of time" if late else "no bound: the margin is not positive"
+    rows: list[tuple[str, float, str, bool, str]] = [
+        ("out of equilibrium", certificate.equilibrium_relative, GREY, True, "not known"),
+        ("off the law", certificate.inclusion_relative, GREY, True, "not known"),
+        ("distance to the exact\ndiscrete solution", bound, BLUE, not sampled, why),
+    ]
+    if exact is not None:
+        name = "distance to the exact\ncontinuous solution"
+        rows.append((name, exact.relative, BLUE, exact.guaranteed, "not known; see its reasons"))
+    for row, (_, value, colour, sure, missing) in enumerate(rows):
+        if not math.isfinite(value):
+            ax.annotate(missing, (_LEAST, row), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.0)
+            continue
+        shown = min(max(value, _LEAST), _MOST)
+        ax.barh([row], [shown - _LEAST], 0.55, left=_LEAST, color=colour if sure else "none", edgecolor=colour, lw=1.0)
+        kind = "" if colour == GREY else "at most " if sure else "about "
+        said = f"{kind}{value:.1e}" if value else "0"
+        ax.annotate(said, (shown, row), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8.0)
+    ax.plot([certificate.tolerance] * 2, [-0.5, 1.5], color=RED, lw=1.0, ls="--")
+    ax.annotate(
+        "tolerance", (certificate.tolerance, -0.45), xytext=(3, 0), textcoords="offset points", color=RED, va="top",
+        fontsize=8.0,
+    )  # fmt: skip
+    ax.set(xscale="log", xlim=(_LEAST, _MOST * 300.0), xlabel="relative size")
+    ax.set_xticks([10.0**power for power in range(-16, 1, 4)])
+    ax.set_yticks(range(len(rows)), labels=[name for name, *_ in rows])
+    ax.tick_params(axis="y", length=0)
+    ax.set_ylim(len(rows) - 0.4, -0.7)
+    ax.spines[["top", "right"]].set_visible(False)
