@@ -170,9 +170,9 @@ def gallery_problems() -> Iterator[tuple[str, Callable[[], hv.ContactProblem | g
         yield f"manufactured, softening, 1/{n}", lambda n=n: gallery.manufactured_softening(n)
     yield "block pressed down", lambda: gallery.weighted_block(n=4, top_displacement=0.2)
     for softening in (2.0, 6.0, 20.0):
-        yield f"softening block {softening}", lambda s=softening: gallery.softening_block(softening=s, n=4)[0]
+        yield f"softening block {softening}", lambda s=softening: gallery.softening_block(softening=s, n=4)
     for bound in (0.3, 0.5, 1.0):
-        yield f"sheared block {bound}", lambda b=bound: gallery.shear_block(b, 4, order=1)[0]
+        yield f"sheared block {bound}", lambda b=bound: gallery.shear_block(b, 4, order=1)
 
 
 def judged(name: str, made: hv.ContactProblem | gallery.KnownProblem, constants: TraceBounds | None) -> dict[str, Any]:

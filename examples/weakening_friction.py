@@ -60,7 +60,7 @@ for bound, rate, free in ((0.5, 1.0, 0.3), (1.0, 20.0, 0.248)):
 
 roots = []
 for softening, top in ((6.0, 0.12), (6.0, 0.2), (6.0, 0.4), (20.0, 0.14)):
-    for case in softening_block(softening=softening, top_displacement=top, n=4):
+    for case in softening_block(softening=softening, top_displacement=top, n=4).solutions:
         problem = hv.discretize(case.problem)
         assert problem.field is not None
         displacement = case.displacement(problem.field.nodes)

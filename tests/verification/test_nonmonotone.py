@@ -22,7 +22,7 @@ def test_shear_block_on_both_branches(bound: float, kinetic: float, rate: float,
     The upper branch is stable in the plane only where friction has nearly ceased to fall: a body with free sides is
     softer than a column in shear.
     """
-    known = shear_block(bound, 4, load=8.0 * free, kinetic=kinetic, rate=rate)
+    known = shear_block(bound, 4, load=8.0 * free, kinetic=kinetic, rate=rate).solutions
     assert len(known) == count
     for number, one in enumerate(known):
         problem = discretize(one.problem)
@@ -55,7 +55,7 @@ def test_shear_block_on_both_branches(bound: float, kinetic: float, rate: float,
 )
 def test_block_on_softening_springs(softening: float, top: float, penetrations: list[float]) -> None:
     """E2 with a softening law, kappa = 12, k = 30, delta = 0.05."""
-    known = softening_block(softening=softening, top_displacement=top, n=6)
+    known = softening_block(softening=softening, top_displacement=top, n=6).solutions
     assert len(known) == len(penetrations)
     for one, s in zip(known, penetrations, strict=True):
         problem = discretize(one.problem)

@@ -340,7 +340,7 @@ def _checked(
 ) -> tuple[ContactProblem, Goal | None]:
     """The problem on a mesh that is fine enough to begin with, and the goal."""
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    expect(problem, ContactProblem, "what to solve adaptively", remedy)
+    problem = expect(problem, ContactProblem, "what to solve adaptively", remedy)
     limits = (("rtol", rtol), ("share", share), ("max_time", max_time), ("max_memory", max_memory))
     for name, value in (*limits, ("max_unknowns", max_unknowns)):
         if not number(value, name, "give a positive number") > 0.0:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from types import UnionType
 from typing import Any, TypeVar, overload
 
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.errors import ProblemError
 
 __all__ = ["described", "expect", "number", "suggest", "whole_number"]
@@ -37,13 +38,14 @@ def expect(value: object, kind: UnionType, name: str, remedy: str) -> Any: ...
 
 
 def expect(value: object, kind: Any, name: str, remedy: str) -> object:
-    """The value, if it is of a kind, a class or a union of classes.
+    """The value, if it is of a kind, a class or a union of classes; of a known statement what it states.
 
     Raises
     ------
     ProblemError
         ``NAME is WHAT; REMEDY``; for the class in place of an object of it, that it must be made first.
     """
+    value = KnownStatement.of(value) if not isinstance(value, kind) else value
     if isinstance(value, kind):
         return value
     if isinstance(value, type) and issubclass(value, kind):

@@ -17,8 +17,7 @@ from hemivar.branches.path import Fold, Jump, Path, PathEnd
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine
-from hemivar.fem.posed import posed
-from hemivar.mechanics.scalar import Statement
+from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.systems import CondensedProblem
 from hemivar.systems.workspace import Workspace
@@ -65,7 +64,7 @@ class PathOptions:
 
 
 def follow_path(
-    problem: DiscreteProblem | Statement,
+    problem: Posable,
     load_factor: tuple[float, float] = (0.0, 1.0),
     *,
     unloaded: DiscreteProblem | None = None,
@@ -116,7 +115,7 @@ def follow_path(
 
 
 def following(
-    problem: DiscreteProblem | Statement,
+    problem: Posable,
     options: PathOptions,
     *,
     unloaded: DiscreteProblem | None = None,

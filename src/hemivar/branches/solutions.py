@@ -19,9 +19,7 @@ from hemivar.branches.search import SearchProgress, SolutionSearch
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.certify import Smallness, one_solution, smallness
 from hemivar.discrete.point_kind import PointKind
-from hemivar.discrete.problem import DiscreteProblem
-from hemivar.fem.posed import posed
-from hemivar.mechanics.scalar import Statement
+from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, Status
 from hemivar.systems.workspace import Workspace
 
@@ -133,7 +131,7 @@ class SolutionsOptions:
 
 
 def find_solutions(
-    problem: DiscreteProblem | Statement,
+    problem: Posable,
     *,
     starts: int = 40,
     max_solutions: int = 100,
@@ -182,7 +180,7 @@ def find_solutions(
 
 
 def finding(
-    problem: DiscreteProblem | Statement, options: SolutionsOptions, workspace: Workspace | None = None
+    problem: Posable, options: SolutionsOptions, workspace: Workspace | None = None
 ) -> Generator[SearchProgress, bool | None, SolutionSet]:
     """:func:`find_solutions` start by start: yields each, ends after it if it is sent True, returns the solutions.
 

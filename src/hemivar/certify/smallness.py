@@ -20,7 +20,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, region_masks, stiffness_matrix
 from hemivar.fem.discretize import discretize
-from hemivar.fem.posed import posed
+from hemivar.fem.posed import Posable, posed
 from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.material import Material
@@ -126,7 +126,7 @@ class Smallness:
 
 
 def smallness(
-    problem: DiscreteProblem | Statement,
+    problem: Posable,
     *,
     displacement: Array | None = None,
     multiplier: Array | None = None,

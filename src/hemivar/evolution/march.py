@@ -77,7 +77,7 @@ def marching(
         Every step; the generator returns a :class:`History`.
     """
     remedy = "give an Evolution(problem, ...); a contact problem becomes one by hemivar.Evolution(problem)"
-    expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
+    evolution = expect(evolution, Evolution | DiscreteEvolution, "what to march", remedy)
     stated = evolution.evolution if isinstance(evolution, DiscreteEvolution) else evolution
     refuse_plan(stated, plan)
     began = clock.perf_counter()

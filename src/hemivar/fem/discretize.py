@@ -7,6 +7,7 @@ import logging
 import numpy as np
 
 from hemivar.basics.arguments import expect
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
@@ -73,12 +74,13 @@ def discretize(problem: Statement, *, check_coercivity: bool = True, evolving: b
         positive definite, an obstacle lies inside the body, midpoints of contact facets have displacements that
         depend on one another, the body is free to move, or something depends on time.
     """
-    if isinstance(problem, DiscreteProblem):
+    given = KnownStatement.of(problem)
+    if isinstance(given, DiscreteProblem):
         raise ProblemError("this problem is discrete already; solve it, or discretize its statement")
-    if isinstance(problem, ScalarProblem):
-        return discretize_scalar(problem, check_coercivity=check_coercivity)
+    if isinstance(given, ScalarProblem):
+        return discretize_scalar(given, check_coercivity=check_coercivity)
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    return _discretize(expect(problem, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
+    return _discretize(expect(given, ContactProblem, "what to discretize", remedy), check_coercivity, evolving)
 
 
 def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool) -> DiscreteProblem:

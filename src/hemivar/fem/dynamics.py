@@ -110,7 +110,7 @@ def body_matrices(problem: ContactProblem, discrete: DiscreteProblem | None = No
     ProblemError
         A density is not positive, a viscosity or a branch not positive semidefinite, or as in :func:`discretize`.
     """
-    expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
+    problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
     material, bedding = problem.material, bedding_of(problem.bedding)
     conditions = nodal_conditions(problem)
     maker = _Maker(problem, conditions.supports)

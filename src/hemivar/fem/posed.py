@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from hemivar.basics.arguments import described
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
 from hemivar.mechanics.scalar import Statement
 
-__all__ = ["posed"]
+__all__ = ["Posable", "posed"]
+
+#: What a discrete problem can be made of.
+Posable = DiscreteProblem | Statement | KnownStatement
 
 
-def posed(problem: DiscreteProblem | Statement, function: str) -> DiscreteProblem:
+def posed(problem: Posable, function: str) -> DiscreteProblem:
     """The problem, discretised if it is not yet.
 
     Parameters
     ----------
-    problem : DiscreteProblem, ContactProblem or ScalarProblem
+    problem : DiscreteProblem, ContactProblem, ScalarProblem or KnownStatement
     function : str
         Who asks, for messages.
 
@@ -25,11 +29,12 @@ def posed(problem: DiscreteProblem | Statement, function: str) -> DiscreteProble
     ProblemError
         It is neither.
     """
-    if isinstance(problem, DiscreteProblem):
-        return problem
-    if isinstance(problem, Statement):
-        return discretize(problem)
+    given = KnownStatement.of(problem)
+    if isinstance(given, DiscreteProblem):
+        return given
+    if isinstance(given, Statement):
+        return discretize(given)
     raise ProblemError(
-        f"{function}: the problem is {described(problem)}; give a ContactProblem, what hemivar.discretize makes of it, "
+        f"{function}: the problem is {described(given)}; give a ContactProblem, what hemivar.discretize makes of it, "
         "or what hemivar.read_problem reads from a file"
     )

@@ -15,8 +15,10 @@ import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 from hemivar.basics import disk
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.errors import FileError, ProblemError
 from hemivar.files.body_table import loads_record, read_bedding, read_loads, read_supports, supports_record
 from hemivar.files.changes import Change, changed
@@ -279,7 +281,7 @@ def _solver(table: Table) -> SolverSettings:
 
 
 def write_problem(
-    problem: Statement | ProblemFile,
+    problem: Statement | KnownStatement | ProblemFile,
     path: str | Path,
     *,
     method: str | Solver | None = None,
@@ -319,7 +321,8 @@ def write_problem(
         If a file cannot be written, or a file beside it would take the place of another one.
     """
     path = Path(path)
-    stated = problem if isinstance(problem, ProblemFile) else ProblemFile(problem)
+    given = KnownStatement.of(problem)
+    stated = given if isinstance(given, ProblemFile) else ProblemFile(cast("Statement", given))
     settings = _settings(stated.solver, method, controls)
     with contextlib.ExitStack() as undone:
         files = _Beside(path, undone) if beside else None

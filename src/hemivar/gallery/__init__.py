@@ -1,4 +1,9 @@
-"""Problems with known answers, of the survey and of the literature, static and in time."""
+"""Problems with known answers, of the survey and of the literature, static and in time.
+
+Every function returns one value that may be given wherever a problem or an evolution is asked for (``hv.solve``,
+``hv.discretize``, ``hv.march``, ...): a statement, for bars a discrete problem, or, where the solution is known, a
+:class:`~hemivar.basics.known_statement.KnownStatement` that holds it beside its ``statement``.
+"""
 
 from hemivar.gallery.evolution_examples import SCREWED_ARCH_DATA, ScrewedArchData, screwed_arch, viscoelastic_beam
 from hemivar.gallery.known import (

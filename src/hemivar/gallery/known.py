@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -29,8 +30,8 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class KnownProblem:
-    """A problem with its exact solution.
+class KnownProblem(KnownStatement):
+    """A problem with its exact solution; it may be given wherever a problem is asked for.
 
     Attributes
     ----------
@@ -39,11 +40,24 @@ class KnownProblem:
         Exact displacement, points (k, d) -> (k, d).
     pressure : callable
         Exact pressure on the contact boundary, points (k, d) -> (k,).
+    others : tuple of KnownProblem
+        Where more solutions are known: each of the others, with a problem that it solves.
     """
 
     problem: ContactProblem
     displacement: Callable[[Array], Array]
     pressure: Callable[[Array], Array]
+    others: tuple[KnownProblem, ...] = ()
+
+    @property
+    def statement(self) -> ContactProblem:
+        """The problem."""
+        return self.problem
+
+    @property
+    def solutions(self) -> tuple[KnownProblem, ...]:
+        """This solution and the others."""
+        return (self, *self.others)
 
 
 def elastic_bar(

@@ -13,6 +13,7 @@ from math import atan, exp, log, pi, sqrt
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution
@@ -55,8 +56,8 @@ AT_ONCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class KnownEvolution:
-    """An evolution with a closed form.
+class KnownEvolution(KnownStatement):
+    """An evolution with a closed form; it may be given wherever an evolution is asked for.
 
     Attributes
     ----------
@@ -77,6 +78,11 @@ class KnownEvolution:
     exact: Callable[[float], float]
     stops: tuple[float, ...] = ()
 
+    @property
+    def statement(self) -> Evolution:
+        """The evolution."""
+        return self.evolution
+
 
 def _block(
     contact: Contact,
@@ -92,7 +98,7 @@ def _block(
         supports["top"] = Fixed(y=top)
     return ContactProblem(
         mesh=rectangle((1.0, 1.0), 1),
-        material=Material.lame(0.0, 0.5 * modulus, viscosity=viscosity, branches=branches),
+        material=Material.lame(0.0, 0.5 * modulus, density=density, viscosity=viscosity, branches=branches),
         supports=supports,
         contact={"bottom": contact},
     )

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -123,13 +124,13 @@ def softening_block(
     width: float = 1.0,
     height: float = 1.0,
     lame: tuple[float, float] = (4.0, 4.0),
-) -> tuple[KnownProblem, ...]:
+) -> KnownProblem:
     """A block between frictionless walls pushed by its top onto softening springs: all its uniform solutions.
 
     As the patch version of :func:`weighted_block`, with ``kappa (D - s) in dj(s)`` for a :class:`Softening` law; every
-    solution s is uniform and its displacement linear, ``u_y = -s - (D - s) y/b``. The same problem is returned once
-    for each of them, in the order of s; there is one if softening < kappa = (lam + 2 mu)/b, otherwise up to three (and
-    then others that are not uniform).
+    solution s is uniform and its displacement linear, ``u_y = -s - (D - s) y/b``. The one with the smallest s is
+    returned, and the others are its ``others``, in the order of s; there is one if softening < kappa = (lam + 2 mu)/b,
+    otherwise up to three (and then others that are not uniform).
 
     Parameters
     ----------
@@ -146,7 +147,7 @@ def softening_block(
 
     Returns
     -------
-    tuple of KnownProblem
+    KnownProblem
     """
     lam, mu = lame
     kappa = (lam + 2.0 * mu) / height
@@ -165,7 +166,8 @@ def softening_block(
         return KnownProblem(problem, displacement, lambda x: np.full(len(x), kappa * (top_displacement - s)))
 
     roots = elastic_bar_penetrations(kappa, top_displacement, stiffness, limit, softening)
-    return tuple(known(s) for s in roots)
+    first, *others = (known(s) for s in roots)
+    return replace(first, others=tuple(others))
 
 
 def shear_block_slips(
@@ -273,7 +275,7 @@ def shear_block(
     kinetic: float = 0.7,
     rate: float = 1.0,
     order: int = 2,
-) -> tuple[KnownProblem, ...]:
+) -> KnownProblem:
     """A block sheared along its base against friction that weakens with the slip: all its uniform solutions.
 
     On (0, a) x (0, b), no normal displacement at y = 0, top fixed, body force (f, 0) and the side tractions
@@ -281,9 +283,9 @@ def shear_block(
     solves ``kappa (w0 - w) in bound dj_tau(w)`` (:func:`shear_block_slips`) and
     ``u_x = w + (T y - f y^2/2)/mu``, ``T = kappa (w0 - w)``, ``sigma_xy = T - f y``.
 
-    The side tractions belong to the solution, so that problems differ; one is returned for each uniform solution, in
-    the order of the slip. :class:`KnownProblem`'s pressure is zero; T is the friction. Elements of order 2, the
-    default, hold the solutions exactly.
+    The side tractions belong to the solution, so that problems differ; the one with the smallest slip is returned, and
+    the others are its ``others``, in the order of the slip. :class:`KnownProblem`'s pressure is zero; T is the
+    friction. Elements of order 2, the default, hold the solutions exactly.
 
     Parameters
     ----------
@@ -306,7 +308,7 @@ def shear_block(
 
     Returns
     -------
-    tuple of KnownProblem
+    KnownProblem
     """
     lam, mu = lame
     kappa, free = mu / height, load * height**2 / (2.0 * mu)
@@ -333,7 +335,8 @@ def shear_block(
         )
         return KnownProblem(problem, displacement, lambda x: np.zeros(len(x)))
 
-    return tuple(known(slip) for slip in shear_block_slips(kappa, free, bound, static, kinetic, rate))
+    first, *others = (known(slip) for slip in shear_block_slips(kappa, free, bound, static, kinetic, rate))
+    return replace(first, others=tuple(others))
 
 
 def manufactured_softening(n: int = 8, pattern: Literal["cross", "right", "left"] = "right") -> KnownProblem:

@@ -9,6 +9,7 @@ from math import log
 import numpy as np
 from scipy.optimize import brentq
 
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import Formula
@@ -20,8 +21,8 @@ __all__ = ["KnownScalarProblem", "antiplane_friction", "membrane_obstacle", "mem
 
 
 @dataclass(frozen=True, eq=False)
-class KnownScalarProblem:
-    """A scalar problem with its exact solution.
+class KnownScalarProblem(KnownStatement):
+    """A scalar problem with its exact solution; it may be given wherever a problem is asked for.
 
     Attributes
     ----------
@@ -38,6 +39,11 @@ class KnownScalarProblem:
     solution: Callable[[Array], Array]
     gradient: Callable[[Array], Array]
     multiplier: Callable[[Array], Array]
+
+    @property
+    def statement(self) -> ScalarProblem:
+        """The problem."""
+        return self.problem
 
 
 def membrane_radius(height: float, radius: float, load: float = 0.0) -> float:

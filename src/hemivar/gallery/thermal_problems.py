@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
+from hemivar.evolution import Evolution
 from hemivar.laws import Compliance, Logarithmic
 from hemivar.mechanics import Contact, ContactProblem, Heat, HeatContact, Material
 from hemivar.mesh import rectangle
@@ -15,8 +17,8 @@ __all__ = ["WarmBody", "thermoviscoelastic"]
 
 
 @dataclass(frozen=True, eq=False)
-class WarmBody:
-    """A body in time with its heat: ``Evolution(body.problem, inertia=True, heat=body.heat)``.
+class WarmBody(KnownStatement):
+    """A body in time with its heat; it may be given wherever an evolution is asked for.
 
     Attributes
     ----------
@@ -29,6 +31,11 @@ class WarmBody:
     problem: ContactProblem
     heat: Heat
     until: float
+
+    @property
+    def statement(self) -> Evolution:
+        """The evolution, with inertia."""
+        return Evolution(self.problem, inertia=True, heat=self.heat)
 
 
 def thermoviscoelastic(n: int = 16, share: float = 0.1) -> WarmBody:

@@ -15,6 +15,8 @@ from hemivar.linear.vectors import WHOLE, Vectors
 __all__ = ["Descent", "Matrix", "conjugate_gradients"]
 
 _FLAT = 1e-12
+#: By how much a residual is larger than what is enough, if the next one is still larger.
+_FAR = 8.0
 
 
 class Matrix(Protocol):
@@ -72,15 +74,15 @@ def conjugate_gradients(
     limit : int
         Most products with A.
     enough : function, optional
-        Called with the iteration and the iterate after every step; ends once the residual is smaller than the array it
-        returns, in the 2-norm.
+        Called with the iteration and the iterate after a step; ends once the residual is smaller than the array it
+        returns, in the 2-norm.  Where it was larger by far the next step goes without.
     vectors : Vectors
         How the parts of a vector are summed.
     """
     x = np.zeros_like(b)
     r = b.copy()
     p: Array | None = None
-    rz = 1.0
+    rz, far = 1.0, False
     for iteration in range(1, limit + 1):
         z = precondition(r)
         now = float(vectors.total(float(r @ z))[0])
@@ -102,8 +104,9 @@ def conjugate_gradients(
         square = float(r @ r)
         if vectors.alone and math.sqrt(square) <= tolerance:  # else it is summed with what is enough, by all at once
             return Descent(x, r, iteration)
-        far = np.zeros(0) if enough is None else enough(iteration, x)
-        rest, wanted = np.sqrt(vectors.total(square, float(far @ far))).tolist()
+        off = np.zeros(0) if enough is None or far else enough(iteration, x)
+        rest, wanted = np.sqrt(vectors.total(square, float(off @ off))).tolist()
         if rest <= tolerance or rest < wanted:
             return Descent(x, r, iteration)
+        far = not far and iteration > 1 and rest > _FAR * wanted
     return Descent(x, r, limit)

@@ -8,7 +8,7 @@ from hemivar.basics.arguments import described, expect
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.posed import posed
+from hemivar.fem.posed import Posable, posed
 from hemivar.fem.transfer import interpolate
 from hemivar.mechanics.scalar import Statement
 from hemivar.solvers.base import Solver
@@ -47,7 +47,7 @@ def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
 
 
 def solve_nested(
-    problems: Sequence[DiscreteProblem | Statement],
+    problems: Sequence[Posable],
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,

@@ -18,10 +18,9 @@ from hemivar.basics.types import Array
 from hemivar.discrete.hold import Verdict, decide
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
-from hemivar.fem.posed import posed
+from hemivar.fem.posed import Posable, posed
 from hemivar.linear.factor_memory import shortage
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics.scalar import Statement
 from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
@@ -52,7 +51,7 @@ _NAMES = (
 
 
 def solve(
-    problem: DiscreteProblem | Statement,
+    problem: Posable,
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,
@@ -93,7 +92,7 @@ def solve(
 
 
 def solving(
-    problem: DiscreteProblem | Statement,
+    problem: Posable,
     solver: Solver | None = None,
     controls: Controls | None = None,
     *,

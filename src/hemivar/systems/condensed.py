@@ -19,11 +19,10 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
 from hemivar.errors import ProblemError
 from hemivar.fem.free_motion import free_growth
-from hemivar.fem.posed import posed
+from hemivar.fem.posed import Posable, posed
 from hemivar.laws import ContactLaw
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.linear.vectors import WHOLE, Vectors
-from hemivar.mechanics.scalar import Statement
 from hemivar.systems.elimination import Elimination, Recovery
 
 __all__ = ["CondensedProblem", "condense"]
@@ -360,7 +359,7 @@ class CondensedProblem(Portable):
         return u, self._residuals(u, [lam])[0]
 
 
-def condense(problem: DiscreteProblem | Statement, many: bool = False) -> CondensedProblem:
+def condense(problem: Posable, many: bool = False) -> CondensedProblem:
     """Eliminate every unknown that no contact law acts on (the survey's Schur complement, section 5.2).
 
     Costs one sparse factorisation.  Where the trace selects single unknowns (nodal quadrature) the contact unknowns

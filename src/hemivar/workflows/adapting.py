@@ -115,7 +115,7 @@ def adapt(problem: ContactProblem, options: AdaptOptions | None = None) -> Work[
     """
     options = AdaptOptions() if options is None else options
     remedy = "give a ContactProblem; hemivar.read_problem(path) reads one from a file"
-    expect(problem, ContactProblem, "what to solve adaptively", remedy)
+    problem = expect(problem, ContactProblem, "what to solve adaptively", remedy)
     given = {name: getattr(options, name) for name in vars(options)}
     found = yield from _levels(problem, given)
     complaint, certificate = "", None

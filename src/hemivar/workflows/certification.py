@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from hemivar.basics.types import Array
 from hemivar.certify import Certificate
 from hemivar.certify import certify as certificate_of_pair
-from hemivar.discrete.problem import DiscreteProblem
-from hemivar.fem.posed import posed
-from hemivar.mechanics import Statement
+from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, Solver
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Certified, Found, Work
@@ -41,7 +39,7 @@ class CertifyOptions:
 
 
 def certify(
-    problem: DiscreteProblem | Statement,
+    problem: Posable,
     unknowns: Array | None = None,
     multiplier: Array | None = None,
     options: CertifyOptions | None = None,

@@ -10,8 +10,7 @@ import numpy as np
 from hemivar.basics.display import brief
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
-from hemivar.fem.posed import posed
-from hemivar.mechanics import Statement
+from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import METHODS, Controls, Solution, Solver, Status, solving, suited
 from hemivar.systems import Workspace
 from hemivar.workflows.events import Notice, Stage, Work
@@ -105,7 +104,7 @@ class Comparison:
     __repr__ = brief
 
 
-def compare(problem: DiscreteProblem | Statement, options: CompareOptions | None = None) -> Work[Comparison]:
+def compare(problem: Posable, options: CompareOptions | None = None) -> Work[Comparison]:
     """Solve a problem by several methods, the reference first: newton, or multigrid where no factorisation fits.
 
     Yields :class:`Condensed`, then for every method :class:`Stage`, its steps and :class:`Attempt`.  A method that is

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from hemivar.branches import Path, PathOptions, SolutionSet, SolutionsOptions, finding, following
-from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import LoadLine
-from hemivar.fem.posed import posed
+from hemivar.fem.posed import Posable, posed
 from hemivar.mechanics import Statement
 from hemivar.workflows.events import Found, Warned, Work
 
 __all__ = ["path", "solutions"]
 
 
-def solutions(problem: DiscreteProblem | Statement, options: SolutionsOptions | None = None) -> Work[SolutionSet]:
+def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work[SolutionSet]:
     """All solutions that can be found.
 
     Yields :class:`Warned`, every start, and when the search is over :class:`Found` for every solution, by their
@@ -43,7 +42,7 @@ def solutions(problem: DiscreteProblem | Statement, options: SolutionsOptions | 
     return found
 
 
-def path(problem: DiscreteProblem | Statement, options: PathOptions | None = None) -> Work[Path]:
+def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
     """The equilibria while all loads grow, with the prescribed displacements if a statement is given.
 
     Yields :class:`Warned`, and every point.  An interruption ends the path where it is.

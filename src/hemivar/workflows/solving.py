@@ -12,8 +12,7 @@ from hemivar.basics.display import brief
 from hemivar.certify import Certificate, certify, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
-from hemivar.fem.posed import posed
-from hemivar.mechanics import Statement
+from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
 from hemivar.systems.workspace import Workspace
@@ -43,7 +42,7 @@ class RunOptions:
 
     solver: Solver | None = None
     controls: Controls = field(default_factory=Controls)
-    coarser: Sequence[DiscreteProblem | Statement] = ()
+    coarser: Sequence[Posable] = ()
     exact: bool = False
 
 
@@ -71,9 +70,7 @@ class RunResult:
     __repr__ = brief
 
 
-def run(
-    problem: DiscreteProblem | Statement, options: RunOptions | None = None, workspace: Workspace | None = None
-) -> Work[RunResult]:
+def run(problem: Posable, options: RunOptions | None = None, workspace: Workspace | None = None) -> Work[RunResult]:
     """Solve a problem, with a certificate.
 
     Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Begun` and its steps, then :class:`Found` and

@@ -20,6 +20,7 @@ from hemivar.basics.content import content
 from hemivar.basics.disk import read_text, write_text
 from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -218,7 +219,7 @@ class Study(Displayed):
         return np.arange(count) < (count if self.reference == "exact solution" else max(count - 2, 0))
 
 
-def studying(problem: Statement | str | Path, options: StudyOptions | None = None) -> Work[Study]:
+def studying(problem: Statement | KnownStatement | str | Path, options: StudyOptions | None = None) -> Work[Study]:
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 
     Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Stage`, :class:`Begun`, the steps of the solve and
@@ -244,7 +245,7 @@ def studying(problem: Statement | str | Path, options: StudyOptions | None = Non
         record is that of another study.
     """
     options = StudyOptions() if options is None else options
-    stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else problem
+    stated = read_problem_file(problem).problem if isinstance(problem, str | Path) else KnownStatement.of(problem)
     if not isinstance(stated, Statement):
         raise ProblemError(
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
@@ -286,7 +287,7 @@ def study_digest(problem: Statement, options: StudyOptions) -> str:
 
 
 def study(
-    problem: Statement | str | Path,
+    problem: Statement | KnownStatement | str | Path,
     refine: int = 4,
     *,
     exact: KnownField | Sequence[str] | None = None,

@@ -22,15 +22,13 @@ from hemivar.basics.processes import results
 from hemivar.basics.types import Array
 from hemivar.branches import SolutionsOptions, finding
 from hemivar.certify import smallness
-from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError
-from hemivar.fem.posed import posed
+from hemivar.fem.posed import Posable, posed
 from hemivar.files.changes import Change, read_change
 from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import parse_problem_file, read_text
 from hemivar.files.sweep_point import SweepPoint
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics import Statement
 from hemivar.solvers import Controls
 from hemivar.systems.workspace import Workspace
 from hemivar.workflows.events import Notice, Stage, Work
@@ -225,7 +223,7 @@ class Sweep(Displayed):
 
 
 #: A problem for each choice of parameters: a file, or an importable function of their values.
-Source = str | Path | Callable[..., DiscreteProblem | Statement]
+Source = str | Path | Callable[..., Posable]
 
 
 @dataclass(frozen=True)
@@ -235,7 +233,7 @@ class _Task:
     place: tuple[int, ...]
     values: tuple[object, ...]
     keys: tuple[str, ...]
-    source: Callable[..., DiscreteProblem | Statement] | tuple[str, str, str]
+    source: Callable[..., Posable] | tuple[str, str, str]
     search: SolutionsOptions
     changes: tuple[Change, ...]
 
@@ -311,7 +309,7 @@ def sweeping(
     options = SweepOptions() if options is None else options
     given = _axes(axes)
     keys = tuple(axis.key for axis in given)
-    source: Callable[..., DiscreteProblem | Statement] | tuple[str, str, str]
+    source: Callable[..., Posable] | tuple[str, str, str]
     if isinstance(problem, str | Path):
         source = (read_text(problem), str(Path(problem).parent), str(problem))
     elif callable(problem):
@@ -423,9 +421,7 @@ def _found(task: _Task) -> SweepPoint:
     if isinstance(task.source, tuple):
         text, folder, name = task.source
         own = [Change(key, value) for key, value in zip(task.keys, task.values, strict=True)]
-        stated: DiscreteProblem | Statement = parse_problem_file(
-            text, folder, name, changes=[*task.changes, *own]
-        ).problem
+        stated: Posable = parse_problem_file(text, folder, name, changes=[*task.changes, *own]).problem
     else:
         stated = task.source(*task.values)
     problem, workspace = posed(stated, "sweep"), Workspace()
