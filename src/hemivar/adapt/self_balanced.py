@@ -15,7 +15,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.fem.facet_table import FacetTable
 from hemivar.mesh.keys import EDGES
 
-__all__ = ["flow_fields", "orientations", "self_balanced"]
+__all__ = ["flow_fields", "orientations", "self_balanced", "turning_fields"]
 
 
 def self_balanced(nodes: Array) -> Array:
@@ -33,12 +33,30 @@ def self_balanced(nodes: Array) -> Array:
     return fields
 
 
-def flow_fields(nodes: Array) -> Array:
-    """Moments (k, r, l, d) of facets with these nodes (k, l, d): each a unit force, or a moment about the origin."""
-    modes = rigid_modes(nodes).transpose(0, 2, 1, 3)  # k, r, node, component
-    flat = modes.reshape(*modes.shape[:2], -1)
-    fields = np.linalg.solve(flat @ flat.transpose(0, 2, 1), flat)
-    return np.asarray(fields.reshape(modes.shape))
+def turning_fields(nodes: Array) -> Array:
+    """Moments (k, r, l, d) of facets with these nodes (k, l, d): each a unit moment, without force."""
+    count, places, dim = nodes.shape
+    turns = rigid_modes(nodes - nodes.mean(axis=1, keepdims=True))[:, :, dim:].transpose(0, 2, 1, 3)
+    flat = turns.reshape(count, -1, places * dim)
+    return np.asarray(np.linalg.inv(flat @ flat.transpose(0, 2, 1)) @ flat).reshape(turns.shape)
+
+
+def flow_fields(turning: Array, middle: Array) -> Array:
+    """Moments (k, d + r, l, d) of facets: each a unit force at the origin, or a moment about it.
+
+    Parameters
+    ----------
+    turning : array (k, r, l, d)
+        :func:`turning_fields`.
+    middle : array (k, d)
+        Middles of the facets, where a force that is the same at all nodes acts.
+    """
+    count, turns, places, dim = turning.shape
+    flat = turning.reshape(count, turns, -1)
+    fields = np.empty((count, dim + turns, places * dim))
+    fields[:, :dim] = np.tile(np.eye(dim), places) / places - rigid_modes(middle)[:, dim:].transpose(0, 2, 1) @ flat
+    fields[:, dim:] = flat
+    return fields.reshape(count, -1, places, dim)
 
 
 def orientations(table: FacetTable, batch: Batch) -> tuple[Array, BoolArray]:

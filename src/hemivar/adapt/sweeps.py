@@ -26,7 +26,7 @@ import numpy as np
 
 from hemivar.adapt.admissible_stress import AdmissibleStress
 from hemivar.adapt.patches import Batch, PatchKind, patch_batches, rigid_modes
-from hemivar.adapt.self_balanced import flow_fields, orientations, self_balanced
+from hemivar.adapt.self_balanced import flow_fields, orientations, self_balanced, turning_fields
 from hemivar.adapt.vertex_rings import VertexRings
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.split_element import facet_mass
@@ -124,6 +124,11 @@ class Sweeper:
             return
         self._now = None
         self._rings.improve(self.data.reference_compliance, self._difference, self._moments)
+
+    @cached_property
+    def _turning(self) -> Array:
+        """Unit moments about the middle of each facet."""
+        return turning_fields(self._places)
 
     @cached_property
     def _rings(self) -> VertexRings:
@@ -245,11 +250,14 @@ class Sweeper:
         nodes = self._places[batch.facets]
         centre = nodes.mean(axis=(1, 2))
         x = nodes - centre[:, None, None]
-        x /= np.abs(x).max(axis=(1, 2, 3))[:, None, None, None]
+        size = np.abs(x).max(axis=(1, 2, 3))[:, None, None, None]
+        x /= size
+        middle = x.mean(axis=2).reshape(-1, dim)
         x = x.reshape(-1, *nodes.shape[2:])
         fields = self_balanced(x)
         if flows.any():
-            fields = np.concatenate([fields, flow_fields(x) * flow.reshape(-1, 1, 1, 1)], axis=1)
+            turning = (self._turning[batch.facets] * size[..., None]).reshape(len(x), -1, *x.shape[1:])
+            fields = np.concatenate([fields, flow_fields(turning, middle) * flow.reshape(-1, 1, 1, 1)], axis=1)
         block = element.block
         own = block - dim * (dim + 1) // 2  # fields of a facet
         through = fields.shape[1] - own  # forces and moments
@@ -291,9 +299,12 @@ class Sweeper:
         index[:, : sides * own] = np.where(np.repeat(at >= facets, own, axis=1), number, index[:, : sides * own])
         shape = (count, batch.cells.shape[1], index.shape[1])
         index, force, matrix = index.reshape(shape), force.reshape(shape), matrix.reshape(*shape, shape[2])
-        for c in range(shape[1]):
-            H[every[:, None, None], index[:, c, :, None], index[:, c, None, :]] += matrix[:, c]
-            b[every[:, None], index[:, c]] += force[:, c]
+        rows = every[:, None] * (number + 1)
+        flat_H, flat_b = H.reshape(-1), b.reshape(-1)
+        for c in range(shape[1]):  # numbers of a cell are not repeated, except those that nobody looks at
+            row = rows + index[:, c]
+            flat_H[(row * (number + 1))[:, :, None] + index[:, c, None, :]] += matrix[:, c]
+            flat_b[row] += force[:, c]
         H, b = H[:, :number, :number], b[:, :number]
         all_fields = np.zeros((count, facets, block, number))
         for f in range(facets):
