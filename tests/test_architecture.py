@@ -343,7 +343,8 @@ UNTYPED = {
     "report.animation": (2, "canvas and writer of matplotlib"),
     "report.film_pictures": (1, "axes in the plane or in space"),
     "report.march_figures": (2, "keywords of matplotlib"),
-    "report.scene": (1, "a plotter of pyvista"),
+    "report.frames": (4, "tables of values of any kind"),
+    "report.scene": (2, "a plotter of pyvista"),
     "report.style": (3, "parameters and keywords of matplotlib"),
     "solvers.base": (6, "each method has its own system and memory"),
     "solvers.fixed_point": (1, "the memory of the method inside"),
@@ -364,7 +365,7 @@ def test_any_stands_at_true_boundaries_only() -> None:
     assert not more, f"name a type (object, a protocol, a TypedDict), or list the module with its reason: {more}"
     stale = [name for name in UNTYPED if not found.get(name)]
     assert not stale, f"strike them from UNTYPED: {stale}"
-    assert sum(found.values()) <= 52
+    assert sum(found.values()) <= 57
 
 
 def test_any_is_counted_wherever_it_is_said() -> None:

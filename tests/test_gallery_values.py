@@ -17,7 +17,7 @@ from hemivar.evolution import Evolution
 from hemivar.mechanics.scalar import Statement
 
 #: What a function needs that has no standard value.
-NEEDED: dict[str, dict[str, object]] = {"moving_bar": {"cells": 8}, "bar_on_wall": {"cells": 8}, "thrown_bar": {"cells": 8}}
+NEEDED: dict[str, dict[str, object]] = {name: {"cells": 8} for name in ("moving_bar", "bar_on_wall", "thrown_bar")}
 #: Functions that answer a question about a problem, in numbers.
 ANSWERS = {"elastic_bar_penetrations", "shear_block_slips", "bounce", "membrane_radius"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class Displayed:
         return frame_of(self)
 
 
-def brief(value: Any) -> str:
+def brief(value: object) -> str:
     """The ``__repr__`` of a dataclass in a line or two, arrays by their shape and long entries by their number."""
     if not is_dataclass(value):
         return object.__repr__(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hemivar.errors import ProblemError
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["data_frame"]
 
 
-def data_frame(columns: Mapping[str, Any], instead: str) -> DataFrame:
+def data_frame(columns: Mapping[str, object], instead: str) -> DataFrame:
     """Columns as a pandas DataFrame.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -77,22 +77,23 @@ def solutions(
     return session.writer.ended(Exit.INTERRUPTED if found.interrupted else code)
 
 
-def _draw(session: Session, found: SolutionSet, file: Path, colour: Any) -> None:
+def _draw(session: Session, found: SolutionSet, file: Path, colour: str | None) -> None:
     """All solutions on one picture, and each on one of its own, named after it."""
-    from hemivar.report import plot_solution, plot_solutions, save
+    from hemivar.report import BodyColour, plot_solution, plot_solutions, save
     from hemivar.report.solution_pictures import MOST_PICTURES, common_scale
     from hemivar.systems.workspace import Workspace
 
+    shade = None if colour is None else BodyColour(colour)
     kept, scale, writer = Workspace(), common_scale(found), session.writer
 
     def one(number: int, path: Path) -> None:
         solution = found[number]
         certificate = solution.certify(trace_constant=False, workspace=kept)
         title = f"{session.title or session.stated.name}, solution {number + 1}: energy {solution.energy:.6g}"
-        save(plot_solution(solution, scale=scale, title=title, colour=colour, certificate=certificate), path)
+        save(plot_solution(solution, scale=scale, title=title, colour=shade, certificate=certificate), path)
 
     def overview(path: Path) -> None:
-        save(plot_solutions(found, title=session.title, colour=colour), path)
+        save(plot_solutions(found, title=session.title, colour=shade), path)
 
     writer.write("--plot", file, overview, picture=True)
     for number in range(min(len(found), MOST_PICTURES)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -207,13 +207,18 @@ def draw(session: Session, solution: Solution, certificate: Certificate | None, 
     writer, outputs, title = session.writer, session.outputs, session.title
     if not any(outputs[option] for option in ("--plot", "--plot-contact", "--render")):
         return
-    from hemivar.report import plot_contact, plot_solution, render_solution, save
+    from hemivar.report import BodyColour, plot_contact, plot_solution, render_solution, save
 
-    body: dict[str, Any] = {"scale": "auto", "colour": colour, "certificate": certificate}
+    shade = None if colour is None else BodyColour(colour)
+
     pictures: dict[str, Callable[[Path], object]] = {
-        "--plot": lambda path: save(plot_solution(solution, title=title, **body), path),
+        "--plot": lambda path: save(
+            plot_solution(solution, scale="auto", title=title, colour=shade, certificate=certificate), path
+        ),
         "--plot-contact": lambda path: save(plot_contact(solution, title=title, certificate=certificate), path),
-        "--render": lambda path: render_solution(solution, path, title=title, **body),
+        "--render": lambda path: render_solution(
+            solution, path, scale="auto", title=title, colour=shade, certificate=certificate
+        ),
     }
     for option, task in pictures.items():
         writer.write(option, outputs[option], task, picture=True)

@@ -6,9 +6,11 @@ import base64
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
+from hemivar.basics.disk import read_text, write_text
 from hemivar.basics.types import Array
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
@@ -61,6 +63,15 @@ class KeptSolution:
             **{name: plain_json(getattr(solution, name)) for name in _NUMBERS},
         }
         return KeptSolution(number, solution.unknowns, solution.multiplier, said)
+
+    def keep(self, path: Path) -> None:
+        """A file with this line alone, whole or not at all."""
+        write_text(path, self.line())
+
+    @staticmethod
+    def read(path: Path, most_bytes: int) -> KeptSolution:
+        """The contrary of :meth:`keep`."""
+        return KeptSolution.of_line(read_text(path, "solution", most_bytes))
 
     def line(self) -> str:
         """The line; numbers of the two arrays as their bytes, eight for each, the lowest first, in base 64."""

@@ -57,6 +57,7 @@ def conjugate_gradients(
     limit: int,
     enough: Callable[[int, Array], Array] | None = None,
     vectors: Vectors = WHOLE,
+    sparing: bool = False,
 ) -> Descent:
     """Preconditioned conjugate gradients from zero (Hestenes-Stiefel; early ending as in Steihaug 1983).
 
@@ -75,9 +76,11 @@ def conjugate_gradients(
         Most products with A.
     enough : function, optional
         Called with the iteration and the iterate after a step; ends once the residual is smaller than the array it
-        returns, in the 2-norm.  Where it was larger by far the next step goes without.
+        returns, in the 2-norm.
     vectors : Vectors
         How the parts of a vector are summed.
+    sparing : bool
+        Where the residual was larger by far than what is enough, that is not asked after the next step.
     """
     x = np.zeros_like(b)
     r = b.copy()
@@ -108,5 +111,5 @@ def conjugate_gradients(
         rest, wanted = np.sqrt(vectors.total(square, float(off @ off))).tolist()
         if rest <= tolerance or rest < wanted:
             return Descent(x, r, iteration)
-        far = not far and iteration > 1 and rest > _FAR * wanted
+        far = sparing and not far and iteration > 1 and rest > _FAR * wanted
     return Descent(x, r, limit)

@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
 from hemivar.basics.pandas_frame import data_frame
+from hemivar.basics.types import Record
 from hemivar.branches import Path, SolutionSet
 from hemivar.report.notebook import table_of
 from hemivar.report.study_tables import study_table, sweep_table
@@ -41,7 +42,7 @@ def frame_of(value: object) -> DataFrame:
     return data_frame({"name": [row[0] for row in rows], "value": [row[1] for row in rows]}, "repr(value)")
 
 
-def _path(path: Path) -> dict[str, Any]:
+def _path(path: Path) -> Record:
     friction = {f"friction_force_{k + 1}": values for k, values in enumerate(path.friction_force.T)}
     if len(friction) == 1:
         friction = {"friction_force": path.friction_force[:, 0]}
@@ -55,7 +56,7 @@ def _path(path: Path) -> dict[str, Any]:
     }
 
 
-def _solutions(found: SolutionSet) -> dict[str, Any]:
+def _solutions(found: SolutionSet) -> Record:
     return {
         "kind": [None if one.kind is None else one.kind.value for one in found],
         "energy": [one.energy for one in found],
@@ -67,8 +68,8 @@ def _solutions(found: SolutionSet) -> dict[str, Any]:
     }
 
 
-def _columns(table: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
-    def columns(value: object) -> dict[str, Any]:
+def _columns(table: Callable[[Any], Any]) -> Callable[[Any], Record]:
+    def columns(value: object) -> Record:
         found = table(value)
         cells = zip(*found.rows, strict=True) if found.rows else [()] * len(found.columns)
         return dict(zip(found.columns, map(list, cells), strict=True))
@@ -76,7 +77,7 @@ def _columns(table: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
     return columns
 
 
-_COLUMNS: Mapping[type, tuple[Callable[[Any], dict[str, Any]], str]] = {
+_COLUMNS: Mapping[type, tuple[Callable[[Any], Record], str]] = {
     Path: (_path, "path.load_factor, path.energy, path.normal_force"),
     SolutionSet: (_solutions, "solutions.energies"),
     Study: (_columns(study_table), "hemivar.report.study_table(study)"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -14,7 +14,7 @@ __all__ = ["new_figure"]
 _DPI = 110
 
 
-def new_figure(size: tuple[float, float], *, layout: Any = None) -> Figure:
+def new_figure(size: tuple[float, float], *, layout: Literal["constrained", "tight"] | None = None) -> Figure:
     """A figure of this size in inches: matplotlib's own, which knows how to be shown in a notebook.
 
     pyplot does not know of it: nothing must be closed, and no magic is needed.
@@ -38,7 +38,7 @@ def _kind() -> type[Figure]:
     return Picture
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """``Picture``, by which figures are pickled and copied; matplotlib is loaded for it."""
     if name == "Picture":
         return _kind()

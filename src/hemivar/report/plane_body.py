@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -21,6 +21,7 @@ from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.collections import Collection
     from matplotlib.quiver import Quiver
 
 __all__ = ["Arrows", "PlaneBody"]
@@ -104,18 +105,18 @@ class PlaneBody:
 
         moved = self.body.vertices
         grid = Triangulation(moved[:, 0], moved[:, 1], self.mesh.cells)
-        peak: dict[str, Any] = {}
-        colours: Any
+        extend: str | None = None
+        colours: Collection
         if colour is BodyColour.STRESS:
             stress = self.body.cell_stress()
             # a corner may hold what makes all else dark; of few cells none is left out
             most = float(np.quantile(stress, 0.999)) if len(stress) > MANY_CELLS else float(stress.max())
             colours = ax.tripcolor(grid, facecolors=stress, cmap="cividis", vmax=most, zorder=1.8, rasterized=True)
-            peak = {"extend": "max"} if most < stress.max() else {}
+            extend = "max" if most < stress.max() else None
         else:
             values = self.body.values(colour)
             colours = ax.tripcolor(grid, values, shading="gouraud", cmap="cividis", zorder=1.8, rasterized=True)
-        bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, **peak)
+        bar = ax.figure.colorbar(colours, ax=ax, location="bottom", shrink=0.7, pad=0.16, aspect=35, extend=extend)
         bar.set_label(colour.label(*self.units))
         return bar.ax
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from hemivar.basics.disk import make_folder, whole_file
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.certify import Certificate
 from hemivar.errors import ProblemError
 from hemivar.report.body_colour import BodyColour
@@ -18,6 +18,9 @@ from hemivar.report.deformed import DeformedBody
 from hemivar.report.solid_body import legend_of_solid, mark_size, sharp_edges, viewing_direction
 from hemivar.report.style import GREY, MARKERS, drawing, with_unit
 from hemivar.solvers import Solution
+
+if TYPE_CHECKING:
+    from matplotlib.cm import ScalarMappable
 
 __all__ = ["check_rendering", "render_solution"]
 
@@ -126,7 +129,7 @@ class _Scene:
             across = 0.5 * (1.0 + flat[:, :2] / flat[:, 3:] * (1.0, -1.0))
             self.marks, self.faced = across * size - 0.5, contact.frames[:, 0] @ self.towards > 0.0
 
-    def colours(self) -> Any:
+    def colours(self) -> ScalarMappable:
         """The scale of the colours."""
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
@@ -134,7 +137,7 @@ class _Scene:
         assert self.values is not None
         return ScalarMappable(Normalize(float(self.values.min()), float(self.values.max())), "cividis")
 
-    def _centred(self) -> tuple[Any, Array]:
+    def _centred(self) -> tuple[AnyArray, Array]:
         """The picture (rows, columns, 3), in the middle of which the body stands and fills it, and its projection."""
         import pyvista
 
@@ -184,7 +187,7 @@ class _Scene:
         )  # fmt: skip
 
 
-def _extent(picture: Any) -> tuple[Array, Array]:
+def _extent(picture: AnyArray) -> tuple[Array, Array]:
     """Lower left and upper right corner of what is not white, in a picture from (-1, -1) to (1, 1)."""
     rows, columns = np.nonzero((picture[..., :3] < 250).any(axis=2))
     if not len(rows):

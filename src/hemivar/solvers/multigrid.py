@@ -414,7 +414,7 @@ class _Equation:
         scale = system.load_scale.of(float(system.vectors.norms(self.force[system.unknown])[0]))
         found = conjugate_gradients(
             self.matrix, self.matrix.diagonal, right, self.matrix.cycle, absolute + tolerance * scale, limit, enough,
-            system.vectors,
+            system.vectors, sparing=True,
         )  # fmt: skip
         bent = right - found.residual  # laws and held unknowns act in the contact rows only
         bent[system.unknown] = system.pull(found.solution)

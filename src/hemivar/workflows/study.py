@@ -17,7 +17,6 @@ import numpy as np
 
 from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.content import content
-from hemivar.basics.disk import read_text, write_text
 from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import KnownStatement
@@ -454,10 +453,10 @@ def _mesh(task: _Task) -> tuple[int, StudyLevel]:
         passed = task.folder / str(task.number - 1)
         while not passed.exists():
             time.sleep(_PAUSE)
-        last = KeptSolution.of_line(read_text(passed, "solution", _MOST_KEPT)).solution(coarse)
+        last = KeptSolution.read(passed, _MOST_KEPT).solution(coarse)
     solution = result_of(_solving(discrete, last, task.options))
     if task.number < task.options.refine and solution.status not in _NO_LEVEL:
-        write_text(task.folder / str(task.number), KeptSolution.of(task.number, solution).line())
+        KeptSolution.of(task.number, solution).keep(task.folder / str(task.number))
     return task.number, _level(solution, mesh, task.options)
 
 
