@@ -45,7 +45,7 @@ _LARGE = 1e-6
 #: Softening c from which the softest mode is looked at by itself.
 _SOFT = 0.15
 #: Weights of the gap, over Lambda, among which the best is looked for, as powers of ten; that of the first tractions.
-_POWERS = (-5, -4, -3, -2, -1, 0, 1)
+_POWERS = (-5.0, -2.0, 1.0)
 _FIRST = 0.01
 #: Largest price of contact tractions, over 1 / Lambda.
 _DEAREST = 30.0
@@ -225,7 +225,7 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
     stress = sweeper.stress
     forces = traces.forces(stress.tractions.moments)
     eta = float(np.sqrt(stress.misfit.sum()))
-    best = _chosen(traces, forces, replace(constants, weighted=None), eta)
+    best = _chosen(traces, forces, replace(constants, weighted=None), eta, fine=False)
     weight = best.weight
 
     def multiplier(forces: Array) -> Array:
@@ -239,19 +239,25 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
 
 
 def _best_gap(
-    traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, c: float
+    traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, c: float, fine: bool
 ) -> tuple[float, FenchelGap]:
-    """The least bound over the weights of the gap, and the gap of the best one."""
+    """The least bound over the weights of the gap, and the gap of the best one; a ``fine`` one is worth more looks."""
 
     def of(power: float) -> tuple[float, FenchelGap]:
         gap = fenchel_gap(traces, forces, 10.0**power * constants.both)
         rho = constants.distance(gap.normal, gap.tangential)
         return _value(base + rho, float(gap.normal_gap.sum() + gap.tangential_gap.sum()), c), gap
 
-    tried = {float(power): of(power) for power in _POWERS}
-    for step in (0.5, 0.25):
-        best = min(tried, key=lambda power: tried[power][0])
-        tried |= {power: of(power) for power in (best - step, best + step)}
+    lowest, start, highest = _POWERS
+    tried = {start: of(start)}
+    for step in (1.0, 0.5, 0.25) if fine else (1.0,):
+        best = None
+        while best != min(tried, key=lambda power: tried[power][0]):  # on to the next one as long as it is better
+            best = min(tried, key=lambda power: tried[power][0])
+            beside = (power for power in (best - step, best + step) if lowest <= power <= highest)
+            tried |= {power: of(power) for power in beside if power not in tried}
+            if step < 1.0:
+                break
     return min(tried.values(), key=lambda pair: pair[0])
 
 
@@ -363,7 +369,7 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     return found
 
 
-def _chosen(traces: ContactTraces, forces: Array, constants: TraceBounds, base: float) -> _Choice:
+def _chosen(traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, fine: bool = True) -> _Choice:
     """The better of both theorems."""
     table, coupling = traces.data.table, _coupling(traces, constants)
     corners = table.mesh.points[table.facets[traces.facets]]
@@ -383,7 +389,7 @@ def _chosen(traces: ContactTraces, forces: Array, constants: TraceBounds, base: 
     if _weakly_convex(traces) and 0.0 < constants.both < np.inf:
         alpha = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
         c = constants.softening(corners, *(part.reshape(traces.weights.shape).max(axis=1) for part in alpha)) + coupling
-        value, gap = _best_gap(traces, forces, constants, base, c)
+        value, gap = _best_gap(traces, forces, constants, base, c, fine)
         if value < best.value:
             rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
             best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, gap.weight)

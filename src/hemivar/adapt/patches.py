@@ -106,7 +106,8 @@ def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: 
     owner = table.owners[facet]
     cells = len(table.cells)
     pairs = np.repeat(patch, 2) * cells + owner.ravel()
-    pairs = np.unique(pairs[owner.ravel() >= 0])
+    pairs = np.sort(pairs[owner.ravel() >= 0])
+    pairs = pairs[np.append(True, pairs[1:] != pairs[:-1])] if pairs.size else pairs
     patch_of, cell_of = np.divmod(pairs, cells)
     cells_of = np.bincount(patch_of, minlength=count)
     first_cell = np.cumsum(cells_of) - cells_of

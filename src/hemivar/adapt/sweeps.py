@@ -183,7 +183,7 @@ class Sweeper:
         energy = element.matrix(compliance).reshape(len(flat), -1, dim)
         energy = (energy @ back).reshape(len(flat), element.moments, -1).transpose(0, 2, 1)
         energy = (energy.reshape(len(flat), -1, dim) @ back).reshape(len(flat), element.moments, -1)
-        slope = element.slope(element.at_nodes(self._difference[flat]), compliance)
+        slope = element.slope(self._difference[flat], compliance)
         slope = (slope.reshape(len(flat), -1, dim) @ back).reshape(count, cells, dim + 1, block)
         slope *= sign[..., None]
         signs = np.repeat(sign, block, axis=2)
@@ -284,7 +284,7 @@ class Sweeper:
             wide[:, side, :, sides * own :] = on[:, :, own:]
         basis = wide.reshape(len(cells), sides * block, -1)
         compliance = self.data.reference_compliance[cells]
-        every_slope = element.slope(element.at_nodes(self._difference[cells]), compliance)
+        every_slope = element.slope(self._difference[cells], compliance)
         every_slope = every_slope.reshape(len(cells), dim + 1, block)
         slope = np.take_along_axis(every_slope, local[:, :, None], axis=1).reshape(len(cells), -1)
         energy = np.empty((len(cells), sides * block, sides * block))

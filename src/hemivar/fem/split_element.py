@@ -183,26 +183,34 @@ class SplitElement:
         inner = self.ways.shape[1] - self.moments
         if inner == 0:
             return degrees
-        slope = self._slopes(self.at_nodes(degrees), compliance)[:, self.moments :]
+        slope = self._slopes(degrees, compliance)[:, self.moments :]
         found = np.linalg.solve(self._inner(compliance)[:, :, self.moments :], slope[:, :, None])[:, :, 0]
         return degrees - found @ self.ways[:, self.moments :].T
 
-    def slope(self, stress: Array, compliance: Array) -> Array:
-        """Half the derivative of the least energy by the moments of stresses without divergence, shape (M, k).
+    def slope(self, degrees: Array, compliance: Array) -> Array:
+        """Half the derivative of the least energy of degrees of freedom (M, n) by the moments of stresses without
+        divergence, shape (M, k).
 
         The least one is that over what has no tractions; where this stands in the stress does not matter.
         """
-        slopes, k = self._slopes(stress, compliance), self.moments
+        slopes, k = self._slopes(degrees, compliance), self.moments
         if slopes.shape[1] == k:
             return slopes
         inner = self._inner(compliance)
         found = np.linalg.solve(inner[:, :, k:], slopes[:, k:, None])
         return np.asarray(slopes[:, :k] - (inner[:, :, :k].transpose(0, 2, 1) @ found)[:, :, 0])
 
-    def _slopes(self, stress: Array, compliance: Array) -> Array:
-        strain = np.einsum("mpq,mbaq->mbap", compliance, stress, optimize=True)
-        force = np.einsum("ac,mbcp->mbap", self.mass, strain, optimize=True).reshape(len(stress), -1)
-        return np.asarray(force @ (self.values.reshape(force.shape[1], -1) @ self.ways))
+    def _slopes(self, degrees: Array, compliance: Array) -> Array:
+        integrated, tested = self._both_sides
+        weighed = (degrees @ integrated).reshape(len(degrees), -1, compliance.shape[1])
+        return np.asarray((weighed @ compliance).reshape(len(degrees), -1) @ tested)
+
+    @cached_property
+    def _both_sides(self) -> tuple[Array, Array]:
+        """What stresses are integrated with, from degrees of freedom, and what takes strains to slopes."""
+        n = self.values.shape[-1]
+        integrated = np.einsum("ac,bcpn->bapn", self.mass, self.values).reshape(-1, n)
+        return np.ascontiguousarray(integrated.T), self.values.reshape(-1, n) @ self.ways
 
     def _inner(self, compliance: Array) -> Array:
         """The rows (M, i, k + i) of the energy matrices that belong to stresses without tractions."""
