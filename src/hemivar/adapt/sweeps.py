@@ -18,7 +18,6 @@ settle contact tractions last.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -288,10 +287,10 @@ class Sweeper:
         every_slope = every_slope.reshape(len(cells), dim + 1, block)
         slope = np.take_along_axis(every_slope, local[:, :, None], axis=1).reshape(len(cells), -1)
         energy = np.empty((len(cells), sides * block, sides * block))
-        for chosen in itertools.permutations(range(dim + 1), sides):
-            some = np.flatnonzero((local == chosen).all(axis=1))
-            if some.size:
-                energy[some] = element.matrix_of(chosen, compliance[some])
+        order = np.lexsort(local.T)
+        other = (local[order[1:]] != local[order[:-1]]).any(axis=1)
+        for some in np.split(order, np.flatnonzero(other) + 1):  # cells with the same facets in the patch
+            energy[some] = element.matrix_of(tuple(local[some[0]].tolist()), compliance[some])
         matrix = basis.transpose(0, 2, 1) @ energy @ basis
         force = np.einsum("kpn,kp->kn", basis, slope)
         ends = np.broadcast_to(last, (len(cells), through))
