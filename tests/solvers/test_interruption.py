@@ -22,7 +22,6 @@ from hemivar.fem import discretize
 from hemivar.gallery import broken_foundation
 from hemivar.laws import PiecewiseQuadratic
 from hemivar.linear import factor_memory as memory
-from hemivar.linear.factorisation import direct_library
 from hemivar.solvers import (
     Controls,
     FixedPoint,
@@ -300,8 +299,6 @@ def test_memory_that_gives_out_in_a_step_leaves_the_iterate(tmp_path: Path) -> N
 @pytest.mark.parametrize("checked", [True, False])
 def test_a_factorisation_that_does_not_fit_is_refused_with_a_way_out(checked: bool, tmp_path: Path) -> None:
     """Before it starts where the model sees it coming, and with the same way out where the library runs into it."""
-    if not checked and direct_library() == "PARDISO":
-        pytest.skip("PARDISO ends the process where it gets no memory; what it needs is known before")
     process = start(
         block(30, 27**3)  # factors of some 200 MB
         + textwrap.dedent(
@@ -347,7 +344,7 @@ def test_condensation_asks_before_it_starts(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_model_of_the_memory_is_above_the_factors_themselves() -> None:
     """The factors alone, counted, take 12 bytes an entry; the model allows for them, and not for ten times as much."""
-    from hemivar.linear.factorisation import SuperLUFactorisation
+    from hemivar.linear.factorisation import SuperLUFactorisation, direct_library
 
     if direct_library() != "SuperLU":
         pytest.skip("the factors of other libraries cannot be counted")
