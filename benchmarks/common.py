@@ -15,7 +15,7 @@ from typing import Any
 
 def machine() -> dict[str, Any]:
     """Facts without which a time means nothing."""
-    packages = ("hemivar", "numpy", "scipy", "scikit-fem", "python-mumps", "pypardiso")
+    packages = ("hemivar", "numpy", "scipy", "scikit-fem", "python-mumps")
     versions = {}
     for name in packages:
         try:

@@ -70,7 +70,6 @@ ONLY_IN = {
     "pyamg": ("linear",),
     "typer": ("cli",),
     "mumps": ("linear.factorisation",),
-    "pypardiso": ("linear.pardiso",),
 }
 
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -23,7 +23,6 @@ from hemivar.evolution.margin import Margins
 from hemivar.evolution.save import Save
 from hemivar.evolution.stage import forces
 from hemivar.linear import factorisation
-from hemivar.linear.pardiso import Pardiso
 from hemivar.solvers.nearby import Pieces, nearby_solution
 from hemivar.systems import elimination
 from tests.counting import at_most_calls
@@ -72,8 +71,6 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     watch(factorisation.SuperLUFactorisation, "_solve", "solves")
     watch(factorisation._Halves, "forward", "halves")
     watch(factorisation._Halves, "backward", "halves")
-    watch(Pardiso, "forward", "halves")
-    watch(Pardiso, "backward", "halves")
     return found
 
 

@@ -9,15 +9,7 @@ import scipy.sparse as sp
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Signorini, SurveyLaw, Tresca
-from hemivar.linear.factorisation import (
-    Factorisation,
-    MumpsFactorisation,
-    PardisoFactorisation,
-    SuperLUFactorisation,
-    factorise,
-    mumps_available,
-)
-from hemivar.linear.pardiso import NotDefiniteError, pardiso_available
+from hemivar.linear.factorisation import MumpsFactorisation, SuperLUFactorisation, mumps_available
 from hemivar.mechanics import Quadrature
 from hemivar.solvers import METHODS, Status, solve
 from hemivar.systems import condense
@@ -37,11 +29,7 @@ def random_matrix(n: int, seed: int) -> sp.csr_array:
     return sp.csr_array(half @ half.T + sp.eye_array(n))
 
 
-BACKENDS: list[type] = [
-    SuperLUFactorisation,
-    *([MumpsFactorisation] if mumps_available() else []),
-    *([PardisoFactorisation] if pardiso_available() else []),
-]
+BACKENDS = [SuperLUFactorisation] + ([MumpsFactorisation] if mumps_available() else [])
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -50,9 +38,6 @@ def test_schur_complement_is_the_dense_one(backend: type, seed: int) -> None:
     n = 150
     K = random_matrix(n, seed)
     kept = np.sort(np.random.default_rng(seed).choice(n, size=[0, 1, 7, 30, 100, 150][seed], replace=False))
-    if backend is PardisoFactorisation and kept.size == n:
-        backend = type(factorise(K, kept))  # nothing is left to factorise
-        assert backend is not PardisoFactorisation
     factor = backend(K, kept)
     dense = K.toarray()
     np.testing.assert_allclose(factor.schur, dense_schur(dense, kept), atol=1e-10 * np.abs(dense).max())
@@ -61,40 +46,6 @@ def test_schur_complement_is_the_dense_one(backend: type, seed: int) -> None:
     rest = np.setdiff1d(np.arange(n), kept)
     np.testing.assert_array_equal(x[kept], 0.0)
     np.testing.assert_allclose((K @ x)[rest], rhs[rest], atol=1e-10)
-
-
-@pytest.mark.parametrize("many", [False, True])
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_a_load_is_taken_over_and_its_unknowns_found_again(backend: type, many: bool) -> None:
-    n, random = 150, np.random.default_rng(11)
-    K, kept = random_matrix(n, 2), np.sort(random.permutation(n)[:20])
-    factor: Factorisation = backend(K, kept, many) if backend is SuperLUFactorisation else backend(K, kept)
-    dense, load, values = K.toarray(), random.normal(size=n), random.normal(size=20)
-    rest = np.setdiff1d(np.arange(n), kept)
-    interior, mixed = dense[np.ix_(rest, rest)], dense[np.ix_(rest, kept)]
-    free = np.linalg.solve(interior, load[rest])
-    reduced = factor.reduce(load)
-    np.testing.assert_allclose(reduced.force, load[kept] - mixed.T @ free, atol=1e-11)
-    assert reduced.work == pytest.approx(load[rest] @ free, rel=1e-11)
-    for times in (1.0, -2.0):  # what is kept of the load serves for every way back
-        found = factor.extend(reduced, times * values)
-        np.testing.assert_allclose(found[kept], times * values, atol=1e-14)
-        np.testing.assert_allclose(
-            found[rest], np.linalg.solve(interior, load[rest] - mixed @ (times * values)), atol=1e-11
-        )
-    np.testing.assert_allclose(factor.schur, dense_schur(dense, kept), atol=1e-10 * np.abs(dense).max())
-
-
-@pytest.mark.skipif(not pardiso_available(), reason="PARDISO is not installed")
-def test_what_is_not_definite_is_left_to_the_others() -> None:
-    K = sp.csr_array(random_matrix(60, 5) - 3.0 * sp.eye_array(60))
-    kept = np.arange(5)
-    with pytest.raises(NotDefiniteError):
-        PardisoFactorisation(K, kept)
-    factor = factorise(K, kept)
-    assert not isinstance(factor, PardisoFactorisation)
-    assert not factor.interior_positive
-    np.testing.assert_allclose(factor.schur, dense_schur(K.toarray(), kept), atol=1e-8)
 
 
 def test_schur_complement_by_solves_is_the_same() -> None:

@@ -1,4 +1,4 @@
-"""Sparse factorisations with a Schur complement: SuperLU of SciPy, PARDISO or MUMPS where they are installed."""
+"""Sparse factorisations with a Schur complement: SuperLU of SciPy, MUMPS where it is installed."""
 
 from __future__ import annotations
 
@@ -19,16 +19,13 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.linear.definite import positive_pivots
-from hemivar.linear.pardiso import NotDefiniteError, Pardiso, pardiso_available
 
 __all__ = [
     "Factorisation",
     "MumpsFactorisation",
-    "PardisoFactorisation",
     "Reduced",
     "SuperLUFactorisation",
     "abandoned_work",
-    "direct_library",
     "factorise",
     "mumps_available",
 ]
@@ -54,8 +51,7 @@ class Reduced:
     work : float
         ``f_I' K_II^-1 f_I``.
     inner : array (n - k,) or None
-        What a sweep through one half of the factors has left of the load of the other unknowns, if it was one, in the
-        order of the factorisation.
+        What a sweep through one half of the factors has left of the load of the other unknowns, if it was one.
     """
 
     load: Array
@@ -89,11 +85,6 @@ class Factorisation(Protocol):
         ...
 
 
-def direct_library() -> str:
-    """The library that :func:`factorise` takes here: PARDISO, MUMPS or SuperLU."""
-    return "PARDISO" if pardiso_available() else "MUMPS" if mumps_available() else "SuperLU"
-
-
 def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Factorisation:
     """Factorise ``matrix`` apart from the ``kept`` unknowns, and form the Schur complement on these.
 
@@ -101,22 +92,15 @@ def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Facto
     ----------
     matrix : sparse array (n, n)
     kept : int array (k,)
-        In ascending order.
     many : bool
         Many loads are to come: for about a fourth more than the factors cost, a load and its way back then take one
-        sweep through each half of the factors, and not a whole solve each.  PARDISO always lends its halves, MUMPS
-        never.
+        sweep through each half of the factors, and not a whole solve each.  MUMPS does not lend its halves.
 
     Raises
     ------
     ProblemError
         A part of the body that is not kept can move freely.
     """
-    if pardiso_available() and kept.size < matrix.shape[0]:  # it does not survive an empty matrix
-        try:
-            return PardisoFactorisation(matrix, kept)
-        except NotDefiniteError:
-            pass  # the others tell in which way
     if mumps_available():
         return MumpsFactorisation(matrix, kept)
     return SuperLUFactorisation(matrix, kept, many)
@@ -275,41 +259,6 @@ class _Halves:
         return out
 
 
-class PardisoFactorisation:
-    """PARDISO, for matrices that are positive definite apart from the kept unknowns."""
-
-    def __init__(self, matrix: sp.csr_array, kept: IntArray) -> None:
-        self._kept = kept
-        self._others = np.setdiff1d(np.arange(matrix.shape[0]), kept)
-        large = matrix.shape[0] > _QUICK
-        self._factor = _interruptible(lambda: Pardiso(matrix, kept)) if large else Pardiso(matrix, kept)
-        self.schur: Array = 0.5 * (self._factor.schur + self._factor.schur.T)
-        _check_solves(self, matrix, kept)
-
-    @property
-    def interior_positive(self) -> bool:
-        """Whether K is positive definite on the unknowns I: else there were no factors."""
-        return True
-
-    def solve_interior(self, rhs: Array) -> Array:
-        load = np.array(rhs, dtype=float)
-        load[self._kept] = 0.0
-        swept = self._factor.forward(load)
-        swept[self._kept] = 0.0
-        return self._factor.backward(swept)
-
-    def reduce(self, load: Array) -> Reduced:
-        swept = self._factor.forward(load)
-        inner = swept[self._others]
-        return Reduced(load, swept[self._kept], float(inner @ inner), inner)
-
-    def extend(self, reduced: Reduced, kept: Array) -> Array:
-        assert reduced.inner is not None
-        swept = np.empty(reduced.load.size)
-        swept[self._others], swept[self._kept] = reduced.inner, kept
-        return self._factor.backward(swept)
-
-
 class MumpsFactorisation:
     """MUMPS, whose Schur complement costs about as much as the factorisation alone."""
 
@@ -340,12 +289,21 @@ class MumpsFactorisation:
         # MUMPS leaves one triangle of a symmetric complement.
         lower = np.tril(self._schur)
         self.schur = lower + np.tril(lower, -1).T
-        _check_solves(self, matrix, kept)
+        self._check(matrix)
 
     @property
     def interior_positive(self) -> bool:
         """Whether K is positive definite on the unknowns I, as far as rounding lets one see."""
         return self._interior == 0 or int(self._context.mumps_instance.infog[11]) == 0
+
+    def _check(self, matrix: sp.csr_array) -> None:
+        """MUMPS goes on where a pivot is zero up to rounding; a solve shows it."""
+        probe = matrix.diagonal() * np.cos(np.arange(matrix.shape[0]))
+        probe[self._kept] = 0.0
+        rest = matrix @ self.solve_interior(probe) - probe
+        rest[self._kept] = 0.0
+        if not np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(probe):
+            raise _singular()
 
     def solve_interior(self, rhs: Array) -> Array:
         load = np.array(rhs, dtype=float)
@@ -364,16 +322,6 @@ class MumpsFactorisation:
         out = np.zeros(reduced.load.shape)
         out[self._kept] = kept
         return out + self.solve_interior(reduced.load - self._matrix @ out)
-
-
-def _check_solves(factor: Factorisation, matrix: sp.csr_array, kept: IntArray) -> None:
-    """Some libraries go on where a pivot is zero up to rounding; a solve shows it."""
-    probe = matrix.diagonal() * np.cos(np.arange(matrix.shape[0]))
-    probe[kept] = 0.0
-    rest = matrix @ factor.solve_interior(probe) - probe
-    rest[kept] = 0.0
-    if not np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(probe):
-        raise _singular()
 
 
 def _singular() -> ProblemError:

@@ -29,7 +29,6 @@ _REQUIRED = (
     ("rich", "rich"),
 )
 _OPTIONAL = (
-    ("pypardiso", "pypardiso", "a factorisation several times faster", "pip install 'hemivar[pardiso]'"),
     ("python-mumps", "mumps", "a faster factorisation, half the memory", "pip install 'hemivar[mumps]'"),
     ("gmsh", "gmsh", "generating meshes (reading them needs nothing)", "pip install 'hemivar[gmsh]'"),
     ("pyvista", "pyvista", "shaded pictures of bodies in space", "pip install 'hemivar[3d]'"),
