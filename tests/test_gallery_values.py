@@ -54,6 +54,11 @@ def test_a_membrane_and_an_evolution_are_taken_as_well() -> None:
         hv.discretize(known)  # an evolution is no problem at rest
 
 
+def test_an_adaptive_solve_takes_a_known_problem_too() -> None:
+    found = hv.solve_adaptive(gallery.manufactured_spring(n=4), rtol=0.5)
+    assert found.levels[-1].distance.relative <= 0.5
+
+
 def test_the_other_solutions_of_a_block_are_beside_the_first() -> None:
     known = gallery.softening_block(softening=20.0, top_displacement=0.14, n=2)
     assert known.solutions == (known, *known.others)

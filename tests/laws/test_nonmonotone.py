@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -68,6 +70,24 @@ def test_all_local_minimisers_are_found(name: str, stiffness: float, b: float) -
         assert e[1] <= e.min() + 1e-13 * (1.0 + np.abs(e).max())
     best = law.local_argmin(a, np.array([b]))
     assert float((0.5 * a * best**2 - b * best + law.value(best))[0]) <= energies.min() + 1e-9
+
+
+def test_a_sampled_constant_that_is_too_small_does_not_hide_the_lowest_minimiser() -> None:
+    """Two wells of a/2 r^2 - b r + j(r), a above the alpha that was sampled and below the true one."""
+
+    table = Softening(2.0, 0.1, 2.0).table  # alpha is 2
+
+    class Missed(type(table)):  # type: ignore[misc]
+        weak_convexity = np.array([0.5])
+        alpha_sampled = True
+
+    law = copy.copy(table)
+    object.__setattr__(law, "__class__", Missed)
+    assert not law.convex
+    a, grid = np.ones(1), np.linspace(-1.0, 1.0, 200001)
+    for b in (0.22, 0.235, 0.25, 0.26, 0.28):
+        energies = 0.5 * grid**2 - b * grid + law.value(grid)
+        assert float(law.local_argmin(a, np.array([b]))[0]) == pytest.approx(grid[np.argmin(energies)], abs=2e-5)
 
 
 def test_the_bar_on_a_softening_foundation_has_its_two_minimisers() -> None:

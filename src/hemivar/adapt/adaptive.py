@@ -27,6 +27,7 @@ from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.types import Array, BoolArray, Record
 from hemivar.discrete.problem import DiscreteProblem
@@ -207,7 +208,9 @@ class AdaptiveSolution(Displayed):
         )
 
 
-def solve_adaptive(problem: ContactProblem, *, rtol: float = 0.01, **options: object) -> AdaptiveSolution:
+def solve_adaptive(
+    problem: ContactProblem | KnownStatement, *, rtol: float = 0.01, **options: object
+) -> AdaptiveSolution:
     """Refine the mesh where it is needed until a solution is known to be near to the exact one.
 
     Parameters
@@ -235,7 +238,7 @@ def solve_adaptive(problem: ContactProblem, *, rtol: float = 0.01, **options: ob
 
 
 def solving_adaptive(
-    problem: ContactProblem,
+    problem: ContactProblem | KnownStatement,
     *,
     rtol: float = 0.01,
     goal: Goal | str | None = None,
@@ -330,7 +333,7 @@ def solving_adaptive(
 
 
 def _checked(
-    problem: ContactProblem,
+    problem: ContactProblem | KnownStatement,
     rtol: float,
     share: float,
     max_unknowns: int,

@@ -169,7 +169,7 @@ class MarginLost(Event):
     then : OnEvent
         What happens then.
     boundary : str, optional
-        The contact boundary that is looked at; all by default.
+        Has no say: the margin is that of the whole body.
     """
 
     name: ClassVar[str] = "margin lost"

@@ -9,6 +9,7 @@ from typing import Any
 from hemivar.basics.arguments import expect
 from hemivar.basics.deadline import Budget
 from hemivar.basics.generators import result_of
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.history import History
@@ -23,13 +24,17 @@ __all__ = ["March", "Stepped", "Tools", "march", "marching", "refuse_plan"]
 
 
 def march(
-    evolution: Evolution | DiscreteEvolution, until: float, *, workspace: Workspace | None = None, **options: Any
+    evolution: Evolution | DiscreteEvolution | KnownStatement,
+    until: float,
+    *,
+    workspace: Workspace | None = None,
+    **options: Any,
 ) -> History:
     """Compute an evolution.
 
     Parameters
     ----------
-    evolution : Evolution or DiscreteEvolution
+    evolution : Evolution, DiscreteEvolution, or KnownStatement of an evolution
     until : float
         Time at which it ends.
     workspace : Workspace, optional
@@ -53,7 +58,7 @@ def march(
 
 
 def marching(
-    evolution: Evolution | DiscreteEvolution,
+    evolution: Evolution | DiscreteEvolution | KnownStatement,
     plan: March,
     *,
     workspace: Workspace | None = None,
@@ -63,7 +68,7 @@ def marching(
 
     Parameters
     ----------
-    evolution : Evolution or DiscreteEvolution
+    evolution : Evolution, DiscreteEvolution, or KnownStatement of an evolution
     plan : March
         Until when, by which scheme and steps.
     workspace : Workspace, optional

@@ -31,7 +31,9 @@ __all__ = ["discretize", "friction_warning", "refuse_evolution"]
 _SHOWN = 8
 
 
-def discretize(problem: Statement, *, check_coercivity: bool = True, evolving: bool = False) -> DiscreteProblem:
+def discretize(
+    problem: Statement | KnownStatement, *, check_coercivity: bool = True, evolving: bool = False
+) -> DiscreteProblem:
     """Discretise a contact problem by finite elements; a scalar one by :func:`hemivar.fem.discretize_scalar`.
 
     The displacement is ``U = P u + u0`` with orthonormal columns in ``P``: at the nodes of a contact

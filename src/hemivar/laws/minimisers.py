@@ -98,7 +98,8 @@ def local_argmin(law: Superpotential, a: Array, b: Array) -> Array:
     if law.shared_knots is not None:
         return _argmin_of_many(law, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    if law.convex or (a > law.weak_convexity).all():
+    # A constant that is sampled may be too small: then all pieces are looked at.
+    if law.convex or (not law.alpha_sampled and (a > law.weak_convexity).all()):
         return _argmin_of_growing(law, a, b)
     points, energies = law.local_minimisers(a, b)
     best = np.argmin(energies, axis=-1)[..., None]

@@ -10,6 +10,7 @@ from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, so
 from hemivar.adapt.exact_certificate import statement_of
 from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
+from hemivar.basics.known_statement import KnownStatement
 from hemivar.certify import Certificate
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
@@ -92,7 +93,7 @@ class AdaptResult:
         return self.adaptive.ended is AdaptiveEnd.INTERRUPTED or self.complaint == "interrupted"
 
 
-def adapt(problem: ContactProblem, options: AdaptOptions | None = None) -> Work[AdaptResult]:
+def adapt(problem: ContactProblem | KnownStatement, options: AdaptOptions | None = None) -> Work[AdaptResult]:
     """Solve a problem on meshes that adapt to it, and certify the last solution.
 
     Yields :class:`Refined` for every mesh, and :class:`Certified`; it ends after a mesh if it is sent True.  An
