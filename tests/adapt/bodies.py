@@ -117,6 +117,23 @@ def pulled_cube() -> ContactProblem:
     )
 
 
+def blocks_in_space() -> ContactProblem:
+    """Three layers of blocks, of which two in the middle touch along an edge: around it are no ring and no row."""
+    mesh = box((2.0, 2.0, 3.0), (2, 2, 3))
+    i, j, k = np.floor(mesh.points[mesh.cells].mean(axis=1)).astype(int).T
+    used, cells = np.unique(mesh.cells[(k != 1) | (i == j)], return_inverse=True)
+    mesh = Mesh.oriented(mesh.points[used], cells.reshape(-1, 4))
+    height = mesh.points[mesh.boundary_facets][:, :, 2]
+    ends = {name: mesh.boundary_facets[(height == z).all(axis=1)] for name, z in (("bottom", 0.0), ("top", 3.0))}
+    return ContactProblem(
+        mesh=mesh.named(ends, {}),
+        material=Material.lame(4.0, 4.0),
+        contact={"bottom": FOUNDATION},
+        supports={"top": Fixed(x=0.0, y=0.0)},
+        body_force=(0.1, 0.2, -0.3),
+    )
+
+
 def without_contact() -> ContactProblem:
     return ContactProblem(
         mesh=rectangle((2.0, 1.0), (4, 2), pattern="left"),
@@ -136,6 +153,7 @@ BODIES: dict[str, Callable[[], ContactProblem]] = {
     "cube": lambda: survey_cube("5.1", 2),
     "turned in space": turned_in_space,
     "pulled cube": pulled_cube,
+    "blocks in space": blocks_in_space,
 }
 #: Those in the plane with quadratic elements.
 QUADRATIC: dict[str, Callable[[], ContactProblem]] = {

@@ -8,9 +8,10 @@ import pytest
 from hemivar.adapt.admissible_stress import AdmissibleStress, admissible_stress
 from hemivar.adapt.body_data import body_data
 from hemivar.adapt.contact_traces import contact_traces
-from hemivar.adapt.patches import PatchKind, coloured, patch_batches, rigid_modes
+from hemivar.adapt.patches import Batch, PatchKind, coloured, patch_batches, rigid_modes
+from hemivar.adapt.rings import ring_batches
 from hemivar.adapt.sweeps import ContactPrice, Sweeper
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.fem.facet_table import facet_table
 from hemivar.gallery.survey_problems import survey
 from hemivar.mechanics import Clamped, ContactProblem, Material
@@ -19,7 +20,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import solve
 
 from .admissibility import imbalance
-from .bodies import BODIES, VARYING, plane_mesh, space_mesh
+from .bodies import BODIES, VARYING, blocks_in_space, plane_mesh, space_mesh
 
 KINDS = (PatchKind.FACET, PatchKind.EDGE, PatchKind.VERTEX)
 
@@ -172,6 +173,57 @@ def test_patches_of_one_batch_share_no_cell_and_all_facets_have_one(mesh: Mesh, 
         assert (batch.place < batch.facets.shape[1]).any(axis=2).all()  # every cell has a facet of the patch
     per_facet = {PatchKind.FACET: 1, PatchKind.EDGE: {2: 1, 3: 3}[table.dim], PatchKind.VERTEX: table.dim}[kind]
     assert (seen == per_facet).all()
+
+
+@pytest.mark.parametrize(
+    "mesh", [plane_mesh(5), space_mesh(2), blocks_in_space().mesh], ids=["plane", "space", "blocks"]
+)
+@pytest.mark.parametrize("held", [False, True], ids=["free", "held"])
+def test_rings_and_rows_are_all_patches_from_facet_to_facet(mesh: Mesh, held: bool) -> None:
+    """The same patches as :func:`patch_batches` has; side by side in them stand cells with a common facet."""
+    table = facet_table(mesh)
+    kind = PatchKind.VERTEX if table.dim == 2 else PatchKind.EDGE
+    free = np.ones(len(table.facets), dtype=bool)
+    free[mesh.points[table.facets][:, :, -1].max(axis=1) == mesh.points[:, -1].min()] = not held
+    whole = np.random.default_rng(2).uniform(size=len(free)) < 0.9
+    rings, rest = ring_batches(table, kind, free, whole)
+    expected = patches_of(patch_batches(table, kind, free))
+    others = patches_of(patch_batches(table, kind, free, rest))
+    fine = {(facets, cells) for facets, cells in expected if whole[list(facets)].all()}
+    apart = {patch for patch in fine if not joined(table.cell_facets, patch[1])}
+    found = patches_of([ring.as_batch(table) for ring in rings])
+    assert len(found) == len(set(found))
+    assert len(apart) == (len(mesh.cells) == 60)  # blocks that touch along an edge
+    assert set(found) == fine - apart
+    assert {patch for patch in others if not whole[list(patch[0])].all()} == set(others) <= set(expected) - set(found)
+    for ring in rings:
+        cells = ring.cells.ravel()
+        assert len(np.unique(cells)) == len(cells)
+        slots = ring.facets.shape[1]
+        for c in range(ring.cells.shape[1]):
+            at = np.take_along_axis(table.cell_facets[ring.cells[:, c]], ring.sides[:, c], axis=1)
+            assert np.array_equal(at, ring.facets[:, [c, (c + 1) % slots]])
+            through = np.take_along_axis(table.signs[ring.cells[:, c]], ring.sides[:, c], axis=1)
+            assert not (through * ring.flow[:, [c, (c + 1) % slots]]).sum(axis=1).any()  # what enters leaves
+        assert np.array_equal(ring.free, free[ring.facets])
+        assert ring.flows == ring.free.all()
+
+
+def patches_of(batches: list[Batch]) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Patches by their facets and cells."""
+    return [
+        (tuple(sorted(facets)), tuple(sorted(cells)))
+        for batch in batches
+        for facets, cells in zip(batch.facets.tolist(), batch.cells.tolist(), strict=True)
+    ]
+
+
+def joined(cell_facets: IntArray, cells: tuple[int, ...]) -> bool:
+    """Whether one comes from each of the cells to each other one through common facets."""
+    seen, left = {cells[0]}, set(cells[1:])
+    while near := {cell for cell in left if any(set(cell_facets[cell]) & set(cell_facets[other]) for other in seen)}:
+        seen, left = seen | near, left - near
+    return not left
 
 
 def test_colours_are_few_and_the_same_each_time() -> None:

@@ -11,7 +11,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.facet_table import FacetTable
 from hemivar.mesh.keys import EDGES, pair_keys
 
-__all__ = ["Batch", "PatchKind", "coloured", "patch_batches", "rigid_modes"]
+__all__ = ["Batch", "PatchKind", "cell_patches", "coloured", "facet_patches", "patch_batches", "rigid_modes"]
 
 
 class PatchKind(StrEnum):
@@ -46,7 +46,7 @@ class Batch:
         return Batch(self.facets[chosen], self.cells[chosen], self.place[chosen])
 
 
-def coloured(cell_patches: IntArray, count: int, seed: int = 0, first: IntArray | None = None) -> IntArray:
+def coloured(of_cells: IntArray, count: int, seed: int = 0, first: IntArray | None = None) -> IntArray:
     """Colours (count,) of patches, different for patches of one cell.
 
     Each colour is a largest set of patches that share no cell, found by rounds in which a patch is taken if it has the
@@ -54,7 +54,7 @@ def coloured(cell_patches: IntArray, count: int, seed: int = 0, first: IntArray 
 
     Parameters
     ----------
-    cell_patches : int array, shape (M, q)
+    of_cells : int array, shape (M, q)
         The patches of each cell; -1 where there are fewer.
     count : int
         Number of patches.
@@ -66,9 +66,9 @@ def coloured(cell_patches: IntArray, count: int, seed: int = 0, first: IntArray 
     number = np.random.default_rng(seed).permutation(count) + 1
     if first is not None:
         number[np.lexsort((number, -first))] = np.arange(1, count + 1)
-    cells_of = np.bincount(cell_patches[cell_patches >= 0], minlength=count)
+    cells_of = np.bincount(of_cells[of_cells >= 0], minlength=count)
     colour[:-1][cells_of == 0] = colour[-1] = 0
-    current, left = 0, np.ascontiguousarray(cell_patches.T)  # cells with patches that have no colour
+    current, left = 0, np.ascontiguousarray(of_cells.T)  # cells with patches that have no colour
     while left.size:
         value = np.append(np.where(colour[:-1] < 0, number, 0), 0)
         rivals = left[:, (value[left] > 0).any(axis=0)]  # cells with patches that may take this one
@@ -91,11 +91,11 @@ def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: 
 
     Of all patches, or of some alone: a bool for each vertex, edge or facet.
     """
-    facet_patches, cell_patches = _incidence(table, kind)
-    count = int(max(facet_patches.max(initial=-1), cell_patches.max(initial=-1))) + 1
+    of_facets, of_cells = facet_patches(table, kind), cell_patches(table, kind)
+    count = int(max(of_facets.max(initial=-1), of_cells.max(initial=-1))) + 1
     chosen = np.flatnonzero(free)
-    width = facet_patches.shape[1]
-    patch, facet = facet_patches[chosen].ravel(), np.repeat(chosen, width)
+    width = of_facets.shape[1]
+    patch, facet = of_facets[chosen].ravel(), np.repeat(chosen, width)
     if patches is not None:
         patch, facet = patch[patches[patch]], facet[patches[patch]]
     order = np.lexsort((facet, patch))
@@ -118,7 +118,7 @@ def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: 
     inside = keys[found] == wanted if len(keys) else np.zeros(wanted.shape, dtype=bool)
     place = np.where(inside, found - first_facet[patch_of][:, None], facets_of[patch_of][:, None])
 
-    colour = coloured(np.where(facets_of[cell_patches] > 0, cell_patches, -1), count)
+    colour = coloured(np.where(facets_of[of_cells] > 0, of_cells, -1), count)
     batches = []
     live = np.flatnonzero(facets_of > 0)
     kinds, group = np.unique(np.column_stack([colour, facets_of, cells_of])[live], axis=0, return_inverse=True)
@@ -129,22 +129,30 @@ def patch_batches(table: FacetTable, kind: PatchKind, free: BoolArray, patches: 
     return batches
 
 
-def _incidence(table: FacetTable, kind: PatchKind) -> tuple[IntArray, IntArray]:
-    """The patches of each facet (F, p) and of each cell (M, q)."""
-    dim = table.dim
+def facet_patches(table: FacetTable, kind: PatchKind) -> IntArray:
+    """The patches of each facet, shape (F, p)."""
     if kind is PatchKind.VERTEX:
-        return table.facets, table.cells
-    if kind is PatchKind.FACET or dim == 2:
-        return np.arange(len(table.facets))[:, None], table.cell_facets
+        return table.facets
+    if kind is PatchKind.FACET or table.dim == 2:
+        return np.arange(len(table.facets))[:, None]
+    return _edges(table, table.facets, ((0, 1), (1, 2), (0, 2)))
+
+
+def cell_patches(table: FacetTable, kind: PatchKind) -> IntArray:
+    """The patches of each cell, shape (M, q): of vertices in their order, of edges in that of ``EDGES``."""
+    if kind is PatchKind.VERTEX:
+        return table.cells
+    if kind is PatchKind.FACET or table.dim == 2:
+        return table.cell_facets
+    return _edges(table, table.cells, EDGES[3])
+
+
+def _edges(table: FacetTable, simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
+    """Numbers of edges of the mesh, by places of their ends in simplices."""
     count = table.mesh.number_of_nodes
     known = np.asarray(table.mesh.edges, dtype=np.int64)
-    keys = known[:, 0] * count + known[:, 1]
-
-    def edges(simplices: IntArray, pairs: tuple[tuple[int, int], ...]) -> IntArray:
-        ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
-        return np.asarray(np.searchsorted(keys, pair_keys(ends, count)))
-
-    return edges(table.facets, ((0, 1), (1, 2), (0, 2))), edges(table.cells, EDGES[3])
+    ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
+    return np.asarray(np.searchsorted(known[:, 0] * count + known[:, 1], pair_keys(ends, count)))
 
 
 def rigid_modes(x: Array) -> Array:

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hemivar.adapt.patches import Batch, rigid_modes
-from hemivar.basics.types import Array, BoolArray
-from hemivar.fem.facet_table import FacetTable
+from hemivar.adapt.patches import rigid_modes
+from hemivar.basics.types import Array
 from hemivar.mesh.keys import EDGES
 
-__all__ = ["flow_fields", "orientations", "self_balanced", "turning_fields"]
+__all__ = ["flow_fields", "self_balanced", "turning_fields"]
 
 
 def self_balanced(nodes: Array) -> Array:
@@ -34,11 +33,23 @@ def self_balanced(nodes: Array) -> Array:
 
 
 def turning_fields(nodes: Array) -> Array:
-    """Moments (k, r, l, d) of facets with these nodes (k, l, d): each a unit moment, without force."""
-    count, places, dim = nodes.shape
-    turns = rigid_modes(nodes - nodes.mean(axis=1, keepdims=True))[:, :, dim:].transpose(0, 2, 1, 3)
-    flat = turns.reshape(count, -1, places * dim)
-    return np.asarray(np.linalg.inv(flat @ flat.transpose(0, 2, 1)) @ flat).reshape(turns.shape)
+    """Moments (k, r, l, d) of facets with these nodes (k, l, d): each a unit moment, without force.
+
+    On a triangle with sides a and b from vertex 0, and ``n = a x b``, that is w for ``m_1 = (w.n b / 2 - w.b n) / n.n``
+    and ``m_2 = (w.a n - w.n a / 2) / n.n``. There are others; but for self-balanced fields they are the same.
+    """
+    dim = nodes.shape[2]
+    if dim == 2:
+        turns = rigid_modes(nodes - nodes.mean(axis=1, keepdims=True))[:, :, dim:].transpose(0, 2, 1, 3)
+        return np.asarray(turns / np.sum(turns * turns, axis=(2, 3), keepdims=True))
+    a, b = nodes[:, 1] - nodes[:, 0], nodes[:, 2] - nodes[:, 0]
+    n = np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+    unit = n / np.sum(n * n, axis=1, keepdims=True)  # w.n / n.n and n / n.n
+    out = np.empty((len(nodes), dim, dim, dim))
+    out[:, :, 1] = 0.5 * unit[:, :, None] * b[:, None] - b[:, :, None] * unit[:, None]
+    out[:, :, 2] = a[:, :, None] * unit[:, None] - 0.5 * unit[:, :, None] * a[:, None]
+    out[:, :, 0] = -out[:, :, 1] - out[:, :, 2]
+    return out
 
 
 def flow_fields(turning: Array, middle: Array) -> Array:
@@ -57,38 +68,3 @@ def flow_fields(turning: Array, middle: Array) -> Array:
     fields[:, :dim] = np.tile(np.eye(dim), places) / places - rigid_modes(middle)[:, dim:].transpose(0, 2, 1) @ flat
     fields[:, dim:] = flat
     return fields.reshape(count, -1, places, dim)
-
-
-def orientations(table: FacetTable, batch: Batch) -> tuple[Array, BoolArray]:
-    """How a force flows through rings and rows of cells: the sign (k, f) on each facet, and where it can, (k,).
-
-    Through a cell with two facets of the patch what enters by one leaves by the other. A ring is closed; a row needs a
-    facet of the patch at both ends.
-    """
-    count, facets = batch.facets.shape
-    cells = batch.cells.shape[1]
-    closed = np.asarray(table.interior[batch.facets].all(axis=1) & (facets == cells))
-    can = closed | (facets == cells + 1)
-    inside = batch.place < facets
-    two = inside.sum(axis=2) == 2
-    can &= two.all(axis=1)
-    first = np.argmax(inside, axis=2)
-    second = inside.shape[2] - 1 - np.argmax(inside[:, :, ::-1], axis=2)
-    every = np.arange(count)
-    sign = table.signs[batch.cells]
-    flow = np.zeros((count, facets + 1))
-    flow[:, 0] = 1.0
-    for _ in range(facets):
-        for c in range(cells):
-            a, b = batch.place[every, c, first[:, c]], batch.place[every, c, second[:, c]]
-            turn = -sign[every, c, first[:, c]] * sign[every, c, second[:, c]]
-            forward = two[:, c] & (flow[every, a] != 0.0) & (flow[every, b] == 0.0)
-            flow[every[forward], b[forward]] = (turn * flow[every, a])[forward]
-            backward = two[:, c] & (flow[every, b] != 0.0) & (flow[every, a] == 0.0)
-            flow[every[backward], a[backward]] = (turn * flow[every, b])[backward]
-        if (flow[can, :facets] != 0.0).all():
-            break
-    flow = flow[:, :facets]
-    can &= (flow != 0.0).all(axis=1)
-    flow[~can] = 0.0
-    return flow, can

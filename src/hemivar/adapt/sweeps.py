@@ -18,6 +18,7 @@ settle contact tractions last.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,7 +26,9 @@ import numpy as np
 
 from hemivar.adapt.admissible_stress import AdmissibleStress
 from hemivar.adapt.patches import Batch, PatchKind, patch_batches, rigid_modes
-from hemivar.adapt.self_balanced import flow_fields, orientations, self_balanced, turning_fields
+from hemivar.adapt.ring_sweeps import RingSweeps
+from hemivar.adapt.rings import Rings, ring_batches
+from hemivar.adapt.self_balanced import turning_fields
 from hemivar.adapt.vertex_rings import VertexRings
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.split_element import facet_mass
@@ -79,7 +82,7 @@ class Sweeper:
         self._moments = stress.tractions.moments.copy()
         self._now: AdmissibleStress | None = stress  # where it is known
         self._difference = stress.difference.copy()
-        self._batches: dict[tuple[PatchKind, bool], list[Batch]] = {}
+        self._batches: dict[tuple[PatchKind, bool], list[Batch | Rings]] = {}
 
     @property
     def stress(self) -> AdmissibleStress:
@@ -109,53 +112,59 @@ class Sweeper:
         key = (kind, contact is not None)
         if key not in self._batches:
             others = ~self._rings.vertices if closed else None
-            free = np.asarray(freed.any(axis=(1, 2)))
-            self._batches[key] = patch_batches(self.data.table, kind, free, others)
-        self._improve_batches(self._batches[key], kind, freed, contact, only_contact)
+            self._batches[key] = self._patches(kind, freed, others)
+        self._improve_batches(self._batches[key], freed, contact, only_contact)
         if closed and not only_contact:
-            self._improve_closed(kind, freed)
-            self._improve_batches(self._batches[key], kind, freed, contact, only_contact)
+            self._improve_closed(freed)
+            self._improve_batches(self._batches[key], freed, contact, only_contact)
 
-    def _improve_closed(self, kind: PatchKind, freed: Array) -> None:
+    def _patches(self, kind: PatchKind, freed: Array, some: BoolArray | None) -> list[Batch | Rings]:
+        """Patches of any shape, then rings and rows; of some vertices, edges or facets, or of all."""
+        table, dim = self.data.table, self.data.table.dim
+        free = np.asarray(freed.any(axis=(1, 2)))
+        if kind is not (PatchKind.VERTEX if dim == 2 else PatchKind.EDGE):
+            return [*patch_batches(table, kind, free, some)]
+        whole = np.asarray((freed == np.eye(dim)).all(axis=(1, 2)))
+        rings, rest = ring_batches(table, kind, free, whole, some)
+        others = patch_batches(table, kind, free, rest) if rest.any() else []
+        return [*others, *([ring.as_batch(table) for ring in rings] if self.general else rings)]
+
+    def _improve_closed(self, freed: Array) -> None:
         """Improve the rings of cells around vertices inside."""
         if self.general:
-            self._improve_batches(self._rings.as_batches(), kind, freed, None, False)
+            self._improve_batches(self._rings.as_batches(), freed, None, False)
             return
         self._now = None
         self._rings.improve(self.data.reference_compliance, self._difference, self._moments)
 
     @cached_property
-    def _turning(self) -> Array:
-        """Unit moments about the middle of each facet."""
-        return turning_fields(self._places)
+    def _ring_sweeps(self) -> RingSweeps:
+        return RingSweeps(self.data, self._start.element, self._places, turning_fields(self._places))
 
     @cached_property
     def _rings(self) -> VertexRings:
         return VertexRings.of(self.data.table)
 
     def _improve_batches(
-        self, batches: list[Batch], kind: PatchKind, freed: Array, contact: ContactPrice | None, only_contact: bool
+        self, batches: Sequence[Batch | Rings], freed: Array, contact: ContactPrice | None, only_contact: bool
     ) -> None:
         """Improve patches that share no cell within a batch, one batch after the other."""
         self._now = None
+        element, entries = self._start.element, _ENTRIES[self.data.table.dim]
         partly = np.asarray((freed != np.eye(self.data.table.dim)).any(axis=(1, 2)))
-        rings = kind is not PatchKind.VERTEX or self.data.table.dim == 2
-        for whole in batches:
+        touching = np.asarray(self.data.contact >= 0)
+        for patches in batches:
             if only_contact:
-                whole = whole.take(np.asarray((self.data.contact[whole.facets] >= 0).any(axis=1)))
-            plain = np.zeros(len(whole.facets), dtype=bool)
-            if rings and not self.general:
-                plain[:] = ~partly[whole.facets].any(axis=1)
-            for batch, ring in ((whole.take(plain), True), (whole.take(~plain), False)):
-                size = batch.facets.shape[1] * self._start.element.block
-                entries = _ENTRIES[self.data.table.dim]
-                step = max(entries // (size * size + batch.cells.shape[1] * self._start.element.moments**2), 1)
-                for start in range(0, len(batch.facets), step):
-                    part = batch.take(slice(start, start + step))
-                    if ring:
-                        self._improve_rings(part, contact)
-                    else:
-                        self._improve(part, freed, partly, contact)
+                patches = patches.take(np.asarray(touching[patches.facets].any(axis=1)))
+            size = patches.facets.shape[1] * element.block
+            step = max(entries // (size * size + patches.cells.shape[1] * element.moments**2), 1)
+            for start in range(0, len(patches.facets), step):
+                part = patches.take(slice(start, start + step))
+                if isinstance(part, Rings):
+                    prices = [] if contact is None else self._prices(part.facets, contact)
+                    self._ring_sweeps.improve(part, self._difference, self._moments, prices)
+                else:
+                    self._improve(part, freed, partly, contact)
 
     def _freed(self, contact: bool) -> Array:
         """Projections (F, d, d) on the components of tractions that may change."""
@@ -235,96 +244,13 @@ class Sweeper:
         on_cells = on_cells.reshape(len(flat), -1, dim) @ table.inverse[flat].transpose(0, 2, 1)
         self._difference[flat] += on_cells.reshape(len(flat), -1) @ element.summing.T
 
-    def _improve_rings(self, batch: Batch, contact: ContactPrice | None) -> None:
-        """Improve patches whose cells make rings or rows, all of whose facets are wholly free.
-
-        What balances there are fields of single facets without force and moment, and one force and moment that flows
-        through all of them.
-        """
-        table, element = self.data.table, self._start.element
-        dim = table.dim
-        count, facets = batch.facets.shape
-        sides = min(facets, 2)
-        flow, flows = orientations(table, batch)
-        nodes = self._places[batch.facets]
-        centre = nodes.mean(axis=(1, 2))
-        x = nodes - centre[:, None, None]
-        size = np.abs(x).max(axis=(1, 2, 3))[:, None, None, None]
-        x /= size
-        middle = x.mean(axis=2).reshape(-1, dim)
-        x = x.reshape(-1, *nodes.shape[2:])
-        fields = self_balanced(x)
-        if flows.any():
-            turning = (self._turning[batch.facets] * size[..., None]).reshape(len(x), -1, *x.shape[1:])
-            fields = np.concatenate([fields, flow_fields(turning, middle) * flow.reshape(-1, 1, 1, 1)], axis=1)
-        block = element.block
-        own = block - dim * (dim + 1) // 2  # fields of a facet
-        through = fields.shape[1] - own  # forces and moments
-        fields = fields.reshape(count, facets, own + through, block)
-        number = facets * own + through
-
-        H, b = np.zeros((count, number + 1, number + 1)), np.zeros((count, number + 1))
-        places = np.argsort(batch.place >= facets, axis=2, kind="stable")[
-            :, :, :sides
-        ]  # local facets of the patch first
-        every = np.arange(count)
-        padded = np.concatenate([fields, np.zeros((count, 1, own + through, block))], axis=1)
-        last = facets * own + np.arange(through)
-        cells, local = batch.cells.ravel(), places.reshape(-1, sides)
-        at = np.take_along_axis(batch.place, places, axis=2).reshape(-1, sides)
-        patch = np.repeat(every, batch.cells.shape[1])
-        signed = padded[patch[:, None], at] * table.signs[cells[:, None], local][:, :, None, None]
-        back = signed.reshape(len(cells), -1, dim) @ table.inverse[cells].transpose(0, 2, 1)
-        back = back.reshape(len(cells), sides, own + through, block)
-        wide = np.zeros((len(cells), sides, block, sides * own + through))
-        for side in range(sides):
-            on = back[:, side].transpose(0, 2, 1)
-            wide[:, side, :, side * own : (side + 1) * own] = on[:, :, :own]
-            wide[:, side, :, sides * own :] = on[:, :, own:]
-        basis = wide.reshape(len(cells), sides * block, -1)
-        compliance = self.data.reference_compliance[cells]
-        every_slope = element.slope(self._difference[cells], compliance)
-        every_slope = every_slope.reshape(len(cells), dim + 1, block)
-        slope = np.take_along_axis(every_slope, local[:, :, None], axis=1).reshape(len(cells), -1)
-        energy = np.empty((len(cells), sides * block, sides * block))
-        order = np.lexsort(local.T)
-        other = (local[order[1:]] != local[order[:-1]]).any(axis=1)
-        for some in np.split(order, np.flatnonzero(other) + 1):  # cells with the same facets in the patch
-            energy[some] = element.matrix_of(tuple(local[some[0]].tolist()), compliance[some])
-        matrix = basis.transpose(0, 2, 1) @ energy @ basis
-        force = np.einsum("kpn,kp->kn", basis, slope)
-        ends = np.broadcast_to(last, (len(cells), through))
-        index = np.concatenate([(at[:, :, None] * own + np.arange(own)).reshape(len(cells), -1), ends], axis=1)
-        index[:, : sides * own] = np.where(np.repeat(at >= facets, own, axis=1), number, index[:, : sides * own])
-        shape = (count, batch.cells.shape[1], index.shape[1])
-        index, force, matrix = index.reshape(shape), force.reshape(shape), matrix.reshape(*shape, shape[2])
-        rows = every[:, None] * (number + 1)
-        flat_H, flat_b = H.reshape(-1), b.reshape(-1)
-        for c in range(shape[1]):  # numbers of a cell are not repeated, except those that nobody looks at
-            row = rows + index[:, c]
-            flat_H[(row * (number + 1))[:, :, None] + index[:, c, None, :]] += matrix[:, c]
-            flat_b[row] += force[:, c]
-        H, b = H[:, :number, :number], b[:, :number]
-        all_fields = np.zeros((count, facets, block, number))
-        for f in range(facets):
-            all_fields[:, f, :, f * own : (f + 1) * own] = fields[:, f, :own].transpose(0, 2, 1)
-            all_fields[:, f, :, facets * own :] = fields[:, f, own:].transpose(0, 2, 1)
-        if contact is not None:
-            for patch, place, matrix, slope in self._prices(batch, contact):
-                on = all_fields[patch, place]
-                np.add.at(H, patch, on.transpose(0, 2, 1) @ matrix @ on)
-                np.add.at(b, patch, np.einsum("kpn,kp->kn", on, slope))
-        H[np.flatnonzero(~flows)[:, None], last, last] = 1.0
-        change = -np.linalg.solve(H, b[:, :, None])
-        self._apply(batch, (all_fields.reshape(count, -1, number) @ change)[:, :, 0])
-
-    def _prices(self, batch: Batch, contact: ContactPrice) -> list[tuple[IntArray, IntArray, Array, Array]]:
+    def _prices(self, facets: IntArray, contact: ContactPrice) -> list[tuple[IntArray, IntArray, Array, Array]]:
         """Contact facets of patches, by patch and place, with the matrices and half the slopes of their price."""
         data, dim = self.data, self.data.table.dim
-        patch, place = np.nonzero(data.contact[batch.facets] >= 0)
+        patch, place = np.nonzero(data.contact[facets] >= 0)
         if not len(patch):
             return []
-        facet = batch.facets[patch, place]
+        facet = facets[patch, place]
         loose = np.eye(dim) - data.unknown[facet]
         inverse = np.linalg.inv(facet_mass(dim, data.order))
         size, block = contact.price / data.table.measures[facet], self._start.element.block
@@ -342,7 +268,7 @@ class Sweeper:
     def _charge(self, batch: Batch, contact: ContactPrice, H: Array, b: Array) -> None:
         """Add the price of contact tractions to the misfit of patches, in place."""
         block = self._start.element.block
-        for patch, place, matrix, slope in self._prices(batch, contact):
+        for patch, place, matrix, slope in self._prices(batch.facets, contact):
             at = place[:, None] * block + np.arange(block)
             H[patch[:, None, None], at[:, :, None], at[:, None, :]] += matrix
             b[patch[:, None], at] += slope

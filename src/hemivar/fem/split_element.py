@@ -33,7 +33,16 @@ from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.mesh.keys import EDGES
 
-__all__ = ["SplitElement", "facet_mass", "pairs_of", "pulled_back", "split_element", "voigt", "voigt_map"]
+__all__ = [
+    "MomentSpace",
+    "SplitElement",
+    "facet_mass",
+    "pairs_of",
+    "pulled_back",
+    "split_element",
+    "voigt",
+    "voigt_map",
+]
 
 #: Cells whose stresses are held at a time: they fit a cache.
 _CELLS = 1 << 12
@@ -180,67 +189,118 @@ class SplitElement:
 
     def settled(self, degrees: Array, compliance: Array) -> Array:
         """The degrees of freedom (M, n) that have the least energy with the same tractions and divergence."""
-        inner = self.ways.shape[1] - self.moments
-        if inner == 0:
+        if self.ways.shape[1] == self.moments:
             return degrees
-        slope = self._slopes(degrees, compliance)[:, self.moments :]
-        found = np.linalg.solve(self._inner(compliance)[:, :, self.moments :], slope[:, :, None])[:, :, 0]
+        found = MomentSpace(self, np.zeros((self.moments, 0))).inner(degrees, compliance)
         return degrees - found @ self.ways[:, self.moments :].T
 
     def slope(self, degrees: Array, compliance: Array) -> Array:
-        """Half the derivative of the least energy of degrees of freedom (M, n) by the moments of stresses without
-        divergence, shape (M, k).
+        """:meth:`MomentSpace.slope` by all moments, shape (M, k)."""
+        return self._whole.slope(degrees, compliance)
+
+    def matrix(self, compliance: Array) -> Array:
+        """:meth:`MomentSpace.matrix` of all moments, shape (M, k, k)."""
+        return self._whole.matrix(compliance)
+
+    @cached_property
+    def _whole(self) -> MomentSpace:
+        return MomentSpace(self, np.eye(self.moments))
+
+    @cached_property
+    def integrated(self) -> Array:
+        """Takes degrees of freedom to stresses integrated with the functions of the nodes, shape (n, (d + 1) l v)."""
+        integrated = np.einsum("ac,bcpn->bapn", self.mass, self.values)
+        return np.ascontiguousarray(integrated.reshape(-1, self.values.shape[-1]).T)
+
+
+@dataclass(frozen=True, eq=False)
+class MomentSpace:
+    """Stresses of an element that have no divergence, and some moments alone.
+
+    What has no tractions and no divergence is always among them, and minimised over.
+
+    Attributes
+    ----------
+    element : SplitElement
+    fields : array, shape (k, q)
+        Moments of each of q stresses, those of the facets in turn.
+    """
+
+    element: SplitElement
+    fields: Array
+
+    @cached_property
+    def summing(self) -> Array:
+        """Takes numbers of the q to degrees of freedom, shape (n, q)."""
+        return np.ascontiguousarray(self._ways[:, : self.fields.shape[1]])
+
+    def matrix(self, compliance: Array) -> Array:
+        """Least energy matrices, shape (M, q, q).
+
+        Parameters
+        ----------
+        compliance : array, shape (M, v, v)
+            Pulled back to the reference simplex.
+        """
+        rows, columns = self.element.upper
+        size, q = self._ways.shape[1], self.fields.shape[1]
+        whole = (compliance[:, rows, columns] @ self._energies).reshape(len(compliance), size, size)
+        if size == q:
+            return np.asarray(whole)
+        return np.asarray(whole[:, :q, :q] - whole[:, :q, q:] @ np.linalg.solve(whole[:, q:, q:], whole[:, q:, :q]))
+
+    def slope(self, degrees: Array, compliance: Array) -> Array:
+        """Half the derivative of the least energy at degrees of freedom (M, n), shape (M, q).
 
         The least one is that over what has no tractions; where this stands in the stress does not matter.
         """
-        slopes, k = self._slopes(degrees, compliance), self.moments
-        if slopes.shape[1] == k:
+        slopes, q = self._slopes(degrees, compliance), self.fields.shape[1]
+        if slopes.shape[1] == q:
             return slopes
         inner = self._inner(compliance)
-        found = np.linalg.solve(inner[:, :, k:], slopes[:, k:, None])
-        return np.asarray(slopes[:, :k] - (inner[:, :, :k].transpose(0, 2, 1) @ found)[:, :, 0])
+        found = np.linalg.solve(inner[:, :, q:], slopes[:, q:, None])
+        return np.asarray(slopes[:, :q] - (inner[:, :, :q].transpose(0, 2, 1) @ found)[:, :, 0])
 
-    def _slopes(self, degrees: Array, compliance: Array) -> Array:
-        integrated, tested = self._both_sides
-        weighed = (degrees @ integrated).reshape(len(degrees), -1, compliance.shape[1])
-        return np.asarray((weighed @ compliance).reshape(len(degrees), -1) @ tested)
+    def inner(self, degrees: Array, compliance: Array) -> Array:
+        """What is taken off what has no tractions where the energy is least, shape (M, i)."""
+        q = self.fields.shape[1]
+        slope = self._slopes(degrees, compliance)[:, q:]
+        return np.asarray(np.linalg.solve(self._inner(compliance)[:, :, q:], slope[:, :, None])[:, :, 0])
 
     @cached_property
-    def _both_sides(self) -> tuple[Array, Array]:
-        """What stresses are integrated with, from degrees of freedom, and what takes strains to slopes."""
-        n = self.values.shape[-1]
-        integrated = np.einsum("ac,bcpn->bapn", self.mass, self.values).reshape(-1, n)
-        return np.ascontiguousarray(integrated.T), self.values.reshape(-1, n) @ self.ways
+    def _with_inner(self) -> Array:
+        """The fields, and behind them what has no tractions."""
+        inner = self.element.ways.shape[1] - self.element.moments
+        return np.block([
+            [self.fields, np.zeros((len(self.fields), inner))],
+            [np.zeros((inner, self.fields.shape[1])), np.eye(inner)],
+        ])  # fmt: skip
+
+    @cached_property
+    def _ways(self) -> Array:
+        return np.asarray(self.element.ways @ self._with_inner)
+
+    @cached_property
+    def _energies(self) -> Array:
+        """Energy matrices of these for each entry of D, flat."""
+        energies = self._with_inner.T @ self.element.energies @ self._with_inner
+        return np.ascontiguousarray(energies.reshape(len(energies), -1))
+
+    @cached_property
+    def _tested(self) -> Array:
+        """Takes strains at the nodes to slopes."""
+        return np.asarray(self.element.values.reshape(-1, self.element.values.shape[-1]) @ self._ways)
+
+    def _slopes(self, degrees: Array, compliance: Array) -> Array:
+        weighed = (degrees @ self.element.integrated).reshape(len(degrees), -1, compliance.shape[1])
+        return np.asarray((weighed @ compliance).reshape(len(degrees), -1) @ self._tested)
 
     def _inner(self, compliance: Array) -> Array:
-        """The rows (M, i, k + i) of the energy matrices that belong to stresses without tractions."""
-        rows, columns = self.upper
-        inner = self.energies[:, self.moments :]
-        flat = compliance[:, rows, columns] @ inner.reshape(len(rows), -1)
-        return np.asarray(flat.reshape(len(compliance), *inner.shape[1:]))
-
-    def matrix(self, compliance: Array) -> Array:
-        """Least energy matrices in the moments of stresses without divergence, shape (M, k, k)."""
-        return self.matrix_of(tuple(range(self.dim + 1)), compliance)
-
-    def matrix_of(self, facets: tuple[int, ...], compliance: Array) -> Array:
-        """The same in the moments of some facets of the cells alone, in that order."""
-        rows, columns = self.upper
-        energies = _energies_of(self, facets)
-        k = len(facets) * self.block
-        size = k + self.ways.shape[1] - self.moments
-        whole = (compliance[:, rows, columns] @ energies).reshape(len(compliance), size, size)
-        if size == k:
-            return np.asarray(whole)
-        return np.asarray(whole[:, :k, :k] - whole[:, :k, k:] @ np.linalg.solve(whole[:, k:, k:], whole[:, k:, :k]))
-
-
-@cache
-def _energies_of(element: SplitElement, facets: tuple[int, ...]) -> Array:
-    """Rows and columns of ``energies`` that belong to some facets and to what has no tractions, flat."""
-    block, size = element.block, element.energies.shape[1]
-    chosen = np.concatenate([*(i * block + np.arange(block) for i in facets), np.arange(element.moments, size)])
-    return np.ascontiguousarray(element.energies[:, chosen][:, :, chosen]).reshape(len(element.energies), -1)
+        """The rows (M, i, q + i) of the energy matrices that belong to stresses without tractions."""
+        rows, columns = self.element.upper
+        size = self._ways.shape[1]
+        flat = compliance[:, rows, columns] @ self._energies[:, self.fields.shape[1] * size :]
+        return np.asarray(flat.reshape(len(compliance), -1, size))
 
 
 def facet_mass(dim: int, order: int) -> Array:
