@@ -16,6 +16,9 @@ from hemivar.mesh.keys import EDGES
 
 __all__ = ["flow_fields", "self_balanced", "turning_fields"]
 
+#: Facets whose fields are made at a time: they fit a cache.
+_FACETS = 1 << 12
+
 
 def self_balanced(nodes: Array) -> Array:
     """Moments (k, s, l, d) without force and moment, s = 1 or 3, of facets with these nodes (k, l, d)."""
@@ -42,13 +45,15 @@ def turning_fields(nodes: Array) -> Array:
     if dim == 2:
         turns = rigid_modes(nodes - nodes.mean(axis=1, keepdims=True))[:, :, dim:].transpose(0, 2, 1, 3)
         return np.asarray(turns / np.sum(turns * turns, axis=(2, 3), keepdims=True))
-    a, b = nodes[:, 1] - nodes[:, 0], nodes[:, 2] - nodes[:, 0]
-    n = np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
-    unit = n / np.sum(n * n, axis=1, keepdims=True)  # w.n / n.n and n / n.n
     out = np.empty((len(nodes), dim, dim, dim))
-    out[:, :, 1] = 0.5 * unit[:, :, None] * b[:, None] - b[:, :, None] * unit[:, None]
-    out[:, :, 2] = a[:, :, None] * unit[:, None] - 0.5 * unit[:, :, None] * a[:, None]
-    out[:, :, 0] = -out[:, :, 1] - out[:, :, 2]
+    for start in range(0, len(nodes), _FACETS):
+        part = slice(start, start + _FACETS)
+        a, b = nodes[part, 1] - nodes[part, 0], nodes[part, 2] - nodes[part, 0]
+        n = np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+        unit = n / np.sum(n * n, axis=1, keepdims=True)  # w.n / n.n and n / n.n
+        out[part, :, 1] = 0.5 * unit[:, :, None] * b[:, None] - b[:, :, None] * unit[:, None]
+        out[part, :, 2] = a[:, :, None] * unit[:, None] - 0.5 * unit[:, :, None] * a[:, None]
+        out[part, :, 0] = -out[part, :, 1] - out[part, :, 2]
     return out
 
 

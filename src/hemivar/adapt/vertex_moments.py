@@ -30,8 +30,8 @@ __all__ = ["Tractions", "UnsettledTractions", "equilibrated", "shared_forces", "
 
 #: Part of the largest projection below which no facet at a vertex takes up a force along a direction.
 _FREE = 1e-10
-#: Numbers of the matrices solved together.
-_ENTRIES = 1 << 22
+#: Numbers of the matrices solved together, and cells and facets that are looked at together: they fit a cache.
+_ENTRIES, _CELLS = 1 << 19, 1 << 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,17 +121,20 @@ def unsettled(data: BodyData) -> UnsettledTractions:
     first, second = table.owners.T
     moments = own[first, sides[:, 0]]
     inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
-    moments[inside] -= own[second[inside], sides[inside, 1]]
-    moments[inside] *= 0.5
+    for start in range(0, len(inside), _CELLS):
+        here = inside[start : start + _CELLS]
+        moments[here] = 0.5 * (moments[here] - own[second[here], sides[here, 1]])
     given = data.facet_loads[outer]
     moments[outer] = given + np.einsum("fij,faj->fai", data.unknown[outer], moments[outer] - given)
 
-    outward = table.of_cells(moments)
     lack = data.forces - data.loads
     members = facet_vertices(dim, data.order)
-    for facet in range(dim + 1):
-        for place, node in enumerate(members[facet]):
-            lack[:, node] -= outward[:, facet, place]
+    for start in range(0, len(lack), _CELLS):
+        part = slice(start, start + _CELLS)
+        outward = moments[table.cell_facets[part]] * table.signs[part, :, None, None]
+        for facet in range(dim + 1):
+            for place, node in enumerate(members[facet]):
+                lack[part, node] -= outward[:, facet, place]
 
     # what is missing along directions that no facet at the node takes up
     nodes, free = data.cell_nodes, _free_directions(data, stars)
@@ -231,8 +234,12 @@ class _Stars:
         The vertex of each pair, and its place among the pairs of that vertex.
     count : int array, shape (N,)
         Cells around each vertex.
+    order, first : int arrays, shapes (pairs,) and (N,)
+        Pairs vertex after vertex, in their places, and where those of each vertex begin.
     joined : int array, shape (k, 2)
-        Pairs of two cells at the ends of each facet inside, for each of its vertices.
+        Pairs of two cells at the ends of each facet inside, for each of its vertices; vertex after vertex.
+    facets_first : int array, shape (N + 1,)
+        Where those of each vertex begin.
     held : int array, shape (h,)
         Pairs at boundary facets that take up a force, one for each facet, and ``block``, shape (h, d, d), along what.
     block : array, shape (h, d, d)
@@ -243,7 +250,10 @@ class _Stars:
     vertex: IntArray
     place: IntArray
     count: IntArray
+    order: IntArray
+    first: IntArray
     joined: IntArray
+    facets_first: IntArray
     held: IntArray
     block: Array
     free: Array
@@ -257,7 +267,8 @@ class _Stars:
         order = np.argsort(vertex, kind="stable")
         count = np.bincount(vertex, minlength=nodes)
         place = np.empty(len(vertex), dtype=np.int64)
-        place[order] = np.arange(len(vertex)) - np.repeat(np.cumsum(count) - count, count)
+        first = np.cumsum(count) - count
+        place[order] = np.arange(len(vertex)) - np.repeat(first, count)
         members = facet_vertices(dim)
         pair = np.empty((len(table.facets), 2, dim), dtype=np.int64)
         cell, side = np.divmod(np.arange(table.cell_facets.size), corners)
@@ -265,6 +276,7 @@ class _Stars:
         pair[number, second] = (cell * corners)[:, None] + members[side]
         inside = table.interior
         joined = pair[inside].transpose(0, 2, 1).reshape(-1, 2)
+        joined = joined[np.argsort(vertex[joined[:, 0]], kind="stable")]
         _refuse_pinched(joined, vertex, nodes, table.mesh.points)
         outer = np.flatnonzero(~inside & data.unknown.any(axis=(1, 2)))
         held = pair[outer, 0].ravel()
@@ -276,7 +288,8 @@ class _Stars:
         size, axes = np.linalg.eigh(taken[some])
         loose = (size < _FREE * dim).astype(float)
         free[some] = np.einsum("kin,kn,kjn->kij", axes, loose, axes)
-        return cls(vertex, place, count, joined, held, block, free)
+        facets_first = np.concatenate([[0], np.cumsum(np.bincount(vertex[joined[:, 0]], minlength=nodes))])
+        return cls(vertex, place, count, order, first, joined, facets_first, held, block, free)
 
     def solve(self, lack: Array) -> Array:
         """Potentials (pairs, d) whose differences over facets bring each pair what it lacks, shape (pairs, d)."""
@@ -294,31 +307,38 @@ class _Stars:
 
     def _solve(self, chosen: IntArray, size: int, components: int, lack: Array, out: Array) -> None:
         """Vertices with the same number of cells; one system for all components, or one that couples them."""
-        nodes, dim = self.free.shape[:2]
-        row = np.full(nodes, -1, dtype=np.int64)
-        row[chosen] = np.arange(len(chosen))
-        pairs = np.flatnonzero(row[self.vertex] >= 0)
-        joined = self.joined[row[self.vertex[self.joined[:, 0]]] >= 0]
+        dim = self.free.shape[1]
+        pairs = self.order[self.first[chosen][:, None] + np.arange(size)]
+        at, joined = _ranges(self.facets_first, chosen)
+        joined = self.joined[joined]
         graph = np.zeros((len(chosen), size, size))
-        at, one, two = row[self.vertex[joined[:, 0]]], self.place[joined[:, 0]], self.place[joined[:, 1]]
+        one, two = self.place[joined[:, 0]], self.place[joined[:, 1]]
         graph[at, one, two] = graph[at, two, one] = -1.0
         diagonal = np.arange(size)
         graph[:, diagonal, diagonal] = -graph.sum(axis=2)
-        right = np.zeros((len(chosen), size, dim))
-        right[row[self.vertex[pairs]], self.place[pairs]] = lack[pairs]
+        right = np.take(lack, pairs, axis=0)
         if components == 1:
             found = np.linalg.solve(graph + 1.0 / size, right)
         else:
             full = np.einsum("kab,ij->kaibj", graph, np.eye(dim))
             full += (self.free / size)[chosen][:, None, :, None, :]
-            here = row[self.vertex[self.held]] >= 0
-            at, one = row[self.vertex[self.held[here]]], self.place[self.held[here]]
+            row = np.full(len(self.free), -1, dtype=np.int64)
+            row[chosen] = np.arange(len(chosen))
+            at = row[self.vertex[self.held]]
+            here = at >= 0
             held = np.zeros((len(chosen), size, dim, dim))
-            np.add.at(held, (at, one), self.block[here])
+            np.add.at(held, (at[here], self.place[self.held[here]]), self.block[here])
             full[:, diagonal, :, diagonal] += held.transpose(1, 0, 2, 3)
             flat = full.reshape(len(chosen), size * dim, size * dim)
             found = np.linalg.solve(flat, right.reshape(len(chosen), -1, 1)).reshape(right.shape)
-        out[pairs] = found[row[self.vertex[pairs]], self.place[pairs]]
+        out[pairs] = found
+
+
+def _ranges(first: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
+    """For each entry from ``first[c]`` to ``first[c + 1]``: the place of c in ``chosen``, and its own."""
+    count = first[chosen + 1] - first[chosen]
+    at = np.repeat(np.arange(len(chosen)), count)
+    return at, np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count) + first[chosen][at]
 
 
 def _refuse_pinched(joined: IntArray, vertex: IntArray, nodes: int, points: Array) -> None:

@@ -18,6 +18,9 @@ from hemivar.mesh.mesh import Mesh
 
 __all__ = ["FacetTable", "facet_table", "facet_vertices"]
 
+#: Cells that are looked at together: they fit a cache.
+_CELLS = 1 << 12
+
 
 def facet_vertices(dim: int, order: int = 1) -> IntArray:
     """Local vertices (d + 1, d) of the facets of a cell: facet i has all but vertex i.
@@ -117,14 +120,23 @@ class FacetTable:
         return np.asarray(self.signs[:, :, None, None] * moments[self.cell_facets])
 
 
-def _inverse(matrix: Array) -> Array:
-    """Inverses of matrices (M, d, d)."""
-    if matrix.shape[1] != 2:
-        return np.asarray(np.linalg.inv(matrix))
-    (a, b), (c, d) = matrix.transpose(1, 2, 0)
-    out = np.empty(matrix.shape)
-    out[:, 0, 0], out[:, 0, 1], out[:, 1, 0], out[:, 1, 1] = d, -b, -c, a
-    out /= (a * d - b * c)[:, None, None]
+def _gradients(jacobian: Array) -> Array:
+    """Those of the barycentric coordinates (M, d + 1, d): behind the first, the inverses of the Jacobians (M, d, d)."""
+    dim = jacobian.shape[1]
+    out = np.empty((len(jacobian), dim + 1, dim))
+    for start in range(0, len(out), _CELLS):
+        inverse, matrix = out[start : start + _CELLS, 1:], jacobian[start : start + _CELLS].transpose(1, 2, 0)
+        if dim == 2:
+            (a, b), (c, d) = matrix
+            inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 0], inverse[:, 1, 1] = d, -b, -c, a
+            inverse /= (a * d - b * c)[:, None, None]
+        else:  # rows of the inverse are cross products of columns
+            for i in range(3):
+                p, q = matrix[:, (i + 1) % 3], matrix[:, (i + 2) % 3]
+                for j in range(3):
+                    inverse[:, i, j] = p[(j + 1) % 3] * q[(j + 2) % 3] - p[(j + 2) % 3] * q[(j + 1) % 3]
+            inverse /= sum(matrix[j, 0] * inverse[:, 0, j] for j in range(3))[:, None, None]
+        out[start : start + _CELLS, 0] = -inverse.sum(axis=1)
     return out
 
 
@@ -151,8 +163,6 @@ def facet_table(mesh: Mesh) -> FacetTable:
     owners[number[order], np.where(new, 0, 1)] = order // (dim + 1)
     corner = mesh.points[cells]
     jacobian = (corner[:, 1:] - corner[:, :1]).transpose(0, 2, 1)
-    inverse = _inverse(jacobian)
-    gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
     return FacetTable(
         mesh,
         cells,
@@ -161,6 +171,6 @@ def facet_table(mesh: Mesh) -> FacetTable:
         signs.reshape(-1, dim + 1),
         owners,
         jacobian,
-        gradients,
+        _gradients(jacobian),
         math.factorial(dim) * np.asarray(mesh.volumes),
     )

@@ -87,8 +87,14 @@ def pulled_back(compliance: Array, jacobian: Array, size: Array) -> Array:
     -------
     array, shape (M, v, v)
     """
-    change = voigt_map(jacobian)
-    return np.asarray(change.transpose(0, 2, 1) @ compliance @ change / size[:, None, None])
+    matrix = np.broadcast_to(compliance, (len(jacobian), *compliance.shape[1:]))
+    out = np.empty(matrix.shape)
+    for start in range(0, len(out), _CELLS):
+        part = slice(start, start + _CELLS)
+        change = voigt_map(jacobian[part])
+        change /= np.sqrt(size[part])[:, None, None]
+        np.matmul(change.transpose(0, 2, 1) @ matrix[part], change, out=out[part])
+    return out
 
 
 @dataclass(frozen=True, eq=False)
