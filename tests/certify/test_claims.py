@@ -125,6 +125,9 @@ def test_every_number_has_its_words() -> None:
     bounded = replace(full, trace_bound=1.75)
     assert said(replace(sure, smallness=bounded), "survey's (H_s)") == "holds, margin 0.25"
     assert said(replace(sure, smallness=bounded), "trace constant") == "1.5 on this mesh, of the body at most 1.75"
+    between = replace(bounded, survey_condition=None, survey_margin=-0.25)
+    told = "holds on this mesh, of the body it is not known, margin -0.25"
+    assert said(replace(sure, smallness=between), "survey's (H_s)") == told
     failing = replace(full, survey_condition=False, survey_margin=-1.0)
     assert said(replace(sure, smallness=failing), "survey's (H_s)") == "does not hold on this mesh, margin -1"
     assert "alpha from samples" in said(replace(sure, smallness=replace(constants, alpha_sampled=True)), "note")

@@ -258,7 +258,8 @@ def certify(
         if not np.isfinite(lam).all():
             raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
     with one_thread(not energy.factorised):
-        found = _known(_certified(Point(problem, energy, u, lam), tolerance, kept if trace_constant else None, budget))
+        point = Point(problem, energy, u, lam)
+        found = _known(_certified(point, tolerance, kept if trace_constant else None, budget, exact))
     if not exact:
         return found
     from hemivar.adapt.exact_certificate import distance_to_exact
@@ -328,8 +329,8 @@ def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
     return unknowns
 
 
-def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: Budget) -> Certificate:
-    """The certificate of a point, with the trace constant where a workspace is given."""
+def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: Budget, exact: bool) -> Certificate:
+    """The certificate of a point, with the trace constant where a workspace is given, in space of the body if exact."""
     problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
     m, r = problem.contact_points, problem.local(point.u)
     law = problem.law.frozen(r, lam) if m else None
@@ -361,7 +362,7 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
     kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
     if kept is not None:
         asked = constants
-        constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept), constants)
+        constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept, exact), constants)
     size = energy.norm(u)
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)

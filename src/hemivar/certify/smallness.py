@@ -75,9 +75,10 @@ class Smallness:
     trace_constant : float or None
         c_gamma on this mesh; :func:`trace_constants` gives its normal and tangential parts as well.
     survey_condition : bool or None
-        The survey's (H_s), ``m_A > (m_alpha + m_L) c_gamma^2``, with ``trace_bound`` if that is there.
+        The survey's (H_s), ``m_A > (m_alpha + m_L) c_gamma^2``: True with ``trace_bound`` if that is there, False with
+        the trace constant of this mesh; None too if the true c_gamma, which lies between both, decides.
     survey_margin : float or None
-        ``1 - (m_alpha + m_L) c_gamma^2 / m_A``, likewise; (H_s) holds if it is positive.
+        ``1 - (m_alpha + m_L) c_gamma^2 / m_A``, with ``trace_bound`` if that is there; (H_s) holds if it is positive.
     constant : float
         c, largest eigenvalue of ``(B'W diag(alpha) B, K)``: the energy (for a state-dependent bound, frozen at any
         solution) is strictly convex if c < 1.
@@ -97,8 +98,8 @@ class Smallness:
         slope.
     trace_bound : float or None
         Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
-        (:func:`hemivar.certify.lower_bounds.lower_bounds`). It is computed for plane bodies whose laws soften; without
-        it (H_s) speaks of this mesh.
+        (:func:`hemivar.certify.lower_bounds.lower_bounds`). It is computed where laws soften, in space, where it takes
+        a second or two, only if asked for; without it (H_s) speaks of this mesh.
     """
 
     alpha_normal: float
@@ -148,7 +149,8 @@ def smallness(
     factor : EnergyNorm or MultigridNorm, optional
         The energy norm, where it is there already.
     trace_constant : bool
-        Whether to compute c_gamma, which costs a factorisation, or a hierarchy, of its own.
+        Whether to compute c_gamma, which costs a factorisation, or a hierarchy, of its own, and where laws soften a
+        bound of it for the continuous problem.
     workspace : Workspace, optional
         Keeps what is expensive for other laws of the same body.
 
@@ -171,31 +173,39 @@ def smallness(
 
 
 def with_survey(
-    problem: DiscreteProblem, constants: Smallness, trace_constant: bool, workspace: Workspace | None = None
+    problem: DiscreteProblem,
+    constants: Smallness,
+    trace_constant: bool,
+    workspace: Workspace | None = None,
+    in_space: bool = True,
 ) -> Smallness:
-    """The constants with those of the survey: m_A, and if asked for c_gamma and (H_s)."""
+    """The constants with those of the survey: m_A, and if asked for c_gamma and (H_s).
+
+    ``in_space`` tells whether to look for the c_gamma of the continuous problem in space, too.
+    """
     if problem.origin is None or not problem.contact_points:
         return constants
     m_a = ellipticity(problem.origin)
     if not trace_constant:
         return replace(constants, m_A=m_a)
     trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
-    needed = constants.m_alpha + constants.m_L
-    above = _trace_bound(problem.origin, workspace) if 0.0 < needed < np.inf else None
-    needed = 0.0 if needed == 0.0 else needed * (trace if above is None else above) ** 2
+    steep, above = constants.m_alpha + constants.m_L, None
+    if 0.0 < steep < np.inf and (in_space or problem.origin.mesh.dim == 2):
+        above = _trace_bound(problem.origin, workspace)
+    least, needed = (0.0 if steep == 0.0 else steep * c**2 for c in (trace, trace if above is None else above))
     return replace(
         constants,
         m_A=m_a,
         trace_constant=trace,
         trace_bound=above,
-        survey_condition=bool(m_a > needed),
+        survey_condition=True if m_a > needed else None if m_a > least else False,
         survey_margin=1.0 - needed / m_a,
     )
 
 
 def _trace_bound(statement: Statement, workspace: Workspace | None) -> float | None:
-    """Upper bound of the c_gamma of a plane body; None where there is none, or only at a price."""
-    if isinstance(statement, ScalarProblem) or statement.mesh.dim == 3:
+    """Upper bound of the c_gamma of a body; None where there is none."""
+    if isinstance(statement, ScalarProblem):
         return None
     check_time()
     try:

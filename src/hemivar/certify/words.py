@@ -76,10 +76,13 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
                 else f" on this mesh, of the body at most {constants.trace_bound:.6g}"
             )
             say("trace constant", f"{constants.trace_constant:.6g}{above}")
-        if constants.survey_condition is not None and constants.survey_margin is not None:
-            holds = "holds" if constants.survey_condition else "does not hold"
-            if constants.trace_bound is None and constants.m_alpha + constants.m_L > 0.0:
-                holds += " on this mesh"
+        if constants.survey_margin is not None:
+            if constants.survey_condition is None:
+                holds = "holds on this mesh, of the body it is not known"
+            else:
+                holds = "holds" if constants.survey_condition else "does not hold"
+                if constants.trace_bound is None and constants.m_alpha + constants.m_L > 0.0:
+                    holds += " on this mesh"
             say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
         if constants.alpha_sampled:
             say("note", "a law knows its alpha from samples only: margin and distance are estimates")
