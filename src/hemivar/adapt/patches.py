@@ -11,7 +11,16 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.facet_table import FacetTable
 from hemivar.mesh.keys import EDGES, pair_keys
 
-__all__ = ["Batch", "PatchKind", "cell_patches", "coloured", "facet_patches", "patch_batches", "rigid_modes"]
+__all__ = [
+    "Batch",
+    "PatchKind",
+    "cell_patches",
+    "coloured",
+    "facet_patches",
+    "lowering",
+    "patch_batches",
+    "rigid_modes",
+]
 
 
 class PatchKind(StrEnum):
@@ -153,6 +162,15 @@ def _edges(table: FacetTable, simplices: IntArray, pairs: tuple[tuple[int, int],
     known = np.asarray(table.mesh.edges, dtype=np.int64)
     ends = np.stack([simplices[:, pair] for pair in pairs], axis=1)
     return np.asarray(np.searchsorted(known[:, 0] * count + known[:, 1], pair_keys(ends, count)))
+
+
+def lowering(matrix: Array, slope: Array, change: Array) -> BoolArray:
+    """Which changes x (k, n) lower ``x'H x / 2 + b'x``, for H (k, n, n) and b (k, n).
+
+    Those of patches with cells so flat that rounding decides need not; nothing but the sharpness depends on them.
+    """
+    bent = (matrix @ change[:, :, None])[:, :, 0]
+    return np.asarray(np.einsum("kn,kn->k", change, 0.5 * bent + slope) < 0.0)
 
 
 def rigid_modes(x: Array) -> Array:

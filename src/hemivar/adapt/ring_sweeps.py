@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.adapt.body_data import BodyData
-from hemivar.adapt.patches import rigid_modes
+from hemivar.adapt.patches import lowering, rigid_modes
 from hemivar.adapt.rings import Rings
 from hemivar.adapt.self_balanced import flow_fields, self_balanced
 from hemivar.basics.types import Array, IntArray
@@ -140,7 +140,11 @@ class RingSweeps:
             on[:, slots * own :] = moving[ring, slot, loose:]
             np.add.at(H, ring, on @ price @ on.transpose(0, 2, 1))
             np.add.at(b, ring, (on @ half[:, :, None])[:, :, 0])
-        change = -np.linalg.solve(H, b[:, :, None])[:, :, 0]
+        try:
+            change = np.asarray(-np.linalg.solve(H, b[:, :, None])[:, :, 0], dtype=float)
+        except np.linalg.LinAlgError:
+            return  # of cells without volume; nothing but the sharpness depends on it
+        change[~lowering(H, b, change)] = 0.0
 
         numbers, flow = change[:, : slots * own].reshape(count, slots, own), change[:, slots * own :]
         both = np.concatenate([numbers[:, :, along:], np.broadcast_to(flow[:, None], (count, slots, through))], axis=2)

@@ -25,7 +25,7 @@ from functools import cached_property
 import numpy as np
 
 from hemivar.adapt.admissible_stress import AdmissibleStress
-from hemivar.adapt.patches import Batch, PatchKind, patch_batches, rigid_modes
+from hemivar.adapt.patches import Batch, PatchKind, lowering, patch_batches, rigid_modes
 from hemivar.adapt.ring_sweeps import RingSweeps
 from hemivar.adapt.rings import Rings, ring_batches
 from hemivar.adapt.self_balanced import turning_fields
@@ -35,6 +35,8 @@ from hemivar.fem.split_element import facet_mass
 
 __all__ = ["ContactPrice", "Sweeper"]
 
+#: How often balance is asked of a change again, and what it may lack of it to be made.
+_AGAIN, _BALANCED = 2, 1e-13
 #: Part of the largest work on free facets below which a rigid motion does none.
 _FREE = 1e-10
 #: Numbers of the matrices that are held at a time; in the plane fewer, for they fit a cache.
@@ -219,17 +221,9 @@ class Sweeper:
             self._charge(batch, contact, H, b)
         loose = self._confine(batch, freed, partly, H, b, C, centre, reach)
 
-        solved = np.linalg.solve(H, np.concatenate([b[:, :, None], C.transpose(0, 2, 1)], axis=2))
-        work, through = solved[:, :, 0], solved[:, :, 1:]
-        S = C @ through
-        scale = np.trace(S, axis1=1, axis2=2) / (cells * modes)
-        completed = S.reshape(count, cells, modes, cells, modes)
-        completed += (scale[:, None, None] * loose / cells)[:, None, :, None, :]
-        mu = np.linalg.solve(S, -(C @ work[:, :, None]))
-        change = -work - (through @ mu)[:, :, 0]
-        change = self._confined(batch, freed, partly, change)
-
-        self._apply(batch, change)
+        change = _balanced_change(H, b, C, loose)
+        if change is not None:
+            self._apply(batch, self._confined(batch, freed, partly, change))
 
     def _apply(self, batch: Batch, change: Array) -> None:
         """Change the moments of patches that share no cell by (k, f d d)."""
@@ -322,6 +316,31 @@ class Sweeper:
         dim = self.data.table.dim
         split = change.reshape(*batch.facets.shape, -1, dim)
         return np.asarray(np.einsum("kfij,kfaj->kfai", freed[batch.facets], split).reshape(change.shape))
+
+
+def _balanced_change(H: Array, b: Array, C: Array, loose: Array) -> Array | None:
+    """The x (k, n) that minimise ``x'H x / 2 + b'x`` under ``C x = 0``, zero where rounding leaves that out of balance.
+
+    ``loose (k, r, r)`` are the rigid motions in the kernel of ``C'``, the same on every cell. None if one of the
+    matrices is singular.
+    """
+    count, modes = len(H), loose.shape[1]
+    cells = C.shape[1] // modes
+    try:
+        solved = np.linalg.solve(H, np.concatenate([b[:, :, None], C.transpose(0, 2, 1)], axis=2))
+        work, through = solved[:, :, 0], solved[:, :, 1:]
+        S = C @ through
+        scale = np.trace(S, axis1=1, axis2=2) / (cells * modes)
+        completed = S.reshape(count, cells, modes, cells, modes)
+        completed += (scale[:, None, None] * loose / cells)[:, None, :, None, :]
+        change = -work - (through @ np.linalg.solve(S, -(C @ work[:, :, None])))[:, :, 0]
+        for _ in range(_AGAIN):  # what flat cells have left of the balance
+            change -= (through @ np.linalg.solve(S, C @ change[:, :, None]))[:, :, 0]
+    except np.linalg.LinAlgError:
+        return None
+    off, size = (C @ change[:, :, None])[:, :, 0], (np.abs(C) @ np.abs(change)[:, :, None])[:, :, 0]
+    balanced = np.abs(off).max(axis=1) <= _BALANCED * size.max(axis=1)
+    return np.where((balanced & lowering(H, b, change))[:, None], change, 0.0)
 
 
 def _turn(patch: IntArray) -> IntArray:
