@@ -151,10 +151,10 @@ def _of_triangles(corners: Array, compliance: Array) -> Array:
     return found / (1.0 - 0.5**times)
 
 
-def mass_root(dim: int) -> Array:
-    """The symmetric root of the mass matrix of linear functions on a facet of measure one."""
-    unit, ones = np.eye(dim), np.full((dim, dim), 1.0 / dim)
-    return np.asarray(ones / np.sqrt(dim) + (unit - ones) / np.sqrt(dim * (dim + 1)))
+def mass_root(count: int) -> Array:
+    """The symmetric root of the mass matrix of linear functions on a simplex of measure one with so many corners."""
+    unit, ones = np.eye(count), np.full((count, count), 1.0 / count)
+    return np.asarray(ones / np.sqrt(count) + (unit - ones) / np.sqrt(count * (count + 1)))
 
 
 def _of_tetrahedron(corners: Array, compliance: Array) -> float:
