@@ -424,7 +424,8 @@ def test_data_classes_are_frozen_and_those_of_arrays_are_compared_by_identity() 
 def test_arrays_of_data_classes_are_found() -> None:
     code = (
         "@dataclass(frozen=True)\nclass A:\n    x: Array | None\n    f: Callable[[Array], float]\n"
-        "    y: IntArray = field(compare=False)\n    z: tuple[sp.csr_array, ...] = ()\n@dataclass\nclass B:\n    n: int\n"
+        "    y: IntArray = field(compare=False)\n    z: tuple[sp.csr_array, ...] = ()\n"
+        "@dataclass\nclass B:\n    n: int\n"
     )
     (first, options), (second, none) = data_classes(ast.parse(code))
     assert (options, none) == ({"frozen": True}, {})

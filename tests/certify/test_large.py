@@ -147,6 +147,8 @@ def test_norms(name: str) -> None:
         assert exact.norm(x - exact.solve(b)) <= 0.15 * size  # a fiftieth of the square is left
         assert exact.norm(y - exact.solve(near)) <= 0.15 * size
         assert exact.riesz(near)[1] * (1.0 - 1e-12) <= again <= 1.02 * exact.riesz(near)[1]
+    still, nothing = quick.riesz(np.zeros(problem.unknowns))
+    assert (nothing, np.count_nonzero(still)) == (0.0, 0)
     assert 0.6 * size < quick.least_dual_norm(problem.linear.load) / exact.riesz(problem.linear.load)[1] * size <= size
     root = np.sqrt(problem.linear.stiffness.diagonal())
     scaled = problem.linear.stiffness.toarray() / np.outer(root, root)

@@ -474,7 +474,7 @@ def test_which_triangles_reach_into_prisms(units: float, far: float) -> None:
 def test_the_triangle_below_a_point() -> None:
     """Two in one plane, two parallel to them, and one askew."""
     flat = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
-    triangles = np.concatenate([flat, flat + [0.0, 0.0, 0.5], [[[0, 0, 0], [0, 1, 0], [0.1, 0.2, 1]]]])
+    triangles = np.concatenate([flat, flat + np.array([0.0, 0.0, 0.5]), [[[0, 0, 0], [0, 1, 0], [0.1, 0.2, 1]]]])
     rng = np.random.default_rng(4)
     parts = rng.dirichlet(np.ones(3), (20, 5))
     for units in (1e-3, 1.0, 1e3):
@@ -501,7 +501,7 @@ def test_shapes_are_told_apart_but_for_translations_reflections_and_numbers() ->
     rng = np.random.default_rng(2)
     corners = rng.normal(size=(4, 3))
     key = _shape_key(corners)
-    for same in (corners + [3.0, -1.0, 2.0], -corners, corners[[0, 2, 3, 1]], -corners[[0, 3, 2, 1]] + 1.0):
+    for same in (corners + np.array([3.0, -1.0, 2.0]), -corners, corners[[0, 2, 3, 1]], -corners[[0, 3, 2, 1]] + 1.0):
         assert _shape_key(same) == key
     for other in (2.0 * corners, corners[[1, 0, 2, 3]], corners * [1.0, 1.0, -1.0], corners + 1e-6 * np.eye(4, 3)):
         assert _shape_key(other) != key

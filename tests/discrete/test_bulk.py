@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from hemivar.discrete import Quadratic, bulk
+from hemivar.discrete.bulk import without_zeros
 from hemivar.errors import ProblemError
 
 K = np.array([[4.0, -1.0, 0.0], [-1.0, 3.0, -2.0], [0.0, -2.0, 5.0]])
@@ -132,3 +133,15 @@ def test_a_body_without_unknowns() -> None:
     nothing = Quadratic(np.zeros((0, 0)), np.zeros(0), 2.0)
     assert (nothing.unknowns, nothing.value(np.zeros(0))) == (0, 2.0)
     assert nothing.row_sums.shape == (0,)
+
+
+@pytest.mark.parametrize(("zeros", "kept"), [(0, True), (2, True), (10, False), (50, False), (100, False)])
+def test_stored_zeros_are_left_out_unless_they_are_few(zeros: int, kept: bool) -> None:
+    data = np.ones(100)
+    data[:zeros] = 0.0
+    matrix = sp.csr_array((data, np.tile(np.arange(10), 10), np.arange(0, 101, 10)), shape=(10, 10))
+    found = without_zeros(matrix)
+    assert (found is matrix) is kept
+    assert found.nnz == (100 if kept else 100 - zeros)
+    np.testing.assert_array_equal(found.toarray(), data.reshape(10, 10))
+    assert matrix.nnz == 100

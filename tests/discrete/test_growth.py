@@ -10,7 +10,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike
 
 from hemivar.basics.types import Array
-from hemivar.discrete.hold import Growth, Verdict, decide, growth_along
+from hemivar.discrete.hold import Growth, Verdict, _cut_off, decide, growth_along
 from hemivar.laws import (
     Compliance,
     ContactLaw,
@@ -273,3 +273,20 @@ def test_what_is_in_balance_along_a_motion_of_both_grows_by_nothing() -> None:
     assert found.verdict is Verdict.BALANCED
     assert found.direction == pytest.approx(np.sqrt(0.5) * np.ones(2))
     assert abs(found.growth) < 1e-9
+
+
+@pytest.mark.parametrize("units", [1e-9, 1.0, 1e9])
+def test_rates_far_above_the_load_are_cut_off_and_rigid_ones_stay_rigid(units: float) -> None:
+    """At a thousand times the load, a row of size 2 and a slip of size 4; where one side falls, convex as before."""
+    up, down = [1e9, INF, 1e9, 3.0, 1e9, 499.0], [1.0, 2.0, INF, 1e9, -1e6, 499.0]
+    times = units * np.ones(6)
+    some = growth(
+        [units], [[2.0]] * 6, times * up, times * down, units, [[[4.0], [0.0]]] * 2, units * np.array([7.0, 1e5])
+    )
+    found = _cut_off(some)
+    np.testing.assert_allclose(found.up / units, [500.0, INF, 1e9, 3.0, 1e6, 499.0])
+    np.testing.assert_allclose(found.down / units, [1.0, 2.0, INF, 500.0, -1e6, 499.0])
+    np.testing.assert_allclose(found.rates / units, [7.0, 250.0])
+    assert some.up[0] == 1e9 * units  # what was given stays as it is
+    still = growth([0.0], [[2.0]], [1e9], [1e9])
+    assert _cut_off(still) is still
