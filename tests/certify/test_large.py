@@ -182,6 +182,26 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
         assert change < 0.0
 
 
+@pytest.mark.parametrize("value", [0.5, 0.999, 1.001, 2.0])
+def test_an_eigenvalue_is_told_from_one_or_not_given(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scaled to a value by a dense eigenproblem: after steps enough on its side, without steps not on the wrong one."""
+    problem = square(1.5, n=16)
+    rows = problem.contact.trace
+    free = np.zeros((problem.contact_points, 2), dtype=bool)
+    ones = np.ones(rows.shape[0])
+    dense = (rows.T @ rows).toarray()
+    top = float(spla.eigsh(dense, k=1, M=problem.linear.stiffness, which="LA", return_eigenvectors=False)[0])
+    found = MultigridNorm(problem).constrained_eigenvalue(rows, value / top * ones, free)
+    assert found is not None
+    assert value * (1.0 - 1e-3) <= found.value <= value * (1.0 + 1e-9) <= found.bound * (1.0 + 2e-9)
+    assert (found.value > 1.0, found.bound > 1.0) == (value > 1.0, value > 1.0)
+    monkeypatch.setattr(by_multigrid, "_STEPS", 0)
+    rough = MultigridNorm(problem).constrained_eigenvalue(rows, value / top * ones, free)
+    assert rough is None or (rough.value > 1.0, rough.bound > 1.0) == (value > 1.0, value > 1.0)
+    if value == 0.999:
+        assert rough is None
+
+
 @pytest.mark.parametrize("make", [lambda: square(40.0), lambda: square(1.5, 400.0), lambda: cube(20.0)])
 def test_outside_the_margin(make: Callable[[], DiscreteProblem]) -> None:
     """Some points stick, some slip: the curvature on what is left."""

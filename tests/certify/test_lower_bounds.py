@@ -9,22 +9,27 @@ import pytest
 import scipy.linalg as la
 import scipy.optimize
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from hemivar.certify import trace_flexibility
 from hemivar.certify.body_bound import body_bound
 from hemivar.certify.facet_constants import (
     _children,
     _containing,
     _heights,
     _meets,
+    _of_prisms,
     _one_cell,
+    _prism,
     _shape_key,
+    _without_linear_part,
     facet_constants,
     mass_root,
 )
 from hemivar.certify.lower_bounds import LowerBounds, lower_bounds
-from hemivar.certify.trace_flexibility import _answers, _lehmann
+from hemivar.certify.trace_flexibility import TraceFlexibility, _answers, _lehmann
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, stiffness_matrix
 from hemivar.fem.elements import shape_values
@@ -341,6 +346,7 @@ def test_the_root_of_a_mass_matrix(count: int) -> None:
     root = mass_root(count)
     np.testing.assert_allclose(root @ root, (1.0 + np.eye(count)) / (count * (count + 1)), rtol=1e-12)
     np.testing.assert_array_equal(root, root.T)
+    assert np.linalg.eigvalsh(root)[0] > 0.0
 
 
 @pytest.mark.parametrize("units", [1e-8, 1.0])
@@ -384,6 +390,7 @@ def test_the_method_of_lehmann_by_hand() -> None:
     assert _lehmann(*modes, 0.5) == pytest.approx((5.0, 3.0))
     assert _lehmann(*(part[:1, :1] for part in modes), 0.5) == (pytest.approx(5.0), math.inf)
     assert _lehmann(*modes, 0.3) == (math.inf, math.inf)  # 3 is below 1 / 0.3
+    assert _lehmann(np.eye(2), np.diag([5.0, 4.0]), np.diag([25.0, 16.0]), 0.25) == (math.inf, math.inf)  # 4 is 1 / q
     # values 5, 3 and 2, and a first mode with a part of the third
     mixed = np.array([[0.8, 0.0], [0.0, 1.0], [0.6, 0.0]])
     given = [mixed.T @ np.diag(np.array([5.0, 3.0, 2.0]) ** power) @ mixed for power in (0, 1, 2)]
@@ -505,3 +512,42 @@ def test_shapes_are_told_apart_but_for_translations_reflections_and_numbers() ->
         assert _shape_key(same) == key
     for other in (2.0 * corners, corners[[1, 0, 2, 3]], corners * [1.0, 1.0, -1.0], corners + 1e-6 * np.eye(4, 3)):
         assert _shape_key(other) != key
+
+
+def test_a_prism_and_the_one_turned_round_have_the_worse_of_both_constants() -> None:
+    """Of a material without symmetry, in which they differ; equal up to a factor of lengths and moduli."""
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(6, 6))
+    compliance = root @ root.T + 0.1 * np.eye(6)
+    base = np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 0.9, 0.0]])
+    up = np.array([0.0, 0.0, 0.8])
+    alone = [_without_linear_part(_prism(corners, up), compliance) for corners in (base, -base)]
+    assert abs(alone[0] - alone[1]) > 0.05 * alone[0]
+    found = _of_prisms(np.stack([base, -base, 2.0 * base[[1, 2, 0]]]), np.stack([up, up, 2.0 * up]), compliance)
+    assert found == pytest.approx(max(alone) / (1.0 - 0.25) * np.array([1.0, 1.0, 2.0]))
+    assert _of_prisms(base[None], up[None], 1e3 * compliance) == pytest.approx(1e3 * found[:1])
+
+
+def test_modes_that_lanczos_steps_leave_unfinished_are_not_below_the_exact_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One pair is exact and two are not: each value is raised by the worst residual."""
+    body = TraceFlexibility(held(rectangle((1.0, 1.0), (4, 4))))
+    ones = np.ones(len(body.facets) * 4)
+    exact, loads = body._modes(ones, 3)
+    np.testing.assert_allclose(body.flexibility(loads), loads * exact, atol=1e-12 * exact[0])
+    monkeypatch.setattr(trace_flexibility, "_DENSE", 0)
+    other = TraceFlexibility(held(rectangle((1.0, 1.0), (4, 4))))
+    np.testing.assert_allclose(other.flexibility(loads), loads * exact, atol=1e-12 * exact[0])
+    assert other._modes(ones, 3)[0] == pytest.approx(exact, rel=1e-5)
+
+    def unfinished(operator: spla.LinearOperator, count: int, **_: object) -> tuple[Array, Array]:
+        vectors = loads[:, ::-1].copy()
+        vectors[:, 1:] += 0.05 * np.random.default_rng(1).normal(size=(len(ones), 2))
+        vectors[:, 1:] /= np.linalg.norm(vectors[:, 1:], axis=0)
+        return np.array([v @ operator.matvec(v) for v in vectors.T]), vectors
+
+    monkeypatch.setattr(spla, "eigsh", unfinished)
+    found = other._modes(ones, 3)[0]
+    assert (found >= exact).all()
+    assert (found <= exact + 0.5 * exact[0]).all()

@@ -123,6 +123,8 @@ def test_an_assembled_matrix_is_taken_as_it_is() -> None:
     matrix = sp.csr_array(K)
     body = Quadratic(matrix, F, assembled=True)
     assert body.stiffness is matrix
+    skew = sp.csr_array(K + np.triu(K, 1))
+    assert Quadratic(skew, F, assembled=True).stiffness is skew  # whoever assembled it answers for it
     with pytest.raises(ProblemError, match="positive diagonal"):
         Quadratic(sp.csr_array(-K), F, assembled=True)
     with pytest.raises(ProblemError, match=r"load\[0\] = inf"):

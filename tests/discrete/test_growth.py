@@ -77,6 +77,11 @@ def test_rates_of_laws_in_the_plane() -> None:
     for z, expected in (((1, 0), 0.75), ((-1, 0), 0.25), ((0, 1), 0.1), ((0, -1), 1.1), ((1, 1), 0.85)):
         assert some(np.array(z, dtype=float))[0] == pytest.approx(expected)
     assert some.load == 4.0
+    for bound in (0.0, 0.5, 1.0):  # a rate of 0, 1 and 2
+        free = ContactLaw(NoContact(), Tresca(bound)).at(np.zeros((1, 2)))
+        along = growth_along(free, local(np.eye(2)), np.array([2.0]), np.zeros(2), 1.0)
+        assert along(np.array([0.0, 1.0]))[0] == along(np.array([0.0, -1.0]))[0] == 2.0 * bound
+        assert along.up.size == (bound > 0.0)
 
 
 def test_rates_of_laws_in_space() -> None:

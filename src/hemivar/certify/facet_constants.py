@@ -280,10 +280,10 @@ def _of_prisms(corners: Array, inward: Array, compliance: Array) -> Array:
     order = np.argsort(np.round(np.linalg.norm(edges, axis=2) / size[:, None], _DIGITS), axis=1, kind="stable")
     ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
     plane = ((ordered[:, 1:] - ordered[:, :1]) / size[:, None, None]).reshape(len(corners), 6)
-    plane = np.round(plane, _DIGITS) + 0.0
+    plane = np.round(plane, _DIGITS)
     leading = plane[np.arange(len(plane)), np.argmax(plane != 0.0, axis=1)]
-    plane = plane * np.sign(leading)[:, None] + 0.0  # turned round it has the same constant
-    key = np.hstack([plane, np.round(inward / size[:, None], _DIGITS) + 0.0])
+    plane = plane * np.sign(leading)[:, None]  # turned round it has the same constant
+    key = np.hstack([plane, np.round(inward / size[:, None], _DIGITS)])
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
     softness = float(np.abs(compliance).max())
     found = []
