@@ -481,7 +481,7 @@ def test_which_triangles_reach_into_prisms(units: float, far: float) -> None:
 def test_the_triangle_below_a_point() -> None:
     """Two in one plane, two parallel to them, and one askew."""
     flat = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
-    triangles = np.concatenate([flat, flat + np.array([0.0, 0.0, 0.5]), [[[0, 0, 0], [0, 1, 0], [0.1, 0.2, 1]]]])
+    triangles = np.concatenate([flat, flat + np.array([0.3, -0.2, 0.02]), [[[0, 0, 0], [0, 1, 0], [0.1, 0.2, 1]]]])
     rng = np.random.default_rng(4)
     parts = rng.dirichlet(np.ones(3), (20, 5))
     for units in (1e-3, 1.0, 1e3):
@@ -551,3 +551,16 @@ def test_modes_that_lanczos_steps_leave_unfinished_are_not_below_the_exact_ones(
     found = other._modes(ones, 3)[0]
     assert (found >= exact).all()
     assert (found <= exact + 0.5 * exact[0]).all()
+
+
+def test_a_prism_stands_on_its_triangle() -> None:
+    base = np.array([[0.1, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 0.9, 0.0]])
+    up = np.array([0.0, 0.0, 0.8])
+    mesh = _prism(base, up)
+    area = 0.5 * abs(np.linalg.det((base[1:] - base[0])[:, :2]))
+    assert mesh.volumes.sum() == pytest.approx(0.8 * area)
+    assert (mesh.points[:, 2].min(), mesh.points[:, 2].max()) == (0.0, 0.8)
+    assert mesh.facet_normals(mesh.boundaries["loaded"])[1].sum() == pytest.approx(area)
+    assert not mesh.points[mesh.boundaries["loaded"]][:, :, 2].any()
+    for corner in (*base, *(base + up)):
+        assert np.linalg.norm(mesh.points - corner, axis=1).min() < 1e-12

@@ -143,6 +143,17 @@ def test_near_a_solution_the_bounds_of_all_solutions_are_known(rate: float) -> N
             assert found.margin - 20.0 * rate * off <= wide.margin <= found.margin + 1e-4
 
 
+def test_a_point_deep_in_the_foundation_does_not_spoil_the_bound_of_a_shallow_one() -> None:
+    """Pressed by 1.5 and by 0.0015 on springs of stiffness 1 and 0.5: friction of rate 0.1, which weakens by 2."""
+    law = ContactLaw(Compliance(0.5), Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.1])), weakening(0.4, 2.0)))
+    load = np.array([1.5, 0.0, 0.0015, 0.0])
+    problem = DiscreteProblem.of_arrays(np.eye(4), load, np.eye(4), np.ones(2), np.zeros(2), law)
+    found = smallness(problem, displacement=load / 1.5, multiplier=(load / 3.0).reshape(2, 2))
+    assert found.alpha_tangential == pytest.approx(0.2, rel=1e-5)
+    assert found.coupling == pytest.approx(0.1)
+    assert found.margin == pytest.approx(0.7, abs=1e-4)
+
+
 def test_a_multiplier_that_is_given_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a large problem, where no better pair is sought: a point that sticks, and one behind it that is off by e.
 

@@ -18,6 +18,7 @@ from hemivar.laws import (
     Friction,
     NoContact,
     NoFriction,
+    PiecewiseQuadratic,
     Signorini,
     SurveyLaw,
     Tresca,
@@ -82,11 +83,22 @@ def test_rates_of_laws_in_the_plane() -> None:
         along = growth_along(free, local(np.eye(2)), np.array([2.0]), np.zeros(2), 1.0)
         assert along(np.array([0.0, 1.0]))[0] == along(np.array([0.0, -1.0]))[0] == 2.0 * bound
         assert along.up.size == (bound > 0.0)
+    for jump in (0.0, 1.0, 2.0):  # what pulls with 0, 1 and 2 where it is open, and presses with nothing
+        pulls = PiecewiseQuadratic([0.0], [0.0, 0.0], [jump], start=-jump)  # type: ignore[arg-type]
+        opening = growth_along(ContactLaw(pulls).at(np.zeros((1, 1))), local([[1.0]]), np.ones(1), np.zeros(1), 1.0)
+        assert (opening(np.ones(1))[0], opening(-np.ones(1))[0]) == (0.0, jump)
+        assert opening.up.size == (jump > 0.0)
 
 
 def test_rates_of_laws_in_space() -> None:
     """The length of the slip counts, not its parts; where friction is infinite no part may slip."""
     points = local(np.eye(3), np.eye(3))
+    for bound in (0.0, 0.5, 1.0):  # a rate of 0, 1 and 2
+        free = growth_along(
+            ContactLaw(NoContact(), Tresca(bound)).at(np.zeros((1, 3))), points[:1], np.array([2.0]), np.zeros(3), 1.0
+        )
+        assert free(np.array([0.0, 3.0, -4.0]))[0] == pytest.approx(10.0 * bound)
+        assert free.rates.size == (bound > 0.0)
     law = ContactLaw(NoContact(), Tresca(np.array([0.3, 0.5]))).at(np.zeros((2, 3)))
     some = growth_along(law, points, np.array([2.0, 1.0]), np.zeros(3), 1.0)
     assert some(np.array([5.0, 3.0, -4.0]))[0] == pytest.approx(1.1 * 5.0)

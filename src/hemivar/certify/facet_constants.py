@@ -197,7 +197,7 @@ def _shape_key(corners: Array) -> bytes:
 
 
 def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
-    """The largest energy of a free body under facetwise linear loads on a plane that no linear function there sees."""
+    """The largest energy of a free body in space under facetwise linear loads that no linear function there sees."""
     dim, table = mesh.dim, facet_table(mesh)
     loaded = table.numbers(mesh.boundaries["loaded"])
     blocks = equilibrated_blocks(pulled_back(compliance[None], table.jacobian, table.sizes), table.jacobian)
@@ -208,8 +208,7 @@ def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
     frame = np.linalg.svd(ends[1:] - ends[0])[2]
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     held[0], held[1] = np.eye(dim), np.eye(dim) - np.outer(along, along)
-    if dim == 3:
-        held[2] = np.outer(frame[-1], frame[-1])
+    held[2] = np.outer(frame[-1], frame[-1])
     system = directed_matrix(blocks, nodes, held)
     root = np.sqrt(table.measures[loaded])
     at = loaded[:, None] * dim + np.arange(dim)
@@ -350,8 +349,7 @@ def _meets(prisms: Array, normals: Array, triangles: Array) -> BoolArray:
         axis=1,
     )
     length = np.linalg.norm(axes, axis=2, keepdims=True)
-    longest = length.max(axis=1, keepdims=True) if len(first) else length
-    axes = np.where(length > 1e-9 * longest, axes / np.where(length > 0.0, length, 1.0), 0.0)
+    axes = axes / np.where(length > 0.0, length, 1.0)
     mine, other = np.einsum("pvi,pai->pav", prism, axes), np.einsum("pvi,pai->pav", triangle, axes)
     apart = mine.max(axis=2) <= other.min(axis=2) + tolerance
     apart |= mine.min(axis=2) >= other.max(axis=2) - tolerance
