@@ -192,7 +192,7 @@ class TraceFlexibility:
         kappa = float(np.sqrt(self._constants.total()))
         sharp = []
         for k in range(1, min(len(above), len(values) + 1)):
-            A2 = _answers(*(part[:k, :k] for part in (T, P, R, R2)), values[:k], kappa)
+            A2 = _answers(T[:k, :k], P[:k, :k], R[:k, :k], R2[:k, :k], values[:k], kappa)
             sharp.append(_lehmann(A0[:k, :k], A1[:k, :k], A2, 1.0 / above[k]))
         upper = max(min([float(above[0]), *(found[0] for found in sharp)]), float(values[0]))
         second = min([float(above[min(1, len(above) - 1)]), *(found[1] for found in sharp)])
