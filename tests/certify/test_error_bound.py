@@ -136,6 +136,17 @@ def test_two_contact_points_at_one_unknown(coupling: float, size: float) -> None
         assert check(problem, u, np.full((2, 1), 1.5 * u[0]), exact) < FACTOR
 
 
+@pytest.mark.parametrize("off", [[0.1, 0.2], [-0.1, 0.2], [1e-4, -3e-4], [0.0, 0.5]])
+def test_the_pair_that_is_sought_is_the_solution(off: list[float]) -> None:
+    """On rigid ground, which the displacement may have entered: the bound is then the error itself."""
+    K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    problem = DiscreteProblem.of_arrays(
+        K, np.array([1.0, 1.0]), np.array([[1.0, 0.0]]), np.ones(1), np.zeros(1), ContactLaw(Signorini())
+    )
+    exact = np.array([0.0, 0.5])
+    assert check(problem, exact + np.array(off), np.array([[1.5]]), exact) == pytest.approx(1.0, rel=1e-9)
+
+
 def test_rigid_foundation_and_midpoints() -> None:
     """A law with an end, and a trace that is no selection of unknowns."""
     for quadrature in Quadrature:
