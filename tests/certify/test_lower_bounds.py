@@ -564,3 +564,21 @@ def test_a_prism_stands_on_its_triangle() -> None:
     assert not mesh.points[mesh.boundaries["loaded"]][:, :, 2].any()
     for corner in (*base, *(base + up)):
         assert np.linalg.norm(mesh.points - corner, axis=1).min() < 1e-12
+
+
+def test_a_free_body_in_balance_does_not_feel_where_it_is_held() -> None:
+    """The facet that its rigid motions are told by is another one wherever its nodes are numbered otherwise."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(6, 6))
+    compliance = root @ root.T + 0.1 * np.eye(6)
+    mesh = _one_cell(np.array([[0.1, 0.2, 0.9], [0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.8, 0.1]])).refined()
+    found = []
+    for _ in range(6):
+        place = rng.permutation(len(mesh.points))
+        points = np.empty_like(mesh.points)
+        points[place] = mesh.points
+        other = Mesh.oriented(points, place[mesh.cells][rng.permutation(len(mesh.cells))])
+        found.append(
+            _without_linear_part(other.with_boundaries({"loaded": place[mesh.boundaries["loaded"]]}), compliance)
+        )
+    assert found == pytest.approx([_without_linear_part(mesh, compliance)] * 6, rel=1e-9)
