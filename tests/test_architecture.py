@@ -374,6 +374,64 @@ def test_any_is_counted_wherever_it_is_said() -> None:
     assert untyped(ast.parse(code)) == 3
 
 
+#: Data classes that change while a method works with them; all others are frozen.
+WORKING = {
+    "branches.follower": ("TrackPoint", "Track", "Follower"),
+    "discrete.hold": ("_Programme",),
+    "evolution.jump_paths": ("_Fall",),
+    "laws.testing": ("_Checker",),
+    "solvers.nearby": ("Pieces",),
+}
+
+
+def data_classes(tree: ast.AST) -> Iterator[tuple[ast.ClassDef, dict[str, bool]]]:
+    """The data classes of a module with the options of their decorators."""
+    for node in ast.walk(tree):
+        for decorator in node.decorator_list if isinstance(node, ast.ClassDef) else ():
+            called = decorator.func if isinstance(decorator, ast.Call) else decorator
+            if isinstance(called, ast.Name) and called.id == "dataclass":
+                assert isinstance(node, ast.ClassDef)
+                options = decorator.keywords if isinstance(decorator, ast.Call) else []
+                yield node, {option.arg or "": ast.literal_eval(option.value) for option in options}
+
+
+def compared_arrays(node: ast.ClassDef) -> list[str]:
+    """Fields of a data class that are arrays and count when two of them are compared."""
+    found = []
+    for field in node.body:
+        if isinstance(field, ast.AnnAssign) and "compare=False" not in ast.unparse(field):
+            type_of = ast.unparse(field.annotation)
+            arrays = re.search(r"\b(Bool|Int)?Array\b|\bNDArray\b|\bc[scr]{2}_array\b", type_of)
+            if arrays and not re.match(r"Callable|ClassVar|InitVar", type_of):
+                found.append(ast.unparse(field.target))
+    return found
+
+
+def test_data_classes_are_frozen_and_those_of_arrays_are_compared_by_identity() -> None:
+    """Arrays have no single answer to ``==``, so that a comparison entry by entry would fail where it is asked for."""
+    thawed, compared = {}, {}
+    for path in FILES:
+        for node, options in data_classes(ast.parse(path.read_text(encoding="utf-8"))):
+            name = module_name(path)
+            if not options.get("frozen", False):
+                thawed[name] = (*thawed.get(name, ()), node.name)
+            if options.get("eq", True) and "__eq__" not in {getattr(part, "name", "") for part in node.body}:
+                compared.update({f"{name}.{node.name}": fields for fields in [compared_arrays(node)] if fields})
+    assert thawed == WORKING
+    assert not compared, f"state @dataclass(eq=False), or field(compare=False): {compared}"
+
+
+def test_arrays_of_data_classes_are_found() -> None:
+    code = (
+        "@dataclass(frozen=True)\nclass A:\n    x: Array | None\n    f: Callable[[Array], float]\n"
+        "    y: IntArray = field(compare=False)\n    z: tuple[sp.csr_array, ...] = ()\n"
+        "@dataclass\nclass B:\n    n: int\n"
+    )
+    (first, options), (second, none) = data_classes(ast.parse(code))
+    assert (options, none) == ({"frozen": True}, {})
+    assert (compared_arrays(first), compared_arrays(second)) == (["x", "z"], [])
+
+
 def public_modules() -> list[str]:
     names = [module_name(path) for path in FILES]
     public = [name for name in names if not any(part.startswith("_") for part in name.split("."))]

@@ -122,6 +122,31 @@ def test_shear_block_of_arrays() -> None:
         assert check(problem, u, None, exact, slack=1e-14) < FACTOR
 
 
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("coupling", [0.0, -1.0])
+def test_two_contact_points_at_one_unknown(coupling: float, size: float) -> None:
+    """Their displacements depend on one another: no better pair is found, and the one that is given is bounded."""
+    law = ContactLaw(PiecewiseQuadratic([0.0], [1.5, 1.5], [0.0]))  # type: ignore[arg-type]
+    K = np.array([[4.0, coupling], [coupling, 2.0]])
+    both = np.array([[1.0, 0.0], [1.0, 0.0]])
+    problem = DiscreteProblem.of_arrays(K, np.array([1.0, 0.5]), both, np.full(2, 0.5), np.zeros(2), law)
+    exact = np.linalg.solve(K + np.diag([1.5, 0.0]), [1.0, 0.5])
+    for off in ([1.0, 0.0], [0.0, 1.0], [-1.0, 2.0]):
+        u = exact + size * np.array(off)
+        assert check(problem, u, np.full((2, 1), 1.5 * u[0]), exact) < FACTOR
+
+
+@pytest.mark.parametrize("off", [[0.1, 0.2], [-0.1, 0.2], [1e-4, -3e-4], [0.0, 0.5]])
+def test_the_pair_that_is_sought_is_the_solution(off: list[float]) -> None:
+    """On rigid ground, which the displacement may have entered: the bound is then the error itself."""
+    K = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    problem = DiscreteProblem.of_arrays(
+        K, np.array([1.0, 1.0]), np.array([[1.0, 0.0]]), np.ones(1), np.zeros(1), ContactLaw(Signorini())
+    )
+    exact = np.array([0.0, 0.5])
+    assert check(problem, exact + np.array(off), np.array([[1.5]]), exact) == pytest.approx(1.0, rel=1e-9)
+
+
 def test_rigid_foundation_and_midpoints() -> None:
     """A law with an end, and a trace that is no selection of unknowns."""
     for quadrature in Quadrature:

@@ -147,6 +147,8 @@ def test_norms(name: str) -> None:
         assert exact.norm(x - exact.solve(b)) <= 0.15 * size  # a fiftieth of the square is left
         assert exact.norm(y - exact.solve(near)) <= 0.15 * size
         assert exact.riesz(near)[1] * (1.0 - 1e-12) <= again <= 1.02 * exact.riesz(near)[1]
+    still, nothing = quick.riesz(np.zeros(problem.unknowns))
+    assert (nothing, np.count_nonzero(still)) == (0.0, 0)
     assert 0.6 * size < quick.least_dual_norm(problem.linear.load) / exact.riesz(problem.linear.load)[1] * size <= size
     root = np.sqrt(problem.linear.stiffness.diagonal())
     scaled = problem.linear.stiffness.toarray() / np.outer(root, root)
@@ -178,6 +180,26 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
         assert np.abs(lifted).max() == pytest.approx(1.0)
         change = problem.energy(u + 1e-4 * move) - problem.energy(u)
         assert change < 0.0
+
+
+@pytest.mark.parametrize("value", [0.5, 0.999, 1.001, 2.0])
+def test_an_eigenvalue_is_told_from_one_or_not_given(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scaled to a value by a dense eigenproblem: after steps enough on its side, without steps not on the wrong one."""
+    problem = square(1.5, n=16)
+    rows = problem.contact.trace
+    free = np.zeros((problem.contact_points, 2), dtype=bool)
+    ones = np.ones(rows.shape[0])
+    dense = (rows.T @ rows).toarray()
+    top = float(spla.eigsh(dense, k=1, M=problem.linear.stiffness, which="LA", return_eigenvectors=False)[0])
+    found = MultigridNorm(problem).constrained_eigenvalue(rows, value / top * ones, free)
+    assert found is not None
+    assert value * (1.0 - 1e-3) <= found.value <= value * (1.0 + 1e-9) <= found.bound * (1.0 + 2e-9)
+    assert (found.value > 1.0, found.bound > 1.0) == (value > 1.0, value > 1.0)
+    monkeypatch.setattr(by_multigrid, "_STEPS", 0)
+    rough = MultigridNorm(problem).constrained_eigenvalue(rows, value / top * ones, free)
+    assert rough is None or (rough.value > 1.0, rough.bound > 1.0) == (value > 1.0, value > 1.0)
+    if value == 0.999:
+        assert rough is None
 
 
 @pytest.mark.parametrize("make", [lambda: square(40.0), lambda: square(1.5, 400.0), lambda: cube(20.0)])

@@ -7,13 +7,29 @@ import math
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.optimize
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from hemivar.certify import trace_flexibility
 from hemivar.certify.body_bound import body_bound
-from hemivar.certify.facet_constants import facet_constants
+from hemivar.certify.facet_constants import (
+    _children,
+    _containing,
+    _heights,
+    _meets,
+    _of_prisms,
+    _one_cell,
+    _prism,
+    _shape_key,
+    _without_linear_part,
+    facet_constants,
+    mass_root,
+)
 from hemivar.certify.lower_bounds import LowerBounds, lower_bounds
+from hemivar.certify.trace_flexibility import TraceFlexibility, _answers, _lehmann
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, stiffness_matrix
 from hemivar.fem.elements import shape_values
@@ -322,3 +338,247 @@ def test_a_part_that_supports_hold_has_no_constant() -> None:
     assert found.both.upper == pytest.approx(found.tangential.upper)  # v is its tangential part
     for part in ("both", "tangential"):
         assert getattr(free, part).lower <= getattr(found, part).lower <= getattr(found, part).upper
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_the_root_of_a_mass_matrix(count: int) -> None:
+    """By hand: the mean of two barycentric coordinates is ``(1 + delta) / (n (n + 1))``."""
+    root = mass_root(count)
+    np.testing.assert_allclose(root @ root, (1.0 + np.eye(count)) / (count * (count + 1)), rtol=1e-12)
+    np.testing.assert_array_equal(root, root.T)
+    assert np.linalg.eigvalsh(root)[0] > 0.0
+
+
+@pytest.mark.parametrize("units", [1e-8, 1.0])
+@pytest.mark.parametrize("seed", range(6))
+def test_products_of_answers_are_bounded_from_above(seed: int, units: float) -> None:
+    """A body of 9 unknowns, ``a(v, v) = |v|^2``, four rows of linear traces and three beyond, of any weights.
+
+    The stresses are those of least energy and something more; A2 is at least what the displacements have, and theta
+    makes its trace least: ``theta x + y / theta >= 2 sqrt(x y)``.
+    """
+    rng = np.random.default_rng(seed)
+    trace = np.sqrt(units) * rng.normal(size=(7, 9)) * np.repeat([1.0, 0.3], [4, 3])[:, None]
+    weight = rng.uniform(0.2, 1.0, 7)
+    C = trace.T @ (weight[:, None] * trace)
+    near = np.linalg.qr(np.linalg.eigh(C)[1][:, :-4:-1] + 0.1 * rng.normal(size=(9, 3)))[0]
+    values, mix = np.linalg.eigh(near.T @ C @ near)
+    values, v = values[::-1], near @ mix[:, ::-1]
+    linear, rest = trace[:4], trace[4:]
+    kappa = float(np.linalg.norm(rest, 2))
+    P, R, R2 = (
+        part.T @ (by[:, None] * part)
+        for part, by in ((linear @ v, weight[:4]), (rest @ v, weight[4:]), (rest @ v, weight[4:] ** 2))
+    )
+    least = linear.T @ (weight[:4, None] * linear @ v)
+    more = 0.1 * units * rng.normal(size=(2, 3))
+    T = least.T @ least + more.T @ more
+    A2 = _answers(T, P, R, R2, values, kappa)
+    exact = (C @ v).T @ (C @ v)
+    assert np.linalg.eigvalsh(A2 - exact)[0] > -1e-12 * units**2
+    M = np.diag(values)
+    misfit = np.trace(T - P @ M - M @ P + M @ M)
+    sharp = np.trace(T + R @ M + M @ R + kappa**2 * R2) + 2.0 * kappa * np.sqrt(np.trace(R2) * misfit)
+    assert np.trace(A2) == pytest.approx(sharp, rel=1e-9, abs=0.0)
+    none = np.zeros((3, 3))
+    np.testing.assert_allclose(_answers(M @ M, M, none, none, values, kappa), M @ M, atol=1e-12 * units**2)
+
+
+def test_the_method_of_lehmann_by_hand() -> None:
+    """Exact for exact modes, above the values for others, and silent where the bound of the next one is too high."""
+    modes = np.eye(2), np.diag([5.0, 3.0]), np.diag([25.0, 9.0])
+    assert _lehmann(*modes, 0.5) == pytest.approx((5.0, 3.0))
+    assert _lehmann(*(part[:1, :1] for part in modes), 0.5) == (pytest.approx(5.0), math.inf)
+    assert _lehmann(*modes, 0.3) == (math.inf, math.inf)  # 3 is below 1 / 0.3
+    assert _lehmann(np.eye(2), np.diag([5.0, 4.0]), np.diag([25.0, 16.0]), 0.25) == (math.inf, math.inf)  # 4 is 1 / q
+    # values 5, 3 and 2, and a first mode with a part of the third
+    mixed = np.array([[0.8, 0.0], [0.0, 1.0], [0.6, 0.0]])
+    given = [mixed.T @ np.diag(np.array([5.0, 3.0, 2.0]) ** power) @ mixed for power in (0, 1, 2)]
+    first, second = _lehmann(*given, 1.0 / 2.0)
+    assert (first, second) == pytest.approx((5.0, 3.0))  # 1 / q is the third value itself: nothing is lost
+    first, second = _lehmann(*given, 1.0 / 2.5)
+    assert first > 5.0
+    assert second == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("units", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("thickness", "height"), [(1.0, 1.0), (0.8, 0.7), (0.6, 0.5), (0.3, 0.25), (0.2, None)])
+def test_prisms_are_as_high_as_the_body_has_room_for(thickness: float, height: float | None, units: float) -> None:
+    """Above the halves of a square of side one, in terms of the root of twice their area, which is one."""
+    mesh = box((1.0, 1.0, thickness), 1).scaled(units)
+    table = facet_table(mesh)
+    found = _heights(table, table.numbers(mesh.boundaries["bottom"]))
+    if height is None:
+        assert found is None
+    else:
+        assert found == pytest.approx([height * units] * 2)
+
+
+def test_prisms_of_different_sides_do_not_overlap() -> None:
+    """From both ends of a cube they meet in the middle; in a corner they overlap, however low."""
+    mesh = box((1.0, 1.0, 1.0), 1)
+    table = facet_table(mesh)
+
+    def heights(*names: str) -> Array | None:
+        return _heights(table, np.concatenate([table.numbers(mesh.boundaries[name]) for name in names]))
+
+    assert heights("bottom", "top") == pytest.approx([0.5] * 4)
+    assert heights("bottom", "left") is None
+
+
+def depth(prism: Array, triangle: Array) -> float:
+    """How deep a point of a triangle can lie in a prism (6, 3), by a linear programme; below zero if it lies outside.
+
+    In lengths: the programme is one of barycentric coordinates, and of the distance to each side.
+    """
+    middle = prism.mean(axis=0)
+    sides = [prism[:3], prism[3:], *(prism[[i, j, i + 3]] for i, j in ((0, 1), (1, 2), (2, 0)))]
+    rows, right = [], []
+    for a, b, c in sides:
+        out = np.cross(b - a, c - a)
+        out *= -np.sign(out @ (middle - a)) / np.linalg.norm(out)
+        rows.append([*(triangle @ out), 1.0])
+        right.append(out @ a)
+    found = scipy.optimize.linprog(
+        [0.0, 0.0, 0.0, -1.0], rows, right, [[1.0, 1.0, 1.0, 0.0]], [1.0], [(0.0, None)] * 3 + [(None, None)]
+    )
+    assert found.status == 0
+    return float(-found.fun)
+
+
+@pytest.mark.parametrize("units", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("far", [0.0, 1e4])
+def test_which_triangles_reach_into_prisms(units: float, far: float) -> None:
+    """Random ones against a linear programme, in any units, wherever the body lies."""
+    rng, place = np.random.default_rng(8), [far, 0.0, 0.0]
+    base = rng.normal(size=(40, 3, 3))
+    normals = np.cross(base[:, 1] - base[:, 0], base[:, 2] - base[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    prisms = np.concatenate([base, base - (rng.uniform(0.3, 1.0, 40)[:, None] * normals)[:, None]], axis=1)
+    triangles = base + 0.7 * rng.normal(size=(40, 1, 3)) + 0.3 * rng.normal(size=(40, 3, 3))
+    # a neighbour, that shares an edge with the prism or reaches over it by a hair
+    inward = np.cross(normals, base[:, 1] - base[:, 0])
+    inward /= np.linalg.norm(inward, axis=1)[:, None]
+    outside = base[:, :2].mean(axis=1) - inward
+    beside = np.stack([0.9 * base[:, 0] + 0.1 * base[:, 1], 0.9 * base[:, 1] + 0.1 * base[:, 0], outside], axis=1)
+    beside[:, :2] -= 0.1 * normals[:, None]
+    counts = []
+    for others, expected in (
+        (triangles, [depth(*pair) > 0.0 for pair in zip(prisms, triangles, strict=True)]),
+        (beside, [False] * 40),
+        (beside + 1e-11 * inward[:, None], [False] * 40),
+        (beside + 1e-6 * inward[:, None], [True] * 40),
+    ):
+        found = [
+            bool(_meets(units * (prism[None] + place), normal[None], units * (other[None] + place)).any())
+            for prism, normal, other in zip(prisms, normals, others, strict=True)
+        ]
+        assert found == expected
+        counts.append(sum(found))
+    assert 10 < counts[0] < 30
+
+
+def test_the_triangle_below_a_point() -> None:
+    """Two in one plane, two parallel to them, and one askew."""
+    flat = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]], dtype=float)
+    triangles = np.concatenate([flat, flat + np.array([0.3, -0.2, 0.02]), [[[0, 0, 0], [0, 1, 0], [0.1, 0.2, 1]]]])
+    rng = np.random.default_rng(4)
+    parts = rng.dirichlet(np.ones(3), (20, 5))
+    for units in (1e-3, 1.0, 1e3):
+        points = units * np.einsum("kma,mai->kmi", parts, triangles)
+        assert _containing(units * triangles, points.reshape(-1, 3)).tolist() == list(range(5)) * 20
+
+
+def test_cells_below_a_facet_have_finitely_many_shapes() -> None:
+    """Each of volume one, the facet opposite to its first corner; halved again and again they repeat."""
+    corners = np.array([[0.3, 0.2, 0.9], [0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.8, 0.1]])
+    corners /= (abs(np.linalg.det(corners[1:] - corners[0])) / 6.0) ** (1.0 / 3.0)
+    known, shapes = {_shape_key(corners)}, [corners]
+    for _ in range(4):
+        shapes = [child for shape in shapes for child in _children(_one_cell(shape).refined())]
+        assert [abs(np.linalg.det(shape[1:] - shape[0])) / 6.0 for shape in shapes] == pytest.approx(
+            [1.0] * len(shapes)
+        )
+        shapes = list({_shape_key(shape): shape for shape in shapes}.values())
+        known |= {_shape_key(shape) for shape in shapes}
+    assert len(known) <= 12
+
+
+def test_shapes_are_told_apart_but_for_translations_reflections_and_numbers() -> None:
+    rng = np.random.default_rng(2)
+    corners = rng.normal(size=(4, 3))
+    key = _shape_key(corners)
+    for same in (corners + np.array([3.0, -1.0, 2.0]), -corners, corners[[0, 2, 3, 1]], -corners[[0, 3, 2, 1]] + 1.0):
+        assert _shape_key(same) == key
+    for other in (2.0 * corners, corners[[1, 0, 2, 3]], corners * [1.0, 1.0, -1.0], corners + 1e-6 * np.eye(4, 3)):
+        assert _shape_key(other) != key
+
+
+def test_a_prism_and_the_one_turned_round_have_the_worse_of_both_constants() -> None:
+    """Of a material without symmetry, in which they differ; equal up to a factor of lengths and moduli."""
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(6, 6))
+    compliance = root @ root.T + 0.1 * np.eye(6)
+    base = np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 0.9, 0.0]])
+    up = np.array([0.0, 0.0, 0.8])
+    alone = [_without_linear_part(_prism(corners, up), compliance) for corners in (base, -base)]
+    assert abs(alone[0] - alone[1]) > 0.05 * alone[0]
+    found = _of_prisms(np.stack([base, -base, 2.0 * base[[1, 2, 0]]]), np.stack([up, up, 2.0 * up]), compliance)
+    assert found == pytest.approx(max(alone) / (1.0 - 0.25) * np.array([1.0, 1.0, 2.0]))
+    assert _of_prisms(base[None], up[None], 1e3 * compliance) == pytest.approx(1e3 * found[:1])
+
+
+def test_modes_that_lanczos_steps_leave_unfinished_are_not_below_the_exact_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One pair is exact and two are not: each value is raised by the worst residual."""
+    body = TraceFlexibility(held(rectangle((1.0, 1.0), (4, 4))))
+    ones = np.ones(len(body.facets) * 4)
+    exact, loads = body._modes(ones, 3)
+    np.testing.assert_allclose(body.flexibility(loads), loads * exact, atol=1e-12 * exact[0])
+    monkeypatch.setattr(trace_flexibility, "_DENSE", 0)
+    other = TraceFlexibility(held(rectangle((1.0, 1.0), (4, 4))))
+    np.testing.assert_allclose(other.flexibility(loads), loads * exact, atol=1e-12 * exact[0])
+    assert other._modes(ones, 3)[0] == pytest.approx(exact, rel=1e-5)
+
+    def unfinished(operator: spla.LinearOperator, count: int, **_: object) -> tuple[Array, Array]:
+        vectors = loads[:, ::-1].copy()
+        vectors[:, 1:] += 0.05 * np.random.default_rng(1).normal(size=(len(ones), 2))
+        vectors[:, 1:] /= np.linalg.norm(vectors[:, 1:], axis=0)
+        return np.array([v @ operator.matvec(v) for v in vectors.T]), vectors
+
+    monkeypatch.setattr(spla, "eigsh", unfinished)
+    found = other._modes(ones, 3)[0]
+    assert (found >= exact).all()
+    assert (found <= exact + 0.5 * exact[0]).all()
+
+
+def test_a_prism_stands_on_its_triangle() -> None:
+    base = np.array([[0.1, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 0.9, 0.0]])
+    up = np.array([0.0, 0.0, 0.8])
+    mesh = _prism(base, up)
+    area = 0.5 * abs(np.linalg.det((base[1:] - base[0])[:, :2]))
+    assert mesh.volumes.sum() == pytest.approx(0.8 * area)
+    assert (mesh.points[:, 2].min(), mesh.points[:, 2].max()) == (0.0, 0.8)
+    assert mesh.facet_normals(mesh.boundaries["loaded"])[1].sum() == pytest.approx(area)
+    assert not mesh.points[mesh.boundaries["loaded"]][:, :, 2].any()
+    for corner in (*base, *(base + up)):
+        assert np.linalg.norm(mesh.points - corner, axis=1).min() < 1e-12
+
+
+def test_a_free_body_in_balance_does_not_feel_where_it_is_held() -> None:
+    """The facet that its rigid motions are told by is another one wherever its nodes are numbered otherwise."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(6, 6))
+    compliance = root @ root.T + 0.1 * np.eye(6)
+    mesh = _one_cell(np.array([[0.1, 0.2, 0.9], [0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.8, 0.1]])).refined()
+    found = []
+    for _ in range(6):
+        place = rng.permutation(len(mesh.points))
+        points = np.empty_like(mesh.points)
+        points[place] = mesh.points
+        other = Mesh.oriented(points, place[mesh.cells][rng.permutation(len(mesh.cells))])
+        found.append(
+            _without_linear_part(other.with_boundaries({"loaded": place[mesh.boundaries["loaded"]]}), compliance)
+        )
+    assert found == pytest.approx([_without_linear_part(mesh, compliance)] * 6, rel=1e-9)

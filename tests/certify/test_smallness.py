@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from hemivar.certify import EnergyNorm, ellipticity, one_solution, smallness, trace_constants
+from hemivar.certify import EnergyNorm, bound, ellipticity, one_solution, smallness, trace_constants
 from hemivar.certify.bound import Point, error_bound
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
@@ -145,6 +145,38 @@ def test_near_a_solution_the_bounds_of_all_solutions_are_known(rate: float) -> N
         if found.margin > 0.0:
             assert exact <= wide.alpha_tangential
             assert found.margin - 20.0 * rate * off <= wide.margin <= found.margin + 1e-4
+
+
+def test_a_point_deep_in_the_foundation_does_not_spoil_the_bound_of_a_shallow_one() -> None:
+    """Pressed by 1.5 and by 0.0015 on springs of stiffness 1 and 0.5: friction of rate 0.1, which weakens by 2."""
+    law = ContactLaw(Compliance(0.5), Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.1])), weakening(0.4, 2.0)))
+    load = np.array([1.5, 0.0, 0.0015, 0.0])
+    problem = DiscreteProblem.of_arrays(np.eye(4), load, np.eye(4), np.ones(2), np.zeros(2), law)
+    found = smallness(problem, displacement=load / 1.5, multiplier=(load / 3.0).reshape(2, 2))
+    assert found.alpha_tangential == pytest.approx(0.2, rel=1e-5)
+    assert found.coupling == pytest.approx(0.1)
+    assert found.margin == pytest.approx(0.7, abs=1e-4)
+
+
+def test_a_multiplier_that_is_given_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a large problem, where no better pair is sought: a point that sticks, and one behind it that is off by e.
+
+    The given pair is as far from all solutions as e in energy; the force that balances the contact point leaves
+    ``K_bb e`` behind it, which is more in the dual norm.
+    """
+    monkeypatch.setattr(bound, "_SEARCHABLE", 0)
+    law = ContactLaw(Compliance(0.5), Friction(PenetrationBound(([0.0, 1.0], [0.2, 0.3])), weakening(0.4, 0.5)))
+    K = np.array([[1.0, 0.0, 0.0], [0.0, 3.0, -2.0], [0.0, -2.0, 3.0]])
+    problem = DiscreteProblem.of_arrays(K, np.array([1.0, 0.05, 0.0]), np.eye(2, 3), np.ones(1), np.zeros(1), law)
+    exact, lam = np.array([2.0 / 3.0, 0.0, 0.0]), np.array([[1.0 / 3.0, 0.05]])
+    known = smallness(problem, displacement=exact, multiplier=lam).alpha_tangential
+    off = exact + np.array([0.0, 0.0, 0.01])
+    given = smallness(problem, displacement=off, multiplier=lam).alpha_tangential
+    balanced = smallness(problem, displacement=off).alpha_tangential
+    assert known <= given < balanced
+    assert (balanced - known) / (given - known) == pytest.approx(
+        np.sqrt(9.0 / 5.0), rel=1e-3
+    )  # K_bb^2 (K^-1)_bb / K_bb
 
 
 def test_far_from_unique_no_bound_is_known() -> None:

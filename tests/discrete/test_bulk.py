@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from hemivar.discrete import Quadratic, bulk
+from hemivar.discrete.bulk import without_zeros
 from hemivar.errors import ProblemError
 
 K = np.array([[4.0, -1.0, 0.0], [-1.0, 3.0, -2.0], [0.0, -2.0, 5.0]])
@@ -122,6 +123,8 @@ def test_an_assembled_matrix_is_taken_as_it_is() -> None:
     matrix = sp.csr_array(K)
     body = Quadratic(matrix, F, assembled=True)
     assert body.stiffness is matrix
+    skew = sp.csr_array(K + np.triu(K, 1))
+    assert Quadratic(skew, F, assembled=True).stiffness is skew  # whoever assembled it answers for it
     with pytest.raises(ProblemError, match="positive diagonal"):
         Quadratic(sp.csr_array(-K), F, assembled=True)
     with pytest.raises(ProblemError, match=r"load\[0\] = inf"):
@@ -132,3 +135,15 @@ def test_a_body_without_unknowns() -> None:
     nothing = Quadratic(np.zeros((0, 0)), np.zeros(0), 2.0)
     assert (nothing.unknowns, nothing.value(np.zeros(0))) == (0, 2.0)
     assert nothing.row_sums.shape == (0,)
+
+
+@pytest.mark.parametrize(("zeros", "kept"), [(0, True), (2, True), (10, False), (50, False), (100, False)])
+def test_stored_zeros_are_left_out_unless_they_are_few(zeros: int, kept: bool) -> None:
+    data = np.ones(100)
+    data[:zeros] = 0.0
+    matrix = sp.csr_array((data, np.tile(np.arange(10), 10), np.arange(0, 101, 10)), shape=(10, 10))
+    found = without_zeros(matrix)
+    assert (found is matrix) is kept
+    assert found.nnz == (100 if kept else 100 - zeros)
+    np.testing.assert_array_equal(found.toarray(), data.reshape(10, 10))
+    assert matrix.nnz == 100

@@ -10,7 +10,7 @@ import scipy.optimize
 from numpy.typing import ArrayLike
 
 from hemivar.basics.types import Array
-from hemivar.discrete.hold import Growth, Verdict, decide, growth_along
+from hemivar.discrete.hold import Growth, Verdict, _cut_off, decide, growth_along
 from hemivar.laws import (
     Compliance,
     ContactLaw,
@@ -18,6 +18,7 @@ from hemivar.laws import (
     Friction,
     NoContact,
     NoFriction,
+    PiecewiseQuadratic,
     Signorini,
     SurveyLaw,
     Tresca,
@@ -77,11 +78,27 @@ def test_rates_of_laws_in_the_plane() -> None:
     for z, expected in (((1, 0), 0.75), ((-1, 0), 0.25), ((0, 1), 0.1), ((0, -1), 1.1), ((1, 1), 0.85)):
         assert some(np.array(z, dtype=float))[0] == pytest.approx(expected)
     assert some.load == 4.0
+    for bound in (0.0, 0.5, 1.0):  # a rate of 0, 1 and 2
+        free = ContactLaw(NoContact(), Tresca(bound)).at(np.zeros((1, 2)))
+        along = growth_along(free, local(np.eye(2)), np.array([2.0]), np.zeros(2), 1.0)
+        assert along(np.array([0.0, 1.0]))[0] == along(np.array([0.0, -1.0]))[0] == 2.0 * bound
+        assert along.up.size == (bound > 0.0)
+    for jump in (0.0, 1.0, 2.0):  # what pulls with 0, 1 and 2 where it is open, and presses with nothing
+        pulls = PiecewiseQuadratic([0.0], [0.0, 0.0], [jump], start=-jump)  # type: ignore[arg-type]
+        opening = growth_along(ContactLaw(pulls).at(np.zeros((1, 1))), local([[1.0]]), np.ones(1), np.zeros(1), 1.0)
+        assert (opening(np.ones(1))[0], opening(-np.ones(1))[0]) == (0.0, jump)
+        assert opening.up.size == (jump > 0.0)
 
 
 def test_rates_of_laws_in_space() -> None:
     """The length of the slip counts, not its parts; where friction is infinite no part may slip."""
     points = local(np.eye(3), np.eye(3))
+    for bound in (0.0, 0.5, 1.0):  # a rate of 0, 1 and 2
+        free = growth_along(
+            ContactLaw(NoContact(), Tresca(bound)).at(np.zeros((1, 3))), points[:1], np.array([2.0]), np.zeros(3), 1.0
+        )
+        assert free(np.array([0.0, 3.0, -4.0]))[0] == pytest.approx(10.0 * bound)
+        assert free.rates.size == (bound > 0.0)
     law = ContactLaw(NoContact(), Tresca(np.array([0.3, 0.5]))).at(np.zeros((2, 3)))
     some = growth_along(law, points, np.array([2.0, 1.0]), np.zeros(3), 1.0)
     assert some(np.array([5.0, 3.0, -4.0]))[0] == pytest.approx(1.1 * 5.0)
@@ -273,3 +290,20 @@ def test_what_is_in_balance_along_a_motion_of_both_grows_by_nothing() -> None:
     assert found.verdict is Verdict.BALANCED
     assert found.direction == pytest.approx(np.sqrt(0.5) * np.ones(2))
     assert abs(found.growth) < 1e-9
+
+
+@pytest.mark.parametrize("units", [1e-9, 1.0, 1e9])
+def test_rates_far_above_the_load_are_cut_off_and_rigid_ones_stay_rigid(units: float) -> None:
+    """At a thousand times the load, a row of size 2 and a slip of size 4; where one side falls, convex as before."""
+    up, down = [1e9, INF, 1e9, 3.0, 1e9, 499.0], [1.0, 2.0, INF, 1e9, -1e6, 499.0]
+    times = units * np.ones(6)
+    some = growth(
+        [units], [[2.0]] * 6, times * up, times * down, units, [[[4.0], [0.0]]] * 2, units * np.array([7.0, 1e5])
+    )
+    found = _cut_off(some)
+    np.testing.assert_allclose(found.up / units, [500.0, INF, 1e9, 3.0, 1e6, 499.0])
+    np.testing.assert_allclose(found.down / units, [1.0, 2.0, INF, 500.0, -1e6, 499.0])
+    np.testing.assert_allclose(found.rates / units, [7.0, 250.0])
+    assert some.up[0] == 1e9 * units  # what was given stays as it is
+    still = growth([0.0], [[2.0]], [1e9], [1e9])
+    assert _cut_off(still) is still

@@ -164,6 +164,21 @@ def test_a_description_says_where_each_formula_holds() -> None:
     assert Softening(2.0, 0.1, 0.5).describe().alpha_places == (0.1,)
 
 
+@pytest.mark.parametrize(
+    ("knots", "ends", "text"),
+    [
+        ([-2.0, 0.0], {"lower": -2.0}, "j is finite for r >= -2 only"),
+        ([0.0, 1.5], {"upper": 1.5}, "j is finite for r <= 1.5 only"),
+        ([-2.0, 1.5], {"lower": -2.0, "upper": 1.5}, "j is finite for r >= -2 and r <= 1.5 only"),
+        ([-2.0, 1.5], {}, None),
+    ],
+)
+def test_a_description_says_where_the_law_ends(knots: list[float], ends: dict[str, float], text: str | None) -> None:
+    law = PiecewiseQuadratic(np.array(knots), np.array([0.0, 1.0, 0.0]), np.zeros(2), **ends)
+    said = [line for line in law.describe().lines if "finite for" in line]
+    assert said == ([] if text is None else [text])
+
+
 # ---- bounds -------------------------------------------------------------------------------------------------
 
 

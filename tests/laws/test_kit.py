@@ -82,8 +82,11 @@ def test_a_wrong_prox_is_caught() -> None:
     assert "prox is the global minimiser: it is not" in failures(spoiled(prox=prox))
 
 
-def test_a_prox_that_stops_at_the_nearest_minimum_is_caught() -> None:
-    table = Capped(20.0, 0.1).table
+@pytest.mark.parametrize(("length", "stress"), [(1e-4, 1e-4), (1.0, 1.0), (1e4, 1e4)])
+def test_a_prox_that_stops_at_the_nearest_minimum_is_caught(length: float, stress: float) -> None:
+    """In any units; the law itself passes in them."""
+    table = Capped(20.0 * stress / length, 0.1 * length).table
+    assert check_law(table).passed
 
     class Nearest(type(table)):  # type: ignore[misc]
         def take(self, index: Any) -> Any:
@@ -94,7 +97,7 @@ def test_a_prox_that_stops_at_the_nearest_minimum_is_caught() -> None:
             points = np.where(np.isfinite(energies), points, np.inf)
             return np.min(points, axis=-1)
 
-    law = Nearest([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0])
+    law = Nearest([0.0, 0.1 * length], [0.0, 20.0 * stress / length, 0.0], [0.0, -2.0 * stress])
     assert "local_argmin is the global minimiser: it is not" in failures(law)
 
 

@@ -138,6 +138,18 @@ def test_the_delamination_of_makela() -> None:
     assert law.value(np.array([1e-9]))[0] == np.inf
 
 
+@pytest.mark.parametrize("shift", [0.0, 1.0])
+def test_teeth_on_springs_pull_from_the_first_opening_on(shift: float) -> None:
+    """Tension ``6 w + shift`` up to 0.5, ``2 w + 0.25`` up to 1; springs of 9 below: at zero anything between."""
+    law = SawTooth([0.5, 1.0], [6.0, 2.0], [shift, 0.25], compression=9.0)
+    w = np.array([-0.2, 1e-9, 0.3, 0.7, 1.2])
+    np.testing.assert_allclose(
+        law.derivative(-w), [1.8, -shift - 6e-9, -1.8 - shift, -1.65, 0.0], rtol=1e-12, atol=1e-15
+    )
+    at_rest = law.subdifferential(np.zeros(1))
+    assert (at_rest.lower[0], at_rest.upper[0]) == (-shift, 0.0)
+
+
 def test_parameters_may_vary_from_point_to_point() -> None:
     points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
     laws = [

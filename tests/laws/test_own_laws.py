@@ -69,6 +69,12 @@ def test_any_table_passes_the_kit(gaps: list[float], data: st.DataObject) -> Non
     np.testing.assert_allclose(law.derivative(r[keep][:1]), values[keep][:1], atol=1e-12)
 
 
+def test_a_table_may_fall_at_its_end_and_go_on_falling() -> None:
+    """Friction may not, for it would be negative farther out."""
+    law = table_law([0.0, 1.0, 2.0], [0.0, 2.0, 1.5], extend="linear")
+    np.testing.assert_allclose(law.derivative(np.array([-1.0, 0.5, 1.5, 3.0, 7.0])), [-2.0, 1.0, 1.75, 1.0, -1.0])
+
+
 def test_friction_tables_are_even() -> None:
     law = table_law([0.0, 0.2, 0.2, 1.0], [1.0, 0.8, 0.5, 0.5], friction=True)
     assert check_law(law, friction=True).passed

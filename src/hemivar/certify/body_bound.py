@@ -18,6 +18,7 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array
 from hemivar.certify.bare_body import bare_body
+from hemivar.certify.facet_constants import mass_root
 from hemivar.certify.local_constants import local_constants
 from hemivar.certify.simplex_constants import missed_part
 from hemivar.errors import ProblemError
@@ -68,9 +69,7 @@ def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> f
         nodes = np.hstack([(table.cell_facets[:, :, None] * dim + np.arange(dim)).reshape(count, -1), own])
         fixed = np.concatenate([np.repeat(held, dim, axis=0), np.zeros((own.size, dim, dim))])
         system = directed_matrix(blocks, nodes, fixed)
-        unit, ones = np.eye(dim + 1), np.full((dim + 1, dim + 1), 1.0 / (dim + 1))
-        root = ones / math.sqrt(dim + 1) + (unit - ones) / math.sqrt((dim + 1) * (dim + 2))
-        weights = np.einsum("c,ab,ij->caibj", np.sqrt(table.volumes), root, np.eye(dim))
+        weights = np.einsum("c,ab,ij->caibj", np.sqrt(table.volumes), mass_root(dim + 1), np.eye(dim))
         R = system.rows(own, weights.reshape(count, -1, dim + 1, dim))
         factor = system.factor()
 

@@ -151,10 +151,10 @@ def _of_triangles(corners: Array, compliance: Array) -> Array:
     return found / (1.0 - 0.5**times)
 
 
-def mass_root(dim: int) -> Array:
-    """The symmetric root of the mass matrix of linear functions on a facet of measure one."""
-    unit, ones = np.eye(dim), np.full((dim, dim), 1.0 / dim)
-    return np.asarray(ones / np.sqrt(dim) + (unit - ones) / np.sqrt(dim * (dim + 1)))
+def mass_root(count: int) -> Array:
+    """The symmetric root of the mass matrix of linear functions on a simplex of measure one with so many corners."""
+    unit, ones = np.eye(count), np.full((count, count), 1.0 / count)
+    return np.asarray(ones / np.sqrt(count) + (unit - ones) / np.sqrt(count * (count + 1)))
 
 
 def _of_tetrahedron(corners: Array, compliance: Array) -> float:
@@ -197,7 +197,7 @@ def _shape_key(corners: Array) -> bytes:
 
 
 def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
-    """The largest energy of a free body under facetwise linear loads on a plane that no linear function there sees."""
+    """The largest energy of a free body in space under facetwise linear loads that no linear function there sees."""
     dim, table = mesh.dim, facet_table(mesh)
     loaded = table.numbers(mesh.boundaries["loaded"])
     blocks = equilibrated_blocks(pulled_back(compliance[None], table.jacobian, table.sizes), table.jacobian)
@@ -208,8 +208,7 @@ def _without_linear_part(mesh: Mesh, compliance: Array) -> float:
     frame = np.linalg.svd(ends[1:] - ends[0])[2]
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     held[0], held[1] = np.eye(dim), np.eye(dim) - np.outer(along, along)
-    if dim == 3:
-        held[2] = np.outer(frame[-1], frame[-1])
+    held[2] = np.outer(frame[-1], frame[-1])
     system = directed_matrix(blocks, nodes, held)
     root = np.sqrt(table.measures[loaded])
     at = loaded[:, None] * dim + np.arange(dim)
@@ -280,10 +279,10 @@ def _of_prisms(corners: Array, inward: Array, compliance: Array) -> Array:
     order = np.argsort(np.round(np.linalg.norm(edges, axis=2) / size[:, None], _DIGITS), axis=1, kind="stable")
     ordered = np.take_along_axis(corners, order[:, :, None], axis=1)
     plane = ((ordered[:, 1:] - ordered[:, :1]) / size[:, None, None]).reshape(len(corners), 6)
-    plane = np.round(plane, _DIGITS) + 0.0
+    plane = np.round(plane, _DIGITS)
     leading = plane[np.arange(len(plane)), np.argmax(plane != 0.0, axis=1)]
-    plane = plane * np.sign(leading)[:, None] + 0.0  # turned round it has the same constant
-    key = np.hstack([plane, np.round(inward / size[:, None], _DIGITS) + 0.0])
+    plane = plane * np.sign(leading)[:, None]  # turned round it has the same constant
+    key = np.hstack([plane, np.round(inward / size[:, None], _DIGITS)])
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
     softness = float(np.abs(compliance).max())
     found = []
@@ -350,8 +349,7 @@ def _meets(prisms: Array, normals: Array, triangles: Array) -> BoolArray:
         axis=1,
     )
     length = np.linalg.norm(axes, axis=2, keepdims=True)
-    longest = length.max(axis=1, keepdims=True) if len(first) else length
-    axes = np.where(length > 1e-9 * longest, axes / np.where(length > 0.0, length, 1.0), 0.0)
+    axes = axes / np.where(length > 0.0, length, 1.0)
     mine, other = np.einsum("pvi,pai->pav", prism, axes), np.einsum("pvi,pai->pav", triangle, axes)
     apart = mine.max(axis=2) <= other.min(axis=2) + tolerance
     apart |= mine.min(axis=2) >= other.max(axis=2) - tolerance

@@ -155,14 +155,13 @@ def _components(point: Point) -> _Sorted:
         return found
     size = np.linalg.norm(r[:, 1:], axis=1)
     radial = _sides(law.tangential, size)
-    seen = active[:, 1:].any(axis=1)
     # at rest: every direction that is not held by a support, with the curvature of first slip
     force = np.linalg.norm(np.where(active[:, 1:], point.lam[:, 1:], 0.0), axis=1)
     rest, column = np.nonzero(active[:, 1:] & (size == 0.0)[:, None])
     still = _Components(rest, unit[1:][column], radial.curvature_above[rest])
     loose, stuck = radial.above[rest] <= slack, radial.above[rest] - force[rest] > slack
     # on the move: outward, and in three dimensions across it
-    moving = np.flatnonzero(seen & (size > 0.0))
+    moving = np.flatnonzero(size > 0.0)
     outward = np.zeros((moving.size, d))
     outward[:, 1:] = r[moving, 1:] / size[moving, None]
     lam = np.einsum("ki,ki->k", outward, point.lam[moving])

@@ -189,21 +189,11 @@ class TraceFlexibility:
         pushed = weight[:, None] * linear
         T = pushed.T @ self.flexibility(pushed)
         T = 0.5 * (T + T.T)
-        off = T - P * values - (P * values).T + np.diag(values**2)
         kappa = float(np.sqrt(self._constants.total()))
-        base = T + R * values + (R * values).T + kappa**2 * R2
-
-        def raised(k: int) -> Array:
-            """A2 of the first k modes, with the theta that suits them."""
-            stress, trace = (max(float(np.trace(part[:k, :k])), 0.0) for part in (off, R2))
-            top = float(values[0])  # where both are rounding, neither may be divided by the other
-            theta = np.sqrt((stress + _ROUNDING * top**2) / (trace + _ROUNDING * top))
-            return np.asarray(base[:k, :k] + kappa * (theta * R2[:k, :k] + off[:k, :k] / theta))
-
-        sharp = [
-            _lehmann(A0[:k, :k], A1[:k, :k], raised(k), 1.0 / above[k])
-            for k in range(1, min(len(above), len(values) + 1))
-        ]
+        sharp = []
+        for k in range(1, min(len(above), len(values) + 1)):
+            A2 = _answers(T[:k, :k], P[:k, :k], R[:k, :k], R2[:k, :k], values[:k], kappa)
+            sharp.append(_lehmann(A0[:k, :k], A1[:k, :k], A2, 1.0 / above[k]))
         upper = max(min([float(above[0]), *(found[0] for found in sharp)]), float(values[0]))
         second = min([float(above[min(1, len(above) - 1)]), *(found[1] for found in sharp)])
         lower, simple = float(values[0]), float(above[0])
@@ -230,6 +220,19 @@ def _weighted(vectors: Array, weight: Array) -> Array:
     return np.asarray(vectors.T @ (weight[:, None] * vectors))
 
 
+def _answers(T: Array, P: Array, R: Array, R2: Array, values: Array, kappa: float) -> Array:
+    """A2 of some modes, with the theta that suits them: not below ``a(w(D v_i), w(D v_j))``.
+
+    T are the products ``t_i . t_j`` of the stresses, ``values`` the diagonal of M, and P, R and R2 the products of
+    ``D P v`` with ``P v``, of ``D v_o`` with ``v_o`` and of ``D v_o`` with ``D v_o``.
+    """
+    off = T - P * values - (P * values).T + np.diag(values**2)
+    stress, trace = (max(float(np.trace(part)), 0.0) for part in (off, R2))
+    top = float(values[0])  # where both are rounding, neither may be divided by the other
+    theta = np.sqrt((stress + _ROUNDING * top**2) / (trace + _ROUNDING * top))
+    return np.asarray(T + R * values + (R * values).T + kappa**2 * R2 + kappa * (theta * R2 + off / theta))
+
+
 def _lehmann(A0: Array, A1: Array, A2: Array, q: float) -> tuple[float, float]:
     """Upper bounds of ``c_1`` and ``c_2``, inf if it fails; ``q`` is a lower bound of ``1 / c_{k + 1}``."""
     none = np.inf, np.inf
@@ -244,8 +247,7 @@ def _lehmann(A0: Array, A1: Array, A2: Array, q: float) -> tuple[float, float]:
         return none
     if not tau[-1] < 0.0:
         return none
-    bounds = q - q / (1.0 - tau[::-1][:2])
-    above = [float(1.0 / bound) if bound > 0.0 else np.inf for bound in bounds]
+    above = [float(value) for value in (1.0 - 1.0 / tau[::-1][:2]) / q]
     return above[0], above[1] if len(above) > 1 else np.inf
 
 

@@ -172,12 +172,12 @@ def growth_along(
     """
     m, d, a = local.shape
     one = np.ones(m)
-    up = weights * np.broadcast_to(law.normal.recession(one), (m,)) if m else one
-    down = weights * np.broadcast_to(law.normal.recession(-one), (m,)) if m else one
+    up = weights * np.broadcast_to(law.normal.recession(one), (m,))
+    down = weights * np.broadcast_to(law.normal.recession(-one), (m,))
     rows, cones, rates = local[:, 0], np.zeros((0, 2, a)), np.zeros(0)
-    if d > 1 and m and not law.state_dependent:
+    if d > 1 and not law.state_dependent:
         slip = weights * np.broadcast_to(law.tangential.recession(one), (m,))
-        hinge = np.flatnonzero((slip != 0.0) & ((d == 2) | ~np.isfinite(slip)))
+        hinge = np.flatnonzero((d == 2) | ~np.isfinite(slip))
         for c in range(1, d):
             rows = np.concatenate([rows, local[hinge, c]])
             up, down = np.concatenate([up, slip[hinge]]), np.concatenate([down, slip[hinge]])

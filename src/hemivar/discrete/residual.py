@@ -195,9 +195,8 @@ def residuals(
     moved = _moved(problem.bulk, u)
     found = []
     for lam in multipliers:
-        force, inclusion = problem.contact_force(lam), np.zeros(0)
-        if problem.contact_points:
-            inclusion = problem.contact.weights * problem.law.frozen(r, lam).graph_distance(r, lam, compliance)
+        force = problem.contact_force(lam)
+        inclusion = problem.contact.weights * problem.law.frozen(r, lam).graph_distance(r, lam, compliance)
         found.append(Residual.of(norm(balance - force), norm(inclusion), scale, norm(force), moved))
     return found
 

@@ -151,12 +151,11 @@ def _of_one(field: Field) -> FreeMotions:
         moved = rigid_basis(nodes[where], corners)[0].reshape(len(where), dim, count)
         admissible = admitted(np.einsum("kij,kjr->kir", stop, moved).reshape(-1, count))
     left = admissible.shape[1]
-    motions = rigid_basis(nodes, corners)[0] @ admissible if left else np.zeros((nodes.size, 0))
-    everything = field.mesh.parts
     if not left:
-        return FreeMotions(sp.csc_array(motions), (), everything)
+        return no_motions(field)
+    motions = rigid_basis(nodes, corners)[0] @ admissible
     group = MovingGroup(np.zeros(1, dtype=np.int64), slice(0, left), admissible[None], np.zeros(0, dtype=np.int64))
-    return FreeMotions(sp.csc_array(motions), (group,), everything)
+    return FreeMotions(sp.csc_array(motions), (group,), field.mesh.parts)
 
 
 class _Body:

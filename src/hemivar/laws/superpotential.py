@@ -30,7 +30,7 @@ __all__ = ["Interval", "Superpotential"]
 _MANY = 40
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Interval:
     """Closed intervals ``[lower, upper]``, one for each contact point; bounds may be infinite.
 

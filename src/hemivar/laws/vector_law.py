@@ -14,7 +14,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 __all__ = ["Linearisation", "Near", "VectorLaw", "spread"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linearisation:
     """First and second derivative of a contact law on the pieces where it is smooth.
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,7 @@ from hemivar.laws import (
     Compliance,
     ContactLaw,
     FormulaLaw,
+    NoContact,
     PiecewiseQuadratic,
     Signorini,
     SlipWeakening,
@@ -106,6 +110,7 @@ def test_a_worn_surface_on_a_foundation_that_creeps() -> None:
     assert pressure == pytest.approx(float(envelope(law.normal, c).derivative(np.array([0.43]))[0]), rel=1e-9)
     assert pressure == pytest.approx(5.0 * (0.43 - c * pressure) ** 2.5, rel=1e-9)
     np.testing.assert_allclose(chain.seen(state, r), [[0.43, 0.2]], rtol=1e-15)
+    np.testing.assert_allclose(chain.stored(law, state, r), [5.0 * 0.43**3.5 / 3.5], rtol=1e-12)
 
 
 STACKED = stack([(Softening(2.0, 0.1, 0.5), 2), (Compliance(3.0, 2.0), 2), (Softening(1.0, 0.3, 0.2), 1)])
@@ -289,3 +294,58 @@ def test_kinks_of_an_envelope_become_springs(smooth: bool) -> None:
     held = np.isin(where, law.knots[0])
     assert held.sum() >= 3  # one at every knot
     np.testing.assert_allclose(one.curvature(r)[held], 1.0 / c, rtol=1e-9)
+
+
+def told(text: str, r: float, slope: float) -> float:
+    """What a formula of a piece says at r; ``slope`` is what it calls j'."""
+    depth, place, opened, inner = 0, None, 0, []
+    for i, sign in enumerate(text):
+        opened = i if sign == "(" and depth == 0 else opened
+        depth += (sign == "(") - (sign == ")")
+        if depth == 0 and text.startswith(" at ", i):
+            place = i
+        elif depth == 0 and sign == ")" and " at " in text[opened:i]:
+            inner.append(text[opened + 1 : i])
+    if place is not None:
+        return told(text[:place], told(text[place + 4 :], r, slope), slope)
+    for part in inner:
+        text = text.replace(f"({part})", f"({told(part, r, slope)})")
+    text = re.sub(r"\|(.*?)\|", r"abs(\1)", text).replace("^", "**").replace("j'", f"({slope})")
+    return float(eval(re.sub(r"([\d)]) (?=[\d(a-z])", r"\1*", text), {"exp": np.exp, "r": r}))
+
+
+DAMPER = PiecewiseQuadratic([0.0], [4.0, 4.0], [0.0])
+#: Made for two points: the formulas are those of the first.
+MADE: dict[str, tuple[Callable[[Superpotential], Superpotential], str]] = {
+    "affine": (
+        lambda law: affine(law, np.array([1.3, 0.7]), np.array([0.3, -0.1])),
+        "softening signorini power logarithm",
+    ),
+    "scaled": (lambda law: law.scaled(np.array([2.0, 3.0])), "softening signorini power logarithm"),
+    "secant": (lambda law: secant(law, np.array([0.3, 0.1])), "softening signorini power logarithm"),
+    "slipped": (lambda law: slipped(law, np.array([0.3, 0.1])), "softening power logarithm"),
+    "envelope": (lambda law: envelope(law, np.array([0.3, 0.1])), "softening signorini power logarithm"),
+    "averaged": (lambda law: averaged(law, np.array([0.1, -0.1])), "softening"),
+    "sum": (lambda law: plus(law, Compliance(np.array([2.0, 3.0]), 2.0)), "softening signorini power logarithm"),
+    "pushing": (lambda law: pushing(law, affine(DAMPER, 2.0, np.array([0.3, -0.1]))), "power"),
+    "bonded": (lambda law: bonded(law, 50.0, 0.05, 0.2, np.array([0.3, 0.1]), 0.1), "none"),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(kind, name) for kind, (_, names) in MADE.items() for name in names.split()]
+)
+def test_the_formula_of_each_piece_says_what_the_piece_does(kind: str, name: str) -> None:
+    made = MADE[kind][0]({**SOME, "none": NoContact()}[name])
+    count = made.knots.shape[-1] + 1
+    spoken = 0
+    for piece in range(count):
+        index = np.full(2, piece)
+        low, high = (float(np.clip(end[0], -2.0, 2.0)) for end in made.piece_bounds(index))
+        text = made.piece_formula(piece)
+        assert text
+        for r in (low + share * (high - low) for share in (0.2, 0.5, 0.9) if low < high):
+            slope = float(made.piece_derivative(index, np.full(2, r))[0])
+            assert told(text, r, slope) == pytest.approx(slope, rel=1e-4, abs=1e-5), (text, r)
+            spoken += abs(slope) > 1e-3
+    assert spoken or name == "signorini"

@@ -223,7 +223,7 @@ class SummedLaw(TransformedLaw):
 
     def piece_formula(self, piece: int) -> str:
         texts = [term.piece_formula(int(own[0, piece])) for term, own in zip(self.terms, self._merged[1], strict=True)]
-        return " + ".join(f"({text})" for text in texts if text != "0") if all(texts) else ""
+        return (" + ".join(f"({text})" for text in texts if text != "0") or "0") if all(texts) else ""
 
     @property
     def weak_convexity(self) -> Array:
