@@ -177,9 +177,7 @@ def print_history(found: History, plain: bool = False) -> None:
     largest = max(abs(value) for name, value in ledger.items() if name != "gap")
     part = abs(ledger["gap"]) / largest if largest > 0.0 else 0.0
     print(f"gap of the ledger {ledger['gap']:.1e}, {part:.0e} of the largest entry")
-    error = found.time_error
-    bound = f"at most {error.bound:.3g} in the norm of the {error.norm}" if error.norm else "not known"
-    print(f"error in time     {bound}: {error.why}")
+    print(f"error in time     {found.time_error.words}")
     for when, name in found.events[:_SHOWN]:
         print(f"event             {name} at t = {when:.6g}")
     if len(found.events) > _SHOWN:

@@ -124,7 +124,7 @@ class Run:
             self.largest, self.farthest, self.origin = state.largest, state.farthest, state.origin
             self.frames = Frames(self.plan.save, self.start, state.frames, state.frame_place)
             self.rows, self.events, self.messages = list(state.rows), list(state.events), list(state.messages)
-            self.bound.square = state.bound
+            self.bound.square, self.bound.straight = state.bound, state.straight
         self.levels = self._levels(self.moment, self.rows[-1].margin)
 
     def step(self) -> tuple[Taken | None, tuple[str, ...], bool]:
@@ -214,6 +214,7 @@ class Run:
             self.farthest,
             self.origin,
             self.bound.square,
+            self.bound.straight,
         )
 
     def history(self, ended: str) -> History:
