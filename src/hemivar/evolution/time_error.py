@@ -1,8 +1,9 @@
 """How far implicit Euler is from the solution that is continuous in time: guaranteed, where a proof covers the problem.
 
 Both bounds compare with the problem that is discrete in space; loads are straight lines in every step.  Whether they
-are is looked at in three points of each step: where they bend, what they are off, g, counts by the rule of Gauss of these
-points, and the bound becomes an estimate.  U is piecewise linear through the computed states, ``e = u - U``, ``l = (t_n - t)/tau``, and ``dU``, ``df`` are differences over tau.
+are is looked at in three points of each step: where they bend, what they are off counts by the rule of Gauss of these
+points, and the bound becomes an estimate.  U is piecewise linear through the computed states, ``e = u - U``,
+``l = (t_n - t)/tau``, and ``dU``, ``df`` are differences over tau.
 
 * Laws of the rate (friction, damping), no mass, ``c = lmax(B'W diag(alpha) B, C) < 1``.  The computed rate fulfils the
   inclusion with the forces of the end of its step, so that the difference of both problems leaves the force

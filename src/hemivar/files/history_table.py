@@ -225,7 +225,8 @@ def history_record(history: History) -> Record:
     """An evolution as plain numbers, texts and lists; numbers that are not finite become None.
 
     ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
-    ``time_error`` (norm, bound, guaranteed, why), ``events`` (time, name), ``messages``, and ``table``: a list for each column.
+    ``time_error`` (norm, bound, guaranteed, why), ``events`` (time, name), ``messages``, and ``table``: a list for each
+    column.
 
     Parameters
     ----------
