@@ -164,7 +164,7 @@ def print_history(found: History, plain: bool = False) -> None:
     if not steps:
         return
     print(f"worst residual    {found.residual:.1e}")
-    print(f"least margin      {found.margin:.6g}{_lost(found)}")
+    print(f"least margin      {found.margin:.6g}{'; ' if found.margin <= 0.0 else ', '}{found.uniqueness}")
     ledger = found.ledger
     print(f"put in            {ledger['work']:.6g} by loads, {ledger['moved']:.6g} by moved supports")
     kinds = {
@@ -185,14 +185,6 @@ def print_history(found: History, plain: bool = False) -> None:
     for message in found.messages[:_SHOWN]:
         print(f"note              {shown(message)}")
     sys.stdout.flush()
-
-
-def _lost(found: History) -> str:
-    """How often a step may have had several solutions."""
-    import numpy as np
-
-    lost = int(np.count_nonzero(found["margin"][1:] <= 0.0))
-    return f"; {lost} steps may have several solutions" if lost else ", every step has one solution only"
 
 
 def code_of(found: History) -> Exit:

@@ -307,7 +307,7 @@ def _history(history: History) -> _Shown:
         ("steps", len(history.rows) - 1),
         ("frames", len(history.frames)),
         ("largest residual", history.residual),
-        ("least margin", history.margin),
+        ("least margin", f"{_number(history.margin)}: {history.uniqueness}"),
         ("work", ledger["work"] + ledger["moved"]),
         ("gap of the ledger", ledger["gap"]),
         ("error in time", error.words),
