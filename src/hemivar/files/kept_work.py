@@ -97,8 +97,8 @@ class KeptWork(Generic[Part]):
                 self._parts.append(read(_checked(line)))
             except (ValueError, KeyError, TypeError) as error:
                 raise FileError(
-                    f"{disk.shown(path)}, line {number}: this is no {part} of a {kind}, or it was changed since; remove "
-                    "the line, or the file"
+                    f"{disk.shown(path)}, line {number}: this is no {part} of a {kind}, or it was changed since; "
+                    "remove the line, or the file"
                 ) from error
         if whole != text:  # the process ended while it wrote the last line
             disk.write_text(self.path, whole)
