@@ -53,7 +53,7 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
     expect(problem, ContactProblem, "the problem of the bound", remedy)
     refuse_evolution(problem)
-    found = []
+    found: list[str] = []
     if displacement is not None and _well_formed(problem, displacement):
         _check_supports(problem, displacement)
         found += _passed_rollers(problem, displacement)
