@@ -99,6 +99,8 @@ class Smallness:
         Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
         (:func:`hemivar.certify.lower_bounds.lower_bounds`). It is computed for plane bodies whose laws soften; without
         it (H_s) speaks of this mesh.
+    m_A_sampled : bool
+        Whether m_A is that of the points of a rule, for moduli that are functions of the place: then so is (H_s).
     """
 
     alpha_normal: float
@@ -118,6 +120,7 @@ class Smallness:
     margin: float
     m_L_sampled: bool = False  # noqa: N815 - the survey's name
     trace_bound: float | None = None
+    m_A_sampled: bool = False  # noqa: N815 - the survey's name
 
     @property
     def sampled(self) -> bool:
@@ -176,16 +179,17 @@ def with_survey(
     """The constants with those of the survey: m_A, and if asked for c_gamma and (H_s)."""
     if problem.origin is None or not problem.contact_points:
         return constants
-    m_a = ellipticity(problem.origin)
+    m_a, stated = ellipticity(problem.origin), problem.origin
+    sampled = not (stated.homogeneous if isinstance(stated, ScalarProblem) else stated.material.uniform)
+    constants = replace(constants, m_A=m_a, m_A_sampled=sampled)
     if not trace_constant:
-        return replace(constants, m_A=m_a)
+        return constants
     trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
     needed = constants.m_alpha + constants.m_L
     above = _trace_bound(problem.origin, workspace) if 0.0 < needed < np.inf else None
     needed = 0.0 if needed == 0.0 else needed * (trace if above is None else above) ** 2
     return replace(
         constants,
-        m_A=m_a,
         trace_constant=trace,
         trace_bound=above,
         survey_condition=bool(m_a > needed),
