@@ -232,3 +232,29 @@ def test_a_solve_that_does_not_converge_ends_it() -> None:
     found = solve_adaptive(survey("5.1", 4), rtol=1e-3, controls=hv.Controls(max_steps=1))
     assert found.ended == "not converged"
     assert "max_steps" in found.remedy
+
+
+def test_nothing_is_refined_where_nothing_happens() -> None:
+    """Without loads the solution is zero, and so is its distance: it went on without end."""
+    problem = replace(survey("5.1", 4), body_force=(0.0, 0.0), contact={"bottom": hv.Contact(hv.Compliance(2.0))})
+    found = solve_adaptive(problem, max_unknowns=500)
+    assert (found.ended, len(found.levels)) == ("reached", 1)
+    assert (found.distance.distance, found.distance.relative) == (0.0, 0.0)
+    assert found.rows()[0]["misfit"] == 0.0
+    figure = found.plot()
+    assert "(zero)" in figure.axes[0].get_legend().get_texts()[0].get_text()
+    figure.canvas.draw()
+
+
+def test_a_patch_that_is_exact_to_rounding_is_a_bound() -> None:
+    """Misfit and what nodes lack are rounding both: neither makes it an estimate."""
+    problem = hv.ContactProblem(
+        mesh=rectangle((1.0, 1.0), 4),
+        material=hv.Material.young(1.0, 0.0),
+        supports={"left": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
+        tractions={"right": (1.0, 0.0)},
+    )
+    found = solve_adaptive(problem)
+    assert found.reached
+    assert found.distance.relative < 1e-12

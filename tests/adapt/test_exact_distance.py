@@ -239,6 +239,11 @@ def test_trace_bounds_of_the_square() -> None:
         ),
         ({"supports": {"left": Fixed(x=lambda x: 0.01 * x[:, 1] ** 2, y=0.0)}}, "which the mesh interpolates"),
         ({"material": Material.lame(lambda x: 4.0 + x[:, 0], 4.0)}, "the material varies within cells"),
+        # a crack that no point of a rule lies in
+        (
+            {"material": Material.young(lambda x: np.where(np.abs(x[:, 0] - 0.3) < 1e-4, 0.01, 9.0), 0.0)},
+            "the material is a function of the place",
+        ),
         ({"contact": {"bottom": Contact(SurveyLaw(0.3, 2.0), gap=lambda x: 0.01 * x[:, 0] ** 2)}}, "gap of contact"),
         ({"contact": {"bottom": Contact(SurveyLaw(0.3, 2.0), obstacle=Sphere((0.5, -9.0), 9.0))}}, "gap of contact"),
     ],

@@ -232,6 +232,31 @@ def test_what_the_field_misses_at_the_clamped_end_is_bounded_by_the_law() -> Non
     assert least < across.upper[0] - across.lower[0] < most
 
 
+def test_what_grows_with_the_same_part_of_the_error_adds_up() -> None:
+    """Normal force and a friction bound both grow with the penetration: on a side at 45 degrees both count in full."""
+    stiffness, rate = 3.0, 0.7
+    friction = hv.Tresca(hv.PenetrationBound(f"min({rate}*s, 0.2)", rate))
+    problem = square(
+        mesh=rectangle((1.0, 1.0), 4, pattern="cross").rotated(np.pi / 4.0),
+        contact={"bottom": hv.Contact(hv.Compliance(stiffness), friction)},
+    )
+    solution, known = hv.solve(problem), as_if_proved(problem)
+    near = exact_distance(problem, solution.displacement, known)
+    goal = goal_named(problem, "contact.bottom.force.x")
+    (part,) = functionals(goal, near.stress.data, solution.problem)
+    gradient = np.einsum("mai,maj->mij", part.field[near.stress.data.table.cells], near.stress.data.table.gradients)
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    stress = 8.0 * strain + 4.0 * np.einsum("mii,jk->mjk", strain, np.eye(2))
+    size = np.sqrt(np.einsum("m,mij,mij->", problem.mesh.volumes, strain, stress))
+    halves = []
+    for distance in (0.0, 1.0):
+        found = goal_value(goal, solution, replace(near, distance=distance), known)
+        halves.append(0.5 * (found.upper[0] - found.lower[0]))
+    # on the last facet, of length 1/4, the field falls linearly to zero
+    missed = np.sqrt((stiffness + rate) ** 2 / 2.0 * 0.25 / 3.0 / known.both)
+    assert halves[1] - halves[0] == pytest.approx(size + missed, rel=1e-6)
+
+
 def test_units_do_not_matter() -> None:
     """Lengths in mm, stresses in MPa instead of m and Pa: forces per depth change as they must."""
     (small,) = valued(square(), "contact.bottom.force", constants=as_if_proved(square()))

@@ -151,3 +151,31 @@ def test_a_downward_jump_between_points_of_a_rule_is_seen() -> None:
     # before it comes to that, the jump does not matter
     light = replace(problem, body_force=(0.0, -0.05))
     assert exact_distance(light, hv.solve(light).displacement, PROVED).guaranteed
+
+
+def wedged(degrees: float) -> hv.ContactProblem:
+    """A square whose left side, a roller, has two straight halves, pulled up along it."""
+    box = hv.rectangle((1.0, 1.0), 4, pattern="cross")
+    points = box.points.copy()
+    half = np.tan(np.radians(degrees / 2.0)) * np.minimum(points[:, 1], 1.0 - points[:, 1])
+    points[:, 0] -= (1.0 - points[:, 0]) * half
+    return hv.ContactProblem(
+        mesh=hv.Mesh(points, box.cells, dict(box.boundaries)),
+        material=hv.Material.young(1.0, 0.0),
+        supports={"left": hv.Roller(), "right": hv.Fixed(x=0.0)},
+        contact={"bottom": hv.Contact(hv.Compliance(0.2))},
+        tractions={"top": (0.0, 1.0)},
+    )
+
+
+@pytest.mark.parametrize("degrees", [10.0, 40.0])
+def test_a_roller_that_bends_is_passed_through(degrees: float) -> None:
+    """Where two sides meet at less than 45 degrees their normals are averaged: the bound was half the error there."""
+    problem = wedged(degrees)
+    found = exact_distance(problem, hv.solve(problem).displacement, PROVED)
+    assert not found.guaranteed
+    assert any("the roller 'left' bends" in reason for reason in found.reasons)
+    # at a sharper corner, and along a straight side, facets and nodes hold the same
+    plain = replace(wedged(0.0), supports={"left": hv.Roller(), "right": hv.Clamped()})
+    for straight in (plain, wedged(50.0), replace(plain, mesh=plain.mesh.rotated(0.3))):
+        assert exact_distance(straight, hv.solve(straight).displacement, PROVED).reasons == ()

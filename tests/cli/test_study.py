@@ -146,10 +146,37 @@ def test_values_beside_the_ranges_hold_at_every_point(block: Path) -> None:
         assert float(row["energy"]) == pytest.approx(hv.solve(hv.read_problem(block)).energy, rel=1e-9)
 
 
-def test_a_sweep_with_failed_points_is_told(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given = ["sweep", str(block), "--set", "contact.bottom.friction.bound=0.5:-0.5:3", "--keep", "a.jsonl"]
+@pytest.mark.parametrize("way", ["0.5:-0.5:3", "-0.5:0.5:3"])
+def test_a_sweep_with_failed_points_is_told(block: Path, way: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whichever end of the range makes no sense."""
+    given = ["sweep", str(block), "--set", f"contact.bottom.friction.bound={way}", "--keep", "a.jsonl"]
     assert cli.main(given) == 1
-    assert "without result    1 points; the first:" in capsys.readouterr().out
+    assert "without result    1 point; the first:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--set", "contact.bottom.friction.bound=0:1:123456789"], "a sweep has at most 1000000 points"),
+        (["--set", "contact.bottom.friction.bound=-1:-2:3"], "friction.bound: is -1"),
+        (
+            ["--set", "contact.bottom.friction.bound=0:1:3", "--label", "a", "--label", "b"],
+            "--label is there 2 times, and 1 parameters have a range",
+        ),
+    ],
+    ids=["points", "both ends", "labels"],
+)
+def test_sweeps_are_refused_in_words(
+    block: Path, more: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["sweep", str(block), *more]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_errors_relative_to_nothing_are_not_drawn(block: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["study", str(block), "--refine", "1", "--exact", "0", "--exact", "0", "--plot", "a.png"]
+    assert cli.main(given) == 2
+    assert "relative to the reference, which is zero" in capsys.readouterr().err
 
 
 def test_templates_are_the_examples() -> None:

@@ -75,6 +75,7 @@ def state(heat: bool) -> MarchState:
         some.one(),
         some(7),
         some.one() ** 2,
+        False,
     )
 
 

@@ -153,3 +153,30 @@ def test_a_law_that_falls_at_once_is_refused_in_words() -> None:
     for viscous in (VISCOUS, None):
         with pytest.raises(hv.ProblemError, match="falls at once"):
             march(block(hv.Contact(hv.Capped(2.0, 0.1)), viscous), 0.1, step=0.1)
+
+
+@pytest.mark.parametrize(
+    ("contact", "more", "words"),
+    [
+        (hv.Contact(hv.Softening(2.0, 0.01, 0.5)), {}, "every step has one solution only"),
+        (hv.Contact(hv.Compliance(2.0), hv.Tresca(0.1), memory=(hv.Wear(0.1),)), {}, "only for given wear"),
+        (hv.Contact(hv.Compliance(2.0)), {"heat": Heat(1.0, 1.0)}, "only for given heat"),
+        (hv.Contact(SAMPLED), {}, "as far as samples of the law tell"),
+        (hv.Contact(hv.Softening(50.0, 0.01, 10.0)), {"viscous": None}, "1 step may have several solutions"),
+    ],
+    ids=["softening", "wear", "heat", "function", "steep"],
+)
+def test_one_solution_is_said_of_steps_where_it_is_shown(contact: hv.Contact, more: dict[str, Any], words: str) -> None:
+    """What a step iterates, and constants from samples, are no part of the margin."""
+    history = march(block(contact, **more), 0.1, step=0.1)
+    if words.endswith("only"):
+        assert history.uniqueness == words
+    assert words in history.uniqueness
+
+
+def test_no_margin_of_a_march_without_steps() -> None:
+    steep = block(hv.Contact(hv.Softening(50.0, 0.01, 10.0)), viscous=None)
+    stopped = march(steep, 0.1, step=0.1, jump="stop")
+    assert len(stopped.rows) == 1
+    assert stopped.margin == math.inf
+    assert stopped.uniqueness == "no step was taken"

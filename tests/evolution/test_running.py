@@ -255,3 +255,19 @@ def test_what_a_support_moves_is_the_component_that_it_holds() -> None:
     history = march(evolution, 1.0, step=0.5, save=Save(probes={"p": (1.0, 0.5), "q": (0.5, 1.0)}))
     assert history["q.u_y"] == pytest.approx(0.1 * history.times)
     assert history["p.u_x"] == pytest.approx(-0.1 / 3.0 * history.times)  # lam/(lam + 2 mu)
+
+
+def test_a_tolerance_that_steps_cannot_keep_is_told() -> None:
+    """A step at the least length stands whatever its error: nothing said so."""
+    told = march(block(), 0.4, step=AdaptiveStep(1e-4, first_step=0.2, least=0.1))
+    assert told.finished
+    (message,) = told.messages
+    assert message.startswith("the tolerance of steps was missed first in the step to t = 0.1,")
+    assert march(block(), 0.4, step=AdaptiveStep(1e-2)).messages == ()
+
+
+@pytest.mark.parametrize(("start", "step"), [(0.0, 1e-300), (1e9, 1e-8)])
+def test_steps_that_time_does_not_resolve_are_refused(start: float, step: float) -> None:
+    """One divided by zero, the other did not end."""
+    with pytest.raises(ProblemError, match="too short for times up to"):
+        march(block(start=start), start + 1.0, step=step, max_time=0.1)

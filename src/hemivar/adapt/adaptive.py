@@ -94,7 +94,6 @@ class AdaptiveLevel:
     def row(self) -> dict[str, float]:
         """Numbers of the mesh, see :meth:`AdaptiveSolution.rows`."""
         distance, goal = self.distance, self.goal
-        size = distance.energy_norm
         row = {
             "unknowns": self.unknowns,
             "cells": len(distance.cells),
@@ -102,7 +101,7 @@ class AdaptiveLevel:
             "relative_bound": distance.relative,
             "guaranteed": float(distance.guaranteed),
             **{
-                name: getattr(distance.parts, name) / size if size > 0.0 else math.inf
+                name: distance.over_norm(getattr(distance.parts, name))
                 for name in ("misfit", "contact", "oscillation", "algebraic")
             },
             "c": distance.constant,

@@ -40,8 +40,9 @@ from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 
-#: Part of eta from which what nodes lack for equilibrium is more than rounding.
+#: Part of eta, and of ``|u_h|_a``, from which what nodes lack for equilibrium is more than rounding.
 _LARGE = 1e-6
+_ROUNDING = 1e-10
 #: Softening c from which the softest mode is looked at by itself.
 _SOFT = 0.15
 #: Weights of the gap, over Lambda, among which the best is looked for, as powers of ten; that of the first tractions.
@@ -136,8 +137,14 @@ class ExactDistance:
 
     @property
     def relative(self) -> float:
-        """The distance over ``|u_h|_a``."""
-        return self.distance / self.energy_norm if self.energy_norm > 0.0 else np.inf
+        """The distance over ``|u_h|_a``; 0 where both are."""
+        return self.over_norm(self.distance)
+
+    def over_norm(self, size: float) -> float:
+        """A size in the energy norm over ``|u_h|_a``; 0 where both are, inf where the latter alone is."""
+        if self.energy_norm > 0.0:
+            return size / self.energy_norm
+        return 0.0 if size == 0.0 else np.inf
 
 
 def exact_distance(
@@ -276,7 +283,7 @@ def _bound(
     rest = oscillation(stress)
     eta, eta_all = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress, rest).sum()))
     algebraic = _algebraic(stress, constants)
-    if algebraic > _LARGE * eta:
+    if algebraic > max(_LARGE * eta, _ROUNDING * np.sqrt(data.energy)):
         reasons.append("the displacement is no solution of the discrete problem; what it lacks counts by its constants")
     base = eta_all + algebraic
 
@@ -314,6 +321,8 @@ def _inexact(data: BodyData) -> list[str]:
     found: list[str] = []
     if data.varies:
         found.append("the material varies within cells, where it is seen by a rule of integration")
+    elif not problem.material.uniform:
+        found.append("the material is a function of the place, which is seen at the points of a rule of integration")
     held = [getattr(support, part, None) for support in problem.supports.values() for part in ("value", "x", "y", "z")]
     if any(callable(value) for value in held):
         found.append("prescribed displacements are functions, which the mesh interpolates")

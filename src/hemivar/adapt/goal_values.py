@@ -217,7 +217,7 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
     along, across = omega[..., 0], np.sqrt(np.einsum("fqc,fqc->fq", omega[..., 1:], omega[..., 1:]))
     shape, law = traces.weights.shape, traces.law
     slip = np.sqrt(np.einsum("fqc,fqc->fq", traces.local[..., 1:], traces.local[..., 1:]))
-    total, square, why = 0.0, np.zeros(shape), ""
+    total, rates, why = 0.0, [], ""
     pairs = ((law.normal, along, np.abs(traces.local[..., 0])), (law.tangential, across, slip))
     for scalar, weight, size in pairs:
         c0, c1 = (np.broadcast_to(np.nan_to_num(c, nan=np.inf, posinf=np.inf), shape[0] * shape[1]).reshape(shape)
@@ -227,10 +227,10 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
             why = "how the law grows is known from samples only"
         grown = np.where(size > 0.0, c1, 0.0) * size
         total += float(traces.integral((np.where(on, c0, 0.0) + np.where(on, grown, 0.0)) * weight).sum())
-        square += (np.where(on, c1, 0.0) * weight) ** 2
+        rates.append(np.where(on, c1, 0.0) * weight)
     if across.any():
-        square += (_dependence(traces) * across) ** 2
-    moved = math.sqrt(float(traces.integral(square).sum()))
+        rates[0] = rates[0] + _dependence(traces) * across  # both grow with the same part of the error
+    moved = math.sqrt(float(traces.integral(rates[0] ** 2 + rates[1] ** 2).sum()))
     if moved > 0.0:
         total += moved * distance / math.sqrt(constants.both) if constants.both > 0.0 else math.inf
     if not math.isfinite(total):

@@ -17,6 +17,7 @@ from hemivar.fem.supports import stated_supports
 from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.named import ParameterLaw
+from hemivar.mechanics.conditions import Roller
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
@@ -52,9 +53,10 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
     expect(problem, ContactProblem, "the problem of the bound", remedy)
     refuse_evolution(problem)
-    if displacement is not None:
+    found: list[str] = []
+    if displacement is not None and _well_formed(problem, displacement):
         _check_supports(problem, displacement)
-    found = []
+        found += _passed_rollers(problem, displacement)
     for name, contact in problem.contact.items():
         values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
         for what, value in values:
@@ -78,12 +80,15 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
     return found
 
 
+def _well_formed(problem: ContactProblem, displacement: Array) -> bool:
+    """Whether it has a number for every node and component; what has not is refused in other words."""
+    u = np.asarray(displacement)
+    return u.shape == problem.mesh.nodes(problem.order).shape and u.dtype.kind in "fiu" and bool(np.isfinite(u).all())
+
+
 def _check_supports(problem: ContactProblem, displacement: Array) -> None:
     """Refuse a displacement that is not among those that the supports allow: the theorems compare two of them."""
-    u = np.asarray(displacement)
-    supports = stated_supports(problem)
-    if u.shape != supports.nodes.shape or u.dtype.kind not in "fiu" or not np.isfinite(u).all():
-        return  # told in other words
+    u, supports = np.asarray(displacement), stated_supports(problem)
     off = np.abs(np.einsum("nqd,nd->nq", supports.directions, u - supports.value)).max(axis=1)
     worst = int(np.argmax(off))
     if off[worst] > _HELD * max(float(np.abs(u).max()), float(np.abs(supports.value).max())):
@@ -92,6 +97,23 @@ def _check_supports(problem: ContactProblem, displacement: Array) -> None:
             f"the displacement misses what supports prescribe by {off[worst]:.3g} at node {worst}, x = ({place}); give "
             "that of a solution of this problem, on this mesh"
         )
+
+
+def _passed_rollers(problem: ContactProblem, displacement: Array) -> Iterator[str]:
+    """Rollers that the displacement passes through: nodes where they bend are held along a mean normal only."""
+    u, mesh = np.asarray(displacement), problem.mesh
+    size = float(np.abs(u).max(initial=0.0))
+    for name, support in problem.supports.items():
+        if not isinstance(support, Roller):
+            continue
+        facets = mesh.boundaries[name]
+        normals, _ = mesh.facet_normals(facets)
+        off = float(np.abs(np.einsum("fad,fd->fa", u[mesh.facet_nodes(facets, problem.order)], normals)).max())
+        if off > _HELD * size:
+            yield (
+                f"the roller '{name}' bends, and holds the nodes there along the mean of the normals: the displacement "
+                f"passes through its facets by {off:.3g}"
+            )
 
 
 def _parameters(law: object) -> Iterator[tuple[str, object]]:

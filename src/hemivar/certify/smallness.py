@@ -100,6 +100,8 @@ class Smallness:
         Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
         (:func:`hemivar.certify.lower_bounds.lower_bounds`). It is computed where laws soften, in space, where it takes
         a second or two, only if asked for; without it (H_s) speaks of this mesh.
+    m_A_sampled : bool
+        Whether m_A is that of the points of a rule, for moduli that are functions of the place: then so is (H_s).
     """
 
     alpha_normal: float
@@ -119,6 +121,7 @@ class Smallness:
     margin: float
     m_L_sampled: bool = False  # noqa: N815 - the survey's name
     trace_bound: float | None = None
+    m_A_sampled: bool = False  # noqa: N815 - the survey's name
 
     @property
     def sampled(self) -> bool:
@@ -185,9 +188,11 @@ def with_survey(
     """
     if problem.origin is None or not problem.contact_points:
         return constants
-    m_a = ellipticity(problem.origin)
+    m_a, stated = ellipticity(problem.origin), problem.origin
+    sampled = not (stated.homogeneous if isinstance(stated, ScalarProblem) else stated.material.uniform)
+    constants = replace(constants, m_A=m_a, m_A_sampled=sampled)
     if not trace_constant:
-        return replace(constants, m_A=m_a)
+        return constants
     trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
     steep, above = constants.m_alpha + constants.m_L, None
     if 0.0 < steep < np.inf and (in_space or problem.origin.mesh.dim == 2):
@@ -195,7 +200,6 @@ def with_survey(
     least, needed = (0.0 if steep == 0.0 else steep * c**2 for c in (trace, trace if above is None else above))
     return replace(
         constants,
-        m_A=m_a,
         trace_constant=trace,
         trace_bound=above,
         survey_condition=True if m_a > needed else None if m_a > least else False,

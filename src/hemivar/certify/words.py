@@ -68,7 +68,7 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         if constants.m_L > 0.0:
             say("m_L", f"{_text(constants.m_L)}, contraction of the outer fixed point {_text(constants.contraction)}")
         if constants.m_A is not None:
-            say("m_A", _text(constants.m_A))
+            say("m_A", _text(constants.m_A) + (", at the points of a rule" if constants.m_A_sampled else ""))
         if constants.trace_constant is not None:
             above = (
                 ""
@@ -83,6 +83,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
                 holds = "holds" if constants.survey_condition else "does not hold"
                 if constants.trace_bound is None and constants.m_alpha + constants.m_L > 0.0:
                     holds += " on this mesh"
+            if constants.m_A_sampled and constants.m_alpha + constants.m_L > 0.0:
+                holds += ", as far as samples of the material tell"
             say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
         if constants.alpha_sampled:
             say("note", "a law knows its alpha from samples only: margin and distance are estimates")

@@ -48,8 +48,7 @@ class AdaptView:
             more = "" if goal is None else f"  {'interval':>9}  {'estimate':>9}"
             print(f"{head}{more}  {'seconds':>8}", flush=True)
         parts = (distance.parts.misfit, distance.parts.contact, distance.parts.oscillation)
-        shares = "".join(f"  {_percent(part / distance.energy_norm if distance.energy_norm else math.inf):>9}"
-                         for part in parts)  # fmt: skip
+        shares = "".join(f"  {_percent(distance.over_norm(part)):>9}" for part in parts)
         bound = ("" if distance.guaranteed else "~") + _percent(distance.relative)
         more = "" if goal is None else f"  {_percent(goal.relative):>9}  {'~' + _percent(goal.estimated):>9}"
         line = f"{event.number + 1:>6}  {level.unknowns:>9}  {bound:>9}{shares}  {distance.constant:>6.3g}"

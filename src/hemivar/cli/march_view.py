@@ -164,7 +164,7 @@ def print_history(found: History, plain: bool = False) -> None:
     if not steps:
         return
     print(f"worst residual    {found.residual:.1e}")
-    print(f"least margin      {found.margin:.6g}{_lost(found)}")
+    print(f"least margin      {found.margin:.6g}{'; ' if found.margin <= 0.0 else ', '}{found.uniqueness}")
     ledger = found.ledger
     print(f"put in            {ledger['work']:.6g} by loads, {ledger['moved']:.6g} by moved supports")
     kinds = {
@@ -177,9 +177,7 @@ def print_history(found: History, plain: bool = False) -> None:
     largest = max(abs(value) for name, value in ledger.items() if name != "gap")
     part = abs(ledger["gap"]) / largest if largest > 0.0 else 0.0
     print(f"gap of the ledger {ledger['gap']:.1e}, {part:.0e} of the largest entry")
-    error = found.time_error
-    bound = f"at most {error.bound:.3g} in the norm of the {error.norm}" if error.norm else "not known"
-    print(f"error in time     {bound}: {error.why}")
+    print(f"error in time     {found.time_error.words}")
     for when, name in found.events[:_SHOWN]:
         print(f"event             {name} at t = {when:.6g}")
     if len(found.events) > _SHOWN:
@@ -187,14 +185,6 @@ def print_history(found: History, plain: bool = False) -> None:
     for message in found.messages[:_SHOWN]:
         print(f"note              {shown(message)}")
     sys.stdout.flush()
-
-
-def _lost(found: History) -> str:
-    """How often a step may have had several solutions."""
-    import numpy as np
-
-    lost = int(np.count_nonzero(found["margin"][1:] <= 0.0))
-    return f"; {lost} steps may have several solutions" if lost else ", every step has one solution only"
 
 
 def code_of(found: History) -> Exit:

@@ -66,11 +66,24 @@ def sweep(
         raise ProblemError("sweep: give a range with --set, as in --set contact.bottom.normal.q_max=0:1:21")
     if plot is not None and len(axes) > 2:
         raise ProblemError(f"--plot draws one or two parameters, and {len(axes)} have ranges; leave it out")
+    if len(label or ()) > len(axes):
+        raise ProblemError(f"--label is there {len(label or ())} times, and {len(axes)} parameters have a range")
     outputs = {"--csv": csv, "--latex": latex, "--plot": plot}
-    # the file is read with the first values, so that what is wrong with it, or with a key, is said before any work
-    first = [text for text, one in zip(given or (), read, strict=True) if isinstance(one, Change)]
-    first += [f"{axis.key}={axis.values[0]!r}" for axis in axes]
-    session = Session(problem, {**outputs, "--keep": keep}, rtol, max_time, given=first)
+    fixed = [text for text, one in zip(given or (), read, strict=True) if isinstance(one, Change)]
+
+    def at(place: int) -> Session:
+        values = [f"{axis.key}={axis.values[place]!r}" for axis in axes]
+        return Session(problem, {**outputs, "--keep": keep}, rtol, max_time, given=[*fixed, *values])
+
+    # the file is read before any work, so that what is wrong with it, or with a key, is said; one end of the ranges may
+    # make no sense
+    try:
+        session = at(0)
+    except ProblemError:
+        try:
+            session = at(-1)
+        except ProblemError:
+            session = at(0)
     stated, writer = session.stated, session.writer
     search = SolutionsOptions(starts, max_solutions, seed, controls_of(stated, rtol, max_time))
     options = SweepOptions(search, jobs, None, changes)
@@ -91,7 +104,7 @@ def sweep(
         print(f"                  {len(table.rows)} points are done; --csv writes their table")
     failed = [point for point in found.points if point.failed]
     if failed:
-        print(f"without result    {len(failed)} points; the first: {failed[0].note}")
+        print(f"without result    {len(failed)} point{'s' if len(failed) > 1 else ''}; the first: {failed[0].note}")
     writer.write("--csv", csv, table.write_csv)
     writer.write("--latex", latex, sweep_table(found, stated.problem.title).write_latex)
 

@@ -161,8 +161,30 @@ class History(Portable, Displayed):
 
     @property
     def margin(self) -> float:
-        """Least margin of all steps."""
-        return float(np.nanmin([row.margin for row in self.rows[1:]], initial=np.inf))
+        """Least margin of all steps; inf if none was taken."""
+        return min((row.margin for row in self.rows[1:] if not np.isnan(row.margin)), default=np.inf)
+
+    @property
+    def uniqueness(self) -> str:
+        """What the margins say of the solutions of the steps, in words: whether each has one only is said if proved."""
+        margins = self["margin"][1:]
+        if not len(margins):
+            return "no step was taken"
+        lost = int(np.count_nonzero(~(margins > 0.0)))
+        if lost:
+            return f"{lost} step{'s' if lost > 1 else ''} may have several solutions"
+        contacts, law = self.discrete.contacts.values(), self.discrete.problem.law
+        damped = [one.damping for one in contacts if one.damping is not None]
+        sampled = law.normal.alpha_sampled or law.friction.profile.alpha_sampled or law.lipschitz_sampled
+        held = [part.name for one in contacts for part in one.memory if part.iterates]
+        if self.discrete.heat is not None:
+            held.append("heat")
+        if held:
+            what = " and ".join(dict.fromkeys(held))
+            return f"every step has one solution only for given {what}, which it iterates: the margin is one without it"
+        if sampled or any(one.alpha_sampled for one in damped):
+            return "every step has one solution only, as far as samples of the law tell"
+        return "every step has one solution only"
 
     @property
     def residual(self) -> float:

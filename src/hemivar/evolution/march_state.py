@@ -24,7 +24,7 @@ from hemivar.evolution.steps import Pace
 
 __all__ = ["Checkpoint", "MarchState"]
 
-_FORMAT = 3
+_FORMAT = 4
 _LARGEST = 1 << 36
 
 
@@ -50,6 +50,8 @@ class MarchState:
         Where the body was at the start.
     bound : float
         Square of the bound of the error in time so far; nan where there is none.
+    straight : bool
+        Whether loads were straight lines in every step so far, as the bound asks.
     """
 
     moment: Moment
@@ -63,6 +65,7 @@ class MarchState:
     farthest: float
     origin: Array
     bound: float
+    straight: bool
 
 
 @dataclass(frozen=True)
@@ -145,6 +148,7 @@ class Checkpoint:
             "largest": float(state.largest).hex(),
             "farthest": float(state.farthest).hex(),
             "bound": float(state.bound).hex(),
+            "straight": state.straight,
         }
         np.savez(stream, head=np.frombuffer(json.dumps(head).encode(), dtype=np.uint8), **arrays)  # type: ignore[arg-type]
 
@@ -266,4 +270,5 @@ def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
         float.fromhex(head["farthest"]),
         arrays["origin"],
         float.fromhex(head["bound"]),
+        bool(head["straight"]),
     )

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.happenings import OnEvent
@@ -33,6 +34,10 @@ __all__ = ["Run", "Stepped", "Tools"]
 #: How near an event is found, as a part of the step in which it happens, and evaluations for it at most.
 _NEAR = 1e-6
 _TRIALS = 60
+#: The shortest first step, as a part of the latest time: more than rounding.
+_RESOLVED = 1e-12
+#: What a message begins with where steps are less exact than was asked for.
+_MISSED = "the tolerance of steps was missed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +96,12 @@ class Run:
         span = plan.until - self.start
         self.stepping = plan.stepping(span)
         self.pace = self.stepping.first(span)
+        least = _RESOLVED * max(abs(self.start), abs(plan.until))
+        if self.pace.step < least:
+            raise ProblemError(
+                f"the step is {self.pace.step:g}, too short for times up to {plan.until:g} to be told apart; take at "
+                f"least {least:g}"
+            )
         self.probes = tools.probes(discrete, plan.save.probes)
         self.advance = tools.advance(discrete, plan.scheme, plan.solver, plan.controls, workspace)
         self.margins = tools.margins(self.advance)
@@ -124,7 +135,7 @@ class Run:
             self.largest, self.farthest, self.origin = state.largest, state.farthest, state.origin
             self.frames = Frames(self.plan.save, self.start, state.frames, state.frame_place)
             self.rows, self.events, self.messages = list(state.rows), list(state.events), list(state.messages)
-            self.bound.square = state.bound
+            self.bound.square, self.bound.straight = state.bound, state.straight
         self.levels = self._levels(self.moment, self.rows[-1].margin)
 
     def step(self) -> tuple[Taken | None, tuple[str, ...], bool]:
@@ -161,6 +172,11 @@ class Run:
                 where = f"at t = {taken.moment.time:g} a step may have several solutions"
                 self.messages.append(f"{where}; the march stops before it, as asked")
                 return None, ("margin lost",), True
+            if self.stepping.missed(error) and not any(message.startswith(_MISSED) for message in self.messages):
+                self.messages.append(
+                    f"{_MISSED} first in the step to t = {reached:g}, which cannot be shorter: its error is about "
+                    f"{error:.2g} of the whole; allow shorter steps"
+                )
             taken, happened, stop = self._located(taken)
             if whole and taken.step >= self.pace.step * (1.0 - 1e-6):
                 self.pace = following
@@ -214,6 +230,7 @@ class Run:
             self.farthest,
             self.origin,
             self.bound.square,
+            self.bound.straight,
         )
 
     def history(self, ended: str) -> History:

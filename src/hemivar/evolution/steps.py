@@ -52,6 +52,10 @@ class Stepping(ABC):
     def smaller(self, pace: Pace) -> Pace | None:
         """What to try after a step that failed; None if there is nothing smaller."""
 
+    def missed(self, error: float | None) -> bool:
+        """Whether a step of a relative ``error`` that stands is not as exact as was asked for."""
+        return False
+
 
 @dataclass(frozen=True)
 class FixedStep(Stepping):
@@ -143,6 +147,9 @@ class AdaptiveStep(Stepping):
 
     def smaller(self, pace: Pace) -> Pace | None:
         return self._down(pace, 1)
+
+    def missed(self, error: float | None) -> bool:
+        return error is not None and error > self.rtol
 
     def _down(self, pace: Pace, rungs: int) -> Pace | None:
         for down in range(rungs, 0, -1):

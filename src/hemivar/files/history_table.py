@@ -225,7 +225,8 @@ def history_record(history: History) -> Record:
     """An evolution as plain numbers, texts and lists; numbers that are not finite become None.
 
     ``ended``, ``time`` at the end, ``steps``, ``solver_steps``, least ``margin``, largest ``residual``, ``ledger``,
-    ``time_error`` (norm, bound, why), ``events`` (time, name), ``messages``, and ``table``: a list for each column.
+    ``time_error`` (norm, bound, guaranteed, why), ``events`` (time, name), ``messages``, and ``table``: a list for each
+    column.
 
     Parameters
     ----------
@@ -245,7 +246,12 @@ def history_record(history: History) -> Record:
         "margin": history.margin,
         "residual": history.residual,
         "ledger": dict(history.ledger),
-        "time_error": {"norm": error.norm, "bound": error.bound, "why": error.why},
+        "time_error": {
+            "norm": error.norm,
+            "bound": error.bound,
+            "guaranteed": error.guaranteed,
+            "why": error.why,
+        },
         "events": [list(event) for event in history.events],
         "messages": list(history.messages),
         "table": history_columns(history),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -14,7 +15,9 @@ from hemivar.errors import FileError
 
 __all__ = ["KeptWork", "plain_json"]
 
-_FORMAT = 1
+_FORMAT = 2
+#: What a line begins with: the check of the rest of it.
+_CHECK = '{"check": "'
 
 
 class _Part(Protocol):
@@ -41,7 +44,8 @@ def plain_json(value: object) -> object:
 class KeptWork(Generic[Part]):
     """A file that holds the parts of one work that are done, bound to that work by a digest.
 
-    A process that is killed leaves whole lines, and perhaps the beginning of one, which is left out.
+    A process that is killed leaves whole lines, and perhaps the beginning of one, which is left out.  Every line has a
+    check, so that none that was changed or damaged since is taken for what was computed.
 
     Parameters
     ----------
@@ -90,10 +94,11 @@ class KeptWork(Generic[Part]):
             self._refuse(first)
         for number, line in enumerate(lines, start=2):
             try:
-                self._parts.append(read(line))
+                self._parts.append(read(_checked(line)))
             except (ValueError, KeyError, TypeError) as error:
                 raise FileError(
-                    f"{disk.shown(path)}, line {number}: this is no {part} of a {kind}; remove the line, or the file"
+                    f"{disk.shown(path)}, line {number}: this is no {part} of a {kind}, or it was changed since; "
+                    "remove the line, or the file"
                 ) from error
         if whole != text:  # the process ended while it wrote the last line
             disk.write_text(self.path, whole)
@@ -113,5 +118,18 @@ class KeptWork(Generic[Part]):
 
     def add(self, part: Part) -> None:
         """Keep a part: on return its line has reached the disk."""
-        disk.append_line(self.path, part.line())
+        line = part.line()
+        disk.append_line(self.path, f'{_CHECK}{_check(line)}", {line[1:]}')
         self._parts.append(part)
+
+
+def _check(line: str) -> str:
+    return hashlib.sha256(line.encode()).hexdigest()[:16]
+
+
+def _checked(line: str) -> str:
+    """A line without its check; ValueError if it is not the line of which that is one."""
+    check, _, rest = line.removeprefix(_CHECK).partition('", ')
+    if not line.startswith(_CHECK) or _check("{" + rest) != check:
+        raise ValueError("the check of the line is not its own")
+    return "{" + rest

@@ -43,6 +43,10 @@ class ByRegion(Material):
                 "in every region or in none"
             )
 
+    @property
+    def uniform(self) -> bool:
+        return all(part.uniform for part in self.parts.values())
+
     def _masks(self, points: Array, regions: Mapping[str, BoolArray] | None) -> dict[str, BoolArray]:
         available = dict(regions or {})
         for name in self.parts:

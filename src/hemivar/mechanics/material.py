@@ -142,6 +142,11 @@ class Material(Portable):
         """Whether the material is the same everywhere."""
         return False
 
+    @property
+    def uniform(self) -> bool:
+        """Whether the elasticity of every region is stated by numbers, which hold everywhere in it."""
+        return self.homogeneous
+
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         """Elasticity matrices at points.
 

@@ -29,6 +29,8 @@ __all__ = ["plot_adaptive", "plot_meshes"]
 
 #: Part of the bound from which a part of it is drawn.
 _LEAST = 0.02
+#: Factor on either side that is shown where there are no errors to be drawn.
+_DECADE = 10.0
 #: Meshes that are drawn, and how many of them stand side by side.
 _MOST, _BESIDE = 6, 3
 
@@ -76,6 +78,9 @@ def plot_adaptive(
             )
         ax.axhline(found.rtol, color="black", lw=0.8, ls=(0, (1, 2)), label=f"asked for: {_percent(found.rtol)}")
         ax.set(xscale="log", yscale="log", xlabel="unknowns", ylabel="relative error")
+        if not any(np.isfinite(line.get_ydata()).any() for line in ax.lines[:-1]):  # errors of zero, as without loads
+            ax.set_xlim(unknowns[0] / _DECADE, unknowns[-1] * _DECADE)
+            ax.set_ylim(found.rtol / _DECADE, found.rtol * _DECADE)
         _slope(ax, unknowns, levels, 1.0 if goal is not None else 0.5)
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _percent(value)))
@@ -110,6 +115,7 @@ def _bounds(ax: Axes, unknowns: Array, levels: list[AdaptiveLevel]) -> None:
 
 
 def _curve(ax: Axes, x: Array, y: Array, proved: BoolArray, colour: str, mark: str, label: str) -> None:
+    label += "\n(zero)" if (y == 0.0).all() else ""
     y = np.where(np.isfinite(y) & (y > 0.0), y, np.nan)
     face = colour if proved.any() else "white"
     ax.plot(x, y, color=colour, marker=mark, ms=4.6, mew=0.9, markerfacecolor=face, label=label)

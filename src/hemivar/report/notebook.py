@@ -307,10 +307,10 @@ def _history(history: History) -> _Shown:
         ("steps", len(history.rows) - 1),
         ("frames", len(history.frames)),
         ("largest residual", history.residual),
-        ("least margin", history.margin),
+        ("least margin", f"{_number(history.margin)}: {history.uniqueness}"),
         ("work", ledger["work"] + ledger["moved"]),
         ("gap of the ledger", ledger["gap"]),
-        ("error in time", f"at most {_number(error.bound)}" if error.norm else f"not known: {error.why}"),
+        ("error in time", error.words),
         *(("event", f"{name} at t = {_number(time)}") for time, name in history.events[:_MOST_ROWS]),
         *(("message", sentence) for sentence in history.messages[:_MOST_ROWS]),
     ]

@@ -59,6 +59,10 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
     curves = {name: study.relative(name) for name in study.quantities}
     curves = {name: np.where(values > 0.0, values, np.nan) for name, values in curves.items()}
     curves = {name: values for name, values in curves.items() if np.isfinite(values).any()}
+    if not curves and not any(study.norms[name] > 0.0 for name in study.quantities):
+        raise ProblemError(
+            "the figure shows errors relative to the reference, which is zero; the table has them as they are"
+        )
     if not curves:
         raise ProblemError("the study has no errors to draw: take at least one finer mesh")
     with drawing():

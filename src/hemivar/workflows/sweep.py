@@ -40,7 +40,7 @@ _MOST_POINTS = 1_000_000
 #: Digits of the values of a range.
 _DIGITS = 12
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_RANGE = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d{{1,7}})(:log)?\s*")
+_RANGE = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d{{1,18}})(:log)?\s*")
 
 
 @dataclass(frozen=True)
