@@ -46,7 +46,7 @@ def made(folder: Path) -> dict[str, bytes]:
 
 def readable(folder: Path) -> None:
     """The lists name whole files, at whatever moment the process died."""
-    for path in folder.glob("*.pvd"):
+    for path in folder.glob("[!.]*.pvd"):  # hidden ones were not finished
         for entry in ElementTree.parse(path).getroot().iter("DataSet"):
             ElementTree.fromstring((folder / entry.attrib["file"]).read_bytes())
 
