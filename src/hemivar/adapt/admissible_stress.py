@@ -64,9 +64,7 @@ class AdmissibleStress:
         out = np.empty((len(loads), len(element.loading)))
         for start in range(0, len(loads), _CELLS):
             part = slice(start, start + _CELLS)
-            moments = np.take(self.tractions.moments, table.cell_facets[part], axis=0)
-            moments *= table.signs[part, :, None, None]
-            moments -= every[part]
+            moments = table.of_cells(self.tractions.moments, part) - every[part]
             both = np.concatenate([moments.reshape(len(moments), -1, dim), loads[part]], axis=1)
             back = np.ascontiguousarray(both.transpose(1, 2, 0))  # cells last
             inverse = np.ascontiguousarray(table.inverse[part].transpose(1, 2, 0))

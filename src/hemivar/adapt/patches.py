@@ -144,7 +144,7 @@ def facet_patches(table: FacetTable, kind: PatchKind) -> IntArray:
         return table.facets
     if kind is PatchKind.FACET or table.dim == 2:
         return np.arange(len(table.facets))[:, None]
-    return _edges(table, table.facets, ((0, 1), (1, 2), (0, 2)))
+    return _edges(table, table.facets, EDGES[2])
 
 
 def cell_patches(table: FacetTable, kind: PatchKind) -> IntArray:

@@ -20,16 +20,12 @@ import scipy.linalg as la
 from hemivar.adapt.body_data import BodyData
 from hemivar.adapt.patches import lowering, rigid_modes
 from hemivar.adapt.rings import Rings
-from hemivar.adapt.self_balanced import flow_fields, self_balanced
+from hemivar.adapt.self_balanced import FACET_EDGES, flow_fields, self_balanced
 from hemivar.basics.types import Array, IntArray
 from hemivar.fem.facet_table import facet_vertices
 from hemivar.fem.split_element import MomentSpace, SplitElement
-from hemivar.mesh.keys import EDGES
 
 __all__ = ["RingSweeps"]
-
-#: Edges of a facet by its vertices.
-_PAIRS = {2: ((0, 1),), 3: EDGES[2]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +71,7 @@ class RingSweeps:
         dim, block = table.dim, element.block
         count, slots = rings.facets.shape
         cells = rings.cells.shape[1]
-        along, modes = len(_PAIRS[dim]), dim * (dim + 1) // 2
+        along, modes = len(FACET_EDGES[dim]), dim * (dim + 1) // 2
         own = block - modes  # fields of a facet, those along its edges first
         loose, through = own - along, modes * rings.flows
         moving = self._moving(rings)
@@ -150,7 +146,7 @@ class RingSweeps:
         both = np.concatenate([numbers[:, :, along:], np.broadcast_to(flow[:, None], (count, slots, through))], axis=2)
         moved = (both[:, :, None] @ moving).reshape(*rings.facets.shape, -1, dim)
         nodes = self.places[rings.facets]
-        for number, (i, j) in enumerate(_PAIRS[dim]):
+        for number, (i, j) in enumerate(FACET_EDGES[dim]):
             couple = numbers[:, :, number, None] * (nodes[:, :, j] - nodes[:, :, i])
             moved[:, :, i] += couple
             moved[:, :, j] -= couple
@@ -169,7 +165,9 @@ class RingSweeps:
         nodes = self.places[rings.facets]
         flat = (nodes - nodes.mean(axis=(1, 2))[:, None, None]).reshape(-1, *nodes.shape[2:])
         fields = (
-            self_balanced(flat)[:, len(_PAIRS[dim]) :] if self.data.order == 2 else np.empty((len(flat), 0, dim, dim))
+            self_balanced(flat)[:, len(FACET_EDGES[dim]) :]
+            if self.data.order == 2
+            else np.empty((len(flat), 0, dim, dim))
         )
         fields = fields * rings.free.reshape(-1, 1, 1, 1)
         if rings.flows:
@@ -193,7 +191,7 @@ def _between(element: SplitElement, facets: tuple[int, int], flows: bool) -> tup
     nodes = corners[members]
     if element.order == 2:
         nodes = np.concatenate([nodes, nodes.mean(axis=1, keepdims=True)], axis=1)
-    along = np.zeros((2, len(_PAIRS[dim]), 2, block))
+    along = np.zeros((2, len(FACET_EDGES[dim]), 2, block))
     modes = np.zeros((2, dim * (dim + 1) // 2, 2, block))
     for side in range(2):
         along[side, :, side] = self_balanced(nodes[side][None])[0, : along.shape[1]].reshape(-1, block)

@@ -40,8 +40,6 @@ class Rings:
     flow : array, shape (k, s)
         Sign of a force on each facet, outward from its first cell, if it flows through all cells; zero where it cannot,
         for the facet at an end of the row is not free.
-    patches : int array, shape (k,)
-        The numbers of the vertices or edges.
     """
 
     facets: IntArray
@@ -49,7 +47,6 @@ class Rings:
     cells: IntArray
     sides: IntArray
     flow: Array
-    patches: IntArray
 
     @property
     def flows(self) -> bool:
@@ -58,10 +55,7 @@ class Rings:
 
     def take(self, chosen: BoolArray | IntArray | slice) -> Rings:
         """Some of the patches."""
-        return Rings(
-            self.facets[chosen], self.free[chosen], self.cells[chosen], self.sides[chosen],
-            self.flow[chosen], self.patches[chosen],
-        )  # fmt: skip
+        return Rings(self.facets[chosen], self.free[chosen], self.cells[chosen], self.sides[chosen], self.flow[chosen])
 
     def closed(self) -> Rings:
         """Rings without the last slot, where the first facet stands again."""
@@ -128,7 +122,7 @@ def ring_batches(
         turns = -np.take_along_axis(table.signs[cell], sides, axis=2).prod(axis=2)
         flow = np.cumprod(np.concatenate([np.ones((len(path), 1)), turns], axis=1), axis=1)
         flow[~mine.all(axis=1)] = 0.0
-        rows[cells] = Rings(slots, mine, cell, sides, flow, chosen)
+        rows[cells] = Rings(slots, mine, cell, sides, flow)
 
     colour = coloured(np.where(fine[of_cells], of_cells, -1), count)
     chosen = np.flatnonzero(fine)

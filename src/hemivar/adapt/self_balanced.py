@@ -14,7 +14,10 @@ from hemivar.adapt.patches import rigid_modes
 from hemivar.basics.types import Array
 from hemivar.mesh.keys import EDGES
 
-__all__ = ["flow_fields", "self_balanced", "turning_fields"]
+__all__ = ["FACET_EDGES", "flow_fields", "self_balanced", "turning_fields"]
+
+#: The edges of a facet by its vertices, in the plane and in space.
+FACET_EDGES = {2: ((0, 1),), 3: EDGES[2]}
 
 #: Facets whose fields are made at a time: they fit a cache.
 _FACETS = 1 << 12
@@ -23,7 +26,7 @@ _FACETS = 1 << 12
 def self_balanced(nodes: Array) -> Array:
     """Moments (k, s, l, d) without force and moment, s = 1 or 3, of facets with these nodes (k, l, d)."""
     count, dim = nodes.shape[1:]
-    pairs = ((0, 1),) if dim == 2 else EDGES[2]
+    pairs = FACET_EDGES[dim]
     fields = np.zeros((len(nodes), len(pairs) + 2 * (count - dim), count, dim))
     for number, (k, m) in enumerate(pairs):
         along = nodes[:, m] - nodes[:, k]

@@ -11,9 +11,10 @@ on them), are the only ones in the kernel of ``C'``; there the second equation i
 Patches of one colour share no cell and are improved at once. Every patch lowers the misfit, in sum with the price of
 contact tractions that leave what the law allows.
 
-With linear elements in the plane the vertices inside, which are nearly all, are left to
-:mod:`hemivar.adapt.vertex_rings`. Those of the boundary come before them and once more behind them: they are few, and
-settle contact tractions last.
+Around vertices in the plane and edges in space cells make rings and rows, which :mod:`hemivar.adapt.ring_sweeps`
+improves where all their facets are wholly free. With linear elements in the plane the vertices inside, which are nearly
+all, are left to :mod:`hemivar.adapt.vertex_rings`. Those of the boundary come before them and once more behind them:
+they are few, and settle contact tractions last.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def unsettled(data: BodyData) -> UnsettledTractions:
     members = facet_vertices(dim, data.order)
     for start in range(0, len(lack), _CELLS):
         part = slice(start, start + _CELLS)
-        outward = moments[table.cell_facets[part]] * table.signs[part, :, None, None]
+        outward = table.of_cells(moments, part)
         for facet in range(dim + 1):
             for place, node in enumerate(members[facet]):
                 lack[part, node] -= outward[:, facet, place]

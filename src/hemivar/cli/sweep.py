@@ -79,11 +79,11 @@ def sweep(
     # make no sense
     try:
         session = at(0)
-    except ProblemError:
+    except ProblemError as error:
         try:
             session = at(-1)
         except ProblemError:
-            session = at(0)
+            raise error from None
     stated, writer = session.stated, session.writer
     search = SolutionsOptions(starts, max_solutions, seed, controls_of(stated, rtol, max_time))
     options = SweepOptions(search, jobs, None, changes)

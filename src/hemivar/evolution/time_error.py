@@ -156,8 +156,8 @@ class TimeBound:
             return self.square
         discrete, step = self.advance.discrete, taken.step
         n = discrete.unknowns
-        bent, bent_square = self._bent(taken)
         begin, end = self.advance.acting(taken.before.time).load, self.advance.acting(taken.moment.time).load
+        bent, bent_square = self._bent(taken, begin, end)
         moved = (taken.moment.body.place - taken.before.body.place) / step
         if self.norm == "stiffness":
             rest = (discrete.stiffness.times(moved) - (end - begin) / step)[:n]
@@ -183,15 +183,15 @@ class TimeBound:
         self.square = (bound + step * bent) ** 2
         return self.square
 
-    def _bent(self, taken: Taken) -> tuple[float, float]:
-        """Means over a step of what the load leaves the straight line by in the norm of C^-1, and of its square."""
-        discrete, begin, end = self.advance.discrete, taken.before.time, taken.moment.time
-        first, last = self.advance.acting(begin).load, self.advance.acting(end).load
+    def _bent(self, taken: Taken, begin: Array, end: Array) -> tuple[float, float]:
+        """Means over a step, with the loads at its ends, of what the load leaves the straight line between them by in
+        the norm of C^-1, and of its square."""
+        discrete, start = self.advance.discrete, taken.before.time
         mean = square = 0.0
-        for part, weight in () if first is last else _RULE:
-            load = self.advance.acting(begin + part * (end - begin)).load
-            gap = load - (1.0 - part) * first - part * last
-            sizes = (float(np.abs(one).max(initial=0.0)) for one in (gap, load, first, last))
+        for part, weight in () if begin is end else _RULE:
+            load = self.advance.acting(start + part * (taken.moment.time - start)).load
+            gap = load - (1.0 - part) * begin - part * end
+            sizes = (float(np.abs(one).max(initial=0.0)) for one in (gap, load, begin, end))
             off, *size = discrete.vectors.largest(*sizes).tolist()
             if off > _STRAIGHT * max(size):
                 self.straight = False

@@ -115,9 +115,11 @@ class FacetTable:
         """Numbers (k,) of facets given by their nodes (k, d), in any order."""
         return np.asarray(np.searchsorted(self._keys, facet_keys(facets, self.mesh.number_of_nodes)))
 
-    def of_cells(self, moments: Array) -> Array:
-        """Moments on the facets of the cells, outward, (M, d + 1, l, d), of those on the facets (F, l, d)."""
-        return np.asarray(self.signs[:, :, None, None] * moments[self.cell_facets])
+    def of_cells(self, moments: Array, cells: slice = slice(None)) -> Array:
+        """Moments on the facets of cells, outward, (M, d + 1, l, d), of those on the facets (F, l, d)."""
+        out = np.take(moments, self.cell_facets[cells], axis=0)
+        out *= self.signs[cells, :, None, None]
+        return out
 
 
 def _gradients(jacobian: Array) -> Array:
