@@ -119,7 +119,7 @@ def unsettled(data: BodyData) -> UnsettledTractions:
     stars, sides = _Stars.of(data), _sides(data)
     own = data.cell_moments  # of the stress of each cell, outward
     first, second = table.owners.T
-    moments = own[first, sides[:, 0]]
+    moments = np.ascontiguousarray(own[first, sides[:, 0]])  # else each look at a part copies the whole
     inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
     for start in range(0, len(inside), _CELLS):
         here = inside[start : start + _CELLS]
