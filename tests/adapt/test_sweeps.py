@@ -61,8 +61,10 @@ def _energy(stress: AdmissibleStress) -> float:
 
 @pytest.mark.parametrize("name", ["layered", "layered, quadratic", "pulled cube"])
 @pytest.mark.parametrize("thin", [1e-2, 1e-3, 1e-4, 1e-6, 1e-9])
-def test_flat_cells_lose_no_balance(name: str, thin: float) -> None:
+@pytest.mark.parametrize("many", [1, 64], ids=["by kinds", "each"])
+def test_flat_cells_lose_no_balance(name: str, thin: float, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A body thousand times as high as it is wide, and its cells: what rounding leaves unbalanced is not changed."""
+    monkeypatch.setattr("hemivar.adapt.rings._MANY", many)
     problem = BODIES[name]()
     flat = np.diag([thin, *np.ones(problem.mesh.dim - 1)])
     u = solve(problem).displacement @ flat
@@ -226,7 +228,7 @@ def test_rings_and_rows_are_all_patches_from_facet_to_facet(mesh: Mesh, held: bo
             at = np.take_along_axis(table.cell_facets[ring.cells[:, c]], ring.sides[:, c], axis=1)
             assert np.array_equal(at, ring.facets[:, [c, (c + 1) % slots]])
             through = np.take_along_axis(table.signs[ring.cells[:, c]], ring.sides[:, c], axis=1)
-            assert not (through * ring.flow[:, [c, (c + 1) % slots]]).sum(axis=1).any()  # what enters leaves
+            assert not (through * ring.turn[:, [c, (c + 1) % slots]]).sum(axis=1).any()  # what enters leaves
         assert np.array_equal(ring.free, free[ring.facets])
         assert ring.flows == ring.free.all()
 
@@ -269,8 +271,12 @@ def test_a_stress_without_free_facets_stays() -> None:
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_rings_and_rows_give_what_patches_of_any_shape_give(name: str) -> None:
+@pytest.mark.parametrize("many", [1, 64], ids=["by kinds", "each"])
+def test_rings_and_rows_give_what_patches_of_any_shape_give(
+    name: str, many: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Fields without force and moment, and what flows through: the same space as the null space of all conditions."""
+    monkeypatch.setattr("hemivar.adapt.rings._MANY", many)
     stress = first_stress(name)
     traces = contact_traces(stress.data)
     price = None

@@ -13,7 +13,7 @@ import numpy as np
 from hemivar.adapt.patches import Batch, PatchKind, cell_patches, coloured, facet_patches
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.facet_table import FacetTable
-from hemivar.mesh.keys import EDGES
+from hemivar.mesh.keys import EDGES, equal_rows
 
 __all__ = ["Rings", "ring_batches"]
 
@@ -22,6 +22,10 @@ _SIDES = {
     2: np.array([[1, 2], [0, 2], [0, 1]]),
     3: np.array([[facet for facet in range(4) if facet not in edge] for edge in EDGES[3]]),
 }
+
+
+#: Rings or rows of one kind from which they are told from others: below, to look for what they share takes longer.
+_MANY = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,29 +41,36 @@ class Rings:
     cells : int array, shape (k, c)
     sides : int array, shape (k, c, 2)
         The two facets of each cell by their local numbers, in the order of the slots.
-    flow : array, shape (k, s)
-        Sign of a force on each facet, outward from its first cell, if it flows through all cells; zero where it cannot,
-        for the facet at an end of the row is not free.
+    turn : array, shape (k, s)
+        Sign that takes what leaves the cell before a facet, and enters the one behind it, to what leaves the first cell
+        of the facet.
+    kind : int
+        The same for rings and rows whose cells are congruent and of one material, slot by slot; -1 for those that are
+        taken as all different.
     """
 
     facets: IntArray
     free: BoolArray
     cells: IntArray
     sides: IntArray
-    flow: Array
+    turn: Array
+    kind: int = -1
 
     @property
     def flows(self) -> bool:
-        """Whether a force can flow through them."""
-        return bool(self.flow.any())
+        """Whether a force can flow through all cells: all facets are free."""
+        return bool(self.free.all())
 
     def take(self, chosen: BoolArray | IntArray | slice) -> Rings:
         """Some of the patches."""
-        return Rings(self.facets[chosen], self.free[chosen], self.cells[chosen], self.sides[chosen], self.flow[chosen])
+        return replace(
+            self, facets=self.facets[chosen], free=self.free[chosen], cells=self.cells[chosen],
+            sides=self.sides[chosen], turn=self.turn[chosen],
+        )  # fmt: skip
 
     def closed(self) -> Rings:
         """Rings without the last slot, where the first facet stands again."""
-        return replace(self, facets=self.facets[:, :-1], free=self.free[:, :-1], flow=self.flow[:, :-1])
+        return replace(self, facets=self.facets[:, :-1], free=self.free[:, :-1], turn=self.turn[:, :-1])
 
     def as_batch(self, table: FacetTable) -> Batch:
         """The same as patches of any shape; all have the same number of free facets."""
@@ -70,7 +81,12 @@ class Rings:
 
 
 def ring_batches(
-    table: FacetTable, kind: PatchKind, free: BoolArray, whole: BoolArray, patches: BoolArray | None = None
+    table: FacetTable,
+    kind: PatchKind,
+    free: BoolArray,
+    whole: BoolArray,
+    patches: BoolArray | None = None,
+    alike: IntArray | None = None,
 ) -> tuple[list[Rings], BoolArray]:
     """Rings and rows, colour after colour, those of one batch alike; and those with facets that are partly free.
 
@@ -87,6 +103,8 @@ def ring_batches(
         Those all of whose components are free; rings and rows have no others.
     patches : bool array, shape (P,), optional
         Some of the vertices or edges alone.
+    alike : int array, shape (M,), optional
+        The same numbers for cells of which rings are of one kind.
 
     Returns
     -------
@@ -107,7 +125,7 @@ def ring_batches(
     start[of_cells.ravel()[ends // 2]] = ends
 
     good, fine, around = np.zeros((3, count), dtype=bool)
-    row = np.zeros(count, dtype=np.int64)
+    row, same, kinds = np.zeros(count, dtype=np.int64), np.full(count, -1), 0
     rows: dict[int, Rings] = {}
     for cells in np.flatnonzero(np.bincount(cells_of[wanted])).tolist():
         chosen = np.flatnonzero(wanted & (cells_of == cells))
@@ -119,22 +137,34 @@ def ring_batches(
         cell, local = np.divmod(corner, of_cells.shape[1])
         sides = _SIDES[table.dim][local]
         sides = np.where(half[..., None], sides[..., ::-1], sides)
-        turns = -np.take_along_axis(table.signs[cell], sides, axis=2).prod(axis=2)
-        flow = np.cumprod(np.concatenate([np.ones((len(path), 1)), turns], axis=1), axis=1)
-        flow[~mine.all(axis=1)] = 0.0
-        rows[cells] = Rings(slots, mine, cell, sides, flow)
+        signs = np.take_along_axis(table.signs[cell], sides, axis=2)
+        turn = np.concatenate([-signs[:, :1, 0], signs[:, :, 1]], axis=1)
+        rows[cells] = Rings(slots, mine, cell, sides, turn)
+        if alike is not None:
+            seen = (alike[cell] * (table.dim + 1) + sides[:, :, 0]) * (table.dim + 1) + sides[:, :, 1]
+            number = _of_many(np.concatenate([seen, 2 * mine + around[chosen, None]], axis=1))
+            same[chosen] = np.where(number < 0, -1, number + kinds)
+            kinds += len(chosen)
 
     colour = coloured(np.where(fine[of_cells], of_cells, -1), count)
     chosen = np.flatnonzero(fine)
     most_facets, most_cells = int(facets_of.max(initial=0)) + 1, int(cells_of.max(initial=0)) + 1
-    kinds = ((colour * most_facets + facets_of) * most_cells + cells_of) * 2 + around
-    order = chosen[np.argsort(kinds[chosen], kind="stable")]
-    bounds = np.flatnonzero(np.diff(kinds[order])) + 1
+    shape = (facets_of * most_cells + cells_of) * 2 + around
+    shape = np.where(same < 0, shape, 2 * most_facets * most_cells + same)
+    shape += colour * (2 * most_facets * most_cells + kinds)
+    order = chosen[np.argsort(shape[chosen], kind="stable")]
+    bounds = np.flatnonzero(np.diff(shape[order])) + 1
     batches = []
     for alike in np.split(order, bounds) if order.size else ():
-        batch = rows[int(cells_of[alike[0]])].take(row[alike])
+        batch = replace(rows[int(cells_of[alike[0]])].take(row[alike]), kind=int(same[alike[0]]))
         batches.append(batch.closed() if around[alike[0]] else batch)
     return batches, good & ~fine
+
+
+def _of_many(rows: IntArray) -> IntArray:
+    """Numbers of rows (n, q), the same for equal ones; -1 for those of which there are few."""
+    number = equal_rows(rows)
+    return np.where(np.bincount(number, minlength=1)[number] < _MANY, -1, number)
 
 
 def _partners(keys: IntArray) -> IntArray:

@@ -14,65 +14,73 @@ from hemivar.adapt.patches import rigid_modes
 from hemivar.basics.types import Array
 from hemivar.mesh.keys import EDGES
 
-__all__ = ["FACET_EDGES", "flow_fields", "self_balanced", "turning_fields"]
+__all__ = ["FACET_EDGES", "across_fields", "edge_fields", "flow_fields", "with_resultants"]
 
 #: The edges of a facet by its vertices, in the plane and in space.
 FACET_EDGES = {2: ((0, 1),), 3: EDGES[2]}
 
-#: Facets whose fields are made at a time: they fit a cache.
-_FACETS = 1 << 12
 
-
-def self_balanced(nodes: Array) -> Array:
-    """Moments (k, s, l, d) without force and moment, s = 1 or 3, of facets with these nodes (k, l, d)."""
-    count, dim = nodes.shape[1:]
-    pairs = FACET_EDGES[dim]
-    fields = np.zeros((len(nodes), len(pairs) + 2 * (count - dim), count, dim))
-    for number, (k, m) in enumerate(pairs):
-        along = nodes[:, m] - nodes[:, k]
-        fields[:, number, k], fields[:, number, m] = along, -along
-    if count > dim:
-        along = nodes[:, 1] - nodes[:, 0]
-        for number, way in ((1, along), (2, np.stack([-along[:, 1], along[:, 0]], axis=1))):
-            fields[:, number] = way[:, None] * np.array([0.5, 0.5, -1.0])[:, None]
+def edge_fields(nodes: Array) -> Array:
+    """Moments (k, e, l, d) along the edges of facets with these nodes (k, l, d): without force and moment."""
+    pairs = FACET_EDGES[nodes.shape[2]]
+    fields = np.zeros((len(nodes), len(pairs), *nodes.shape[1:]))
+    for number, (i, j) in enumerate(pairs):
+        along = nodes[:, j] - nodes[:, i]
+        fields[:, number, i], fields[:, number, j] = along, -along
     return fields
 
 
-def turning_fields(nodes: Array) -> Array:
-    """Moments (k, r, l, d) of facets with these nodes (k, l, d): each a unit moment, without force.
+def across_fields(nodes: Array) -> Array:
+    """The other moments (k, s, l, d) without force and moment, s = 0 or 2, of facets with these nodes (k, l, d)."""
+    count, dim = nodes.shape[1:]
+    if count == dim:
+        return np.empty((len(nodes), 0, count, dim))
+    along = nodes[:, 1] - nodes[:, 0]
+    ways = np.stack([along, np.stack([-along[:, 1], along[:, 0]], axis=1)], axis=1)
+    return np.asarray(ways[:, :, None] * np.array([0.5, 0.5, -1.0])[:, None])
 
-    On a triangle with sides a and b from vertex 0, and ``n = a x b``, that is w for ``m_1 = (w.n b / 2 - w.b n) / n.n``
-    and ``m_2 = (w.a n - w.n a / 2) / n.n``. There are others; but for self-balanced fields they are the same.
+
+def with_resultants(nodes: Array, force: Array, couple: Array) -> Array:
+    """Moments (k, l, d) of facets with these nodes (k, l, d) that have a force (k, d), and a moment (k, r) about 0.
+
+    They are forces that are the same at all nodes, and a moment without force. On a triangle with sides a and b from
+    vertex 0, and ``n = a x b``, the latter is w for ``m_1 = (w.n b / 2 - w.b n) / n.n`` and ``m_2 = (w.a n - w.n a / 2)
+    / n.n``. There are others; but for self-balanced fields they are the same.
     """
+    middle = nodes.mean(axis=1)
+    left = couple - (rigid_modes(middle)[:, nodes.shape[2] :] @ force[:, :, None])[:, :, 0]
+    return np.asarray(force[:, None] / nodes.shape[1] + _turning(nodes, left[:, None])[:, 0])
+
+
+def flow_fields(nodes: Array) -> Array:
+    """Moments (k, d + r, l, d) of facets with these nodes (k, l, d): each a unit force, or a unit moment about 0.
+
+    Those of :func:`with_resultants`.
+    """
+    count, places, dim = nodes.shape
+    modes = dim * (dim + 1) // 2
+    turns = np.broadcast_to(np.eye(modes - dim), (count, modes - dim, modes - dim))
+    flat = _turning(nodes, turns).reshape(count, modes - dim, -1)
+    fields = np.empty((count, modes, places * dim))
+    fields[:, :dim] = np.tile(np.eye(dim), places) / places
+    fields[:, :dim] -= rigid_modes(nodes.mean(axis=1))[:, dim:].transpose(0, 2, 1) @ flat
+    fields[:, dim:] = flat
+    return fields.reshape(count, modes, places, dim)
+
+
+def _turning(nodes: Array, couple: Array) -> Array:
+    """Moments (k, q, l, d) without force that have these moments (k, q, r)."""
     dim = nodes.shape[2]
     if dim == 2:
-        turns = rigid_modes(nodes - nodes.mean(axis=1, keepdims=True))[:, :, dim:].transpose(0, 2, 1, 3)
-        return np.asarray(turns / np.sum(turns * turns, axis=(2, 3), keepdims=True))
-    out = np.empty((len(nodes), dim, dim, dim))
-    for start in range(0, len(nodes), _FACETS):
-        part = slice(start, start + _FACETS)
-        a, b = nodes[part, 1] - nodes[part, 0], nodes[part, 2] - nodes[part, 0]
-        n = np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
-        unit = n / np.sum(n * n, axis=1, keepdims=True)  # w.n / n.n and n / n.n
-        out[part, :, 1] = 0.5 * unit[:, :, None] * b[:, None] - b[:, :, None] * unit[:, None]
-        out[part, :, 2] = a[:, :, None] * unit[:, None] - 0.5 * unit[:, :, None] * a[:, None]
-        out[part, :, 0] = -out[part, :, 1] - out[part, :, 2]
+        turns = rigid_modes(nodes - nodes.mean(axis=1, keepdims=True))[:, :, 2]
+        turns /= np.sum(turns * turns, axis=(1, 2))[:, None, None]
+        return np.asarray(couple[:, :, :, None] * turns[:, None])
+    a, b = nodes[:, 1] - nodes[:, 0], nodes[:, 2] - nodes[:, 0]
+    n = np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+    unit = n / np.sum(n * n, axis=1, keepdims=True)
+    turn, along, across = np.moveaxis(couple @ np.stack([0.5 * unit, a, b], axis=2), 2, 0)[..., None]
+    out = np.empty((*couple.shape[:2], dim, dim))
+    out[:, :, 1] = turn * b[:, None] - across * unit[:, None]
+    out[:, :, 2] = along * unit[:, None] - turn * a[:, None]
+    out[:, :, 0] = -out[:, :, 1] - out[:, :, 2]
     return out
-
-
-def flow_fields(turning: Array, middle: Array) -> Array:
-    """Moments (k, d + r, l, d) of facets: each a unit force at the origin, or a moment about it.
-
-    Parameters
-    ----------
-    turning : array (k, r, l, d)
-        :func:`turning_fields`.
-    middle : array (k, d)
-        Middles of the facets, where a force that is the same at all nodes acts.
-    """
-    count, turns, places, dim = turning.shape
-    flat = turning.reshape(count, turns, -1)
-    fields = np.empty((count, dim + turns, places * dim))
-    fields[:, :dim] = np.tile(np.eye(dim), places) / places - rigid_modes(middle)[:, dim:].transpose(0, 2, 1) @ flat
-    fields[:, dim:] = flat
-    return fields.reshape(count, -1, places, dim)

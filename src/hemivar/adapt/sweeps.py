@@ -26,10 +26,10 @@ from functools import cached_property
 import numpy as np
 
 from hemivar.adapt.admissible_stress import AdmissibleStress
+from hemivar.adapt.congruence import congruent_cells
 from hemivar.adapt.patches import Batch, PatchKind, lowering, patch_batches, rigid_modes
 from hemivar.adapt.ring_sweeps import RingSweeps
 from hemivar.adapt.rings import Rings, ring_batches
-from hemivar.adapt.self_balanced import turning_fields
 from hemivar.adapt.vertex_rings import VertexRings
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.split_element import facet_mass
@@ -85,7 +85,7 @@ class Sweeper:
         self._moments = stress.tractions.moments.copy()
         self._now: AdmissibleStress | None = stress  # where it is known
         self._difference = stress.difference.copy()
-        self._batches: dict[tuple[PatchKind, bool], list[Batch | Rings]] = {}
+        self._batches: dict[tuple[PatchKind, bool], tuple[list[Batch | Rings], RingSweeps]] = {}
 
     @property
     def stress(self) -> AdmissibleStress:
@@ -115,11 +115,12 @@ class Sweeper:
         key = (kind, contact is not None)
         if key not in self._batches:
             others = ~self._rings.vertices if closed else None
-            self._batches[key] = self._patches(kind, freed, others)
-        self._improve_batches(self._batches[key], freed, contact, only_contact)
+            rings = RingSweeps(self.data, self._start.element, self._places)  # knows the kinds of these
+            self._batches[key] = self._patches(kind, freed, others), rings
+        self._improve_batches(*self._batches[key], freed, contact, only_contact)
         if closed and not only_contact:
             self._improve_closed(freed)
-            self._improve_batches(self._batches[key], freed, contact, only_contact)
+            self._improve_batches(*self._batches[key], freed, contact, only_contact)
 
     def _patches(self, kind: PatchKind, freed: Array, some: BoolArray | None) -> list[Batch | Rings]:
         """Patches of any shape, then rings and rows; of some vertices, edges or facets, or of all."""
@@ -128,28 +129,33 @@ class Sweeper:
         if kind is not (PatchKind.VERTEX if dim == 2 else PatchKind.EDGE):
             return [*patch_batches(table, kind, free, some)]
         whole = np.asarray((freed == np.eye(dim)).all(axis=(1, 2)))
-        rings, rest = ring_batches(table, kind, free, whole, some)
+        rings, rest = ring_batches(table, kind, free, whole, some, None if self.general else self._alike)
         others = patch_batches(table, kind, free, rest) if rest.any() else []
         return [*others, *([ring.as_batch(table) for ring in rings] if self.general else rings)]
 
     def _improve_closed(self, freed: Array) -> None:
         """Improve the rings of cells around vertices inside."""
         if self.general:
-            self._improve_batches(self._rings.as_batches(), freed, None, False)
+            self._improve_batches(self._rings.as_batches(), None, freed, None, False)
             return
         self._now = None
         self._rings.improve(self.data.reference_compliance, self._difference, self._moments)
 
     @cached_property
-    def _ring_sweeps(self) -> RingSweeps:
-        return RingSweeps(self.data, self._start.element, self._places, turning_fields(self._places))
+    def _alike(self) -> IntArray:
+        return congruent_cells(self.data)
 
     @cached_property
     def _rings(self) -> VertexRings:
         return VertexRings.of(self.data.table)
 
     def _improve_batches(
-        self, batches: Sequence[Batch | Rings], freed: Array, contact: ContactPrice | None, only_contact: bool
+        self,
+        batches: Sequence[Batch | Rings],
+        rings: RingSweeps | None,
+        freed: Array,
+        contact: ContactPrice | None,
+        only_contact: bool,
     ) -> None:
         """Improve patches that share no cell within a batch, one batch after the other."""
         self._now = None
@@ -164,8 +170,9 @@ class Sweeper:
             for start in range(0, len(patches.facets), step):
                 part = patches.take(slice(start, start + step))
                 if isinstance(part, Rings):
+                    assert rings is not None
                     prices = [] if contact is None else self._prices(part.facets, contact)
-                    self._ring_sweeps.improve(part, self._difference, self._moments, prices)
+                    rings.improve(part, self._difference, self._moments, prices)
                 else:
                     self._improve(part, freed, partly, contact)
 

@@ -15,6 +15,7 @@ __all__ = [
     "FACETS",
     "cell_facets",
     "distinct_pairs",
+    "equal_rows",
     "facet_keys",
     "facet_measures",
     "frozen",
@@ -40,6 +41,16 @@ def frozen(array: NDArray[_T]) -> NDArray[_T]:
 def pair_keys(pairs: IntArray, count: int) -> IntArray:
     """One number per pair of node numbers (last axis), whatever the order in the pair."""
     return np.asarray(np.minimum(pairs[..., 0], pairs[..., 1]) * count + np.maximum(pairs[..., 0], pairs[..., 1]))
+
+
+def equal_rows(rows: IntArray) -> IntArray:
+    """Numbers (n,) of rows (n, q) of integers: equal ones have the same, others another."""
+    # sorted by one number each, and looked at once more: others with that number would have a number of their own
+    mixed = rows.astype(np.uint64) @ np.random.default_rng(0).integers(1 << 63, size=rows.shape[1], dtype=np.uint64)
+    _, first, number = np.unique(mixed, return_index=True, return_inverse=True)
+    other = np.flatnonzero((rows != rows[first[number]]).any(axis=1))
+    number[other] = len(first) + np.arange(len(other))
+    return np.asarray(number)
 
 
 def distinct_pairs(first: AnyArray, second: AnyArray) -> tuple[IntArray, IntArray]:
