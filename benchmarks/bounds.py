@@ -396,7 +396,7 @@ def main() -> int:
     parser.add_argument("--dim", type=int)
     parser.add_argument("--cells", type=int)
     options = parser.parse_args()
-    usual = {"effectivity": ([8, 16], [2, 4]), "cost": ([64, 128], [8, 16]), "memory": ([128], [12])}
+    usual = {"effectivity": ([8, 16], [2, 4]), "cost": ([64, 128], [8, 16, 24, 32]), "memory": ([128], [12, 32])}
     plane, space = usual.get(options.part, ([], []))
     options.sizes = plane if options.sizes is None else options.sizes
     options.space = space if options.space is None else options.space

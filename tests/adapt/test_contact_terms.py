@@ -84,7 +84,9 @@ def test_weights_and_places() -> None:
         assert traces.weights.min() >= 0.0  # else squares of what has kinks may come out too small
         # moments of a linear force, and back
         linear = traces.barycentric @ np.random.default_rng(2).normal(size=(dim, dim))
-        assert traces.forces(-traces.moments(linear) + traces.data.facet_loads) == pytest.approx(linear)
+        assert traces.forces(traces.on_facets(-traces.moments(linear)) + traces.data.facet_loads) == pytest.approx(
+            linear
+        )
 
 
 def test_rounding_beside_a_kink_counts_as_the_kink() -> None:

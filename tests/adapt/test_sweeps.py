@@ -88,10 +88,12 @@ def test_contact_tractions_are_freed_at_a_price(name: str) -> None:
     traces = contact_traces(stress.data)
     assert traces is not None
     wanted = traces.allowed(traces.forces(stress.tractions.moments))
-    price = ContactPrice(traces.moments(wanted), 0.5)
+    price = ContactPrice(traces.facets, traces.moments(wanted), 0.5)
 
     def cost(of: AdmissibleStress) -> float:
-        linear = traces.forces(-price.wanted + stress.data.facet_loads)  # what linear tractions see of zeta
+        linear = traces.forces(
+            traces.on_facets(-price.wanted) + stress.data.facet_loads
+        )  # what linear tractions see of zeta
         along, across = traces.square(traces.forces(of.tractions.moments) - linear)
         return _energy(of) + 0.5 * float(along.sum() + across.sum())
 
@@ -113,7 +115,7 @@ def test_contact_tractions_settle_last() -> None:
     stress = admissible_stress(body_data(problem, solve(problem).displacement))
     traces = contact_traces(stress.data)
     assert traces is not None
-    price = ContactPrice(traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5)
+    price = ContactPrice(traces.facets, traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5)
     sweeper = Sweeper(stress)
     sweeper.sweep(PatchKind.VERTEX, price)
     swept = sweeper.stress.tractions.moments
@@ -281,7 +283,9 @@ def test_rings_and_rows_give_what_patches_of_any_shape_give(
     traces = contact_traces(stress.data)
     price = None
     if traces is not None:
-        price = ContactPrice(traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5)
+        price = ContactPrice(
+            traces.facets, traces.moments(traces.allowed(traces.forces(stress.tractions.moments))), 0.5
+        )
     quick, general = Sweeper(stress), Sweeper(stress, general=True)
     for kind in (PatchKind.FACET, PatchKind.VERTEX if stress.data.table.dim == 2 else PatchKind.EDGE):
         for contact in (price, None):

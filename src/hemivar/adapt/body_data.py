@@ -128,6 +128,14 @@ class BodyData:
         on_facets = every[:, np.arange(dim + 1)[:, None], members]
         return np.asarray(np.einsum("av,mfvi->mfai", mixed, on_facets))
 
+    def places(self, facets: IntArray) -> Array:
+        """Places (..., k, d) of the nodes of facets."""
+        return np.asarray(self._nodes[self.facet_nodes[facets]])
+
+    @cached_property
+    def _nodes(self) -> Array:
+        return self.problem.mesh.nodes(self.order)
+
     def moved(self, displacement: Array) -> BodyData:
         """The data of another displacement (nodes, d) of the same problem."""
         order, nodes = self.order, displacement[self.cell_nodes]

@@ -111,24 +111,25 @@ class ContactTraces:
         return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.shapes, nodal, self.frames, optimize=True))
 
     def moments(self, forces: Array) -> Array:
-        """Moments (F, l, d) of forces in local components (k, q, d), in the coordinates of the mesh."""
+        """Moments (k, l, d) of forces in local components (k, q, d), in the coordinates of the mesh."""
+        found = np.einsum("fq,fqa,fqc,fqci->fai", self.weights, self.shapes, forces, self.frames, optimize=True)
+        return np.asarray(found)
+
+    def on_facets(self, moments: Array) -> Array:
+        """Moments (F, l, d) of all facets: these (k, l, d) on contact facets, zero on others."""
         out = np.zeros(self.data.facet_loads.shape)
-        out[self.facets] = np.einsum(
-            "fq,fqa,fqc,fqci->fai", self.weights, self.shapes, forces, self.frames, optimize=True
-        )
+        out[self.facets] = moments
         return out
 
     def mass(self, parts: Array) -> Array:
-        """``int w phi_a phi_b`` (F, l, d, l, d) for parts w (k, q, 2) along the normal and along tangents."""
+        """``int w phi_a phi_b`` (k, l, d, l, d) for parts w (k, q, 2) along the normal and along tangents."""
         dim = self.data.table.dim
         every = np.concatenate([parts[..., :1], np.repeat(parts[..., 1:], dim - 1, axis=2)], axis=2)
-        count = self.shapes.shape[2]
-        out = np.zeros((len(self.data.facet_nodes), count, dim, count, dim))
-        out[self.facets] = np.einsum(
+        found = np.einsum(
             "fq,fqc,fqa,fqb,fqci,fqcj->faibj",
             self.weights, every, self.shapes, self.shapes, self.frames, self.frames, optimize=True,
         )  # fmt: skip
-        return out
+        return np.asarray(found)
 
     def allowed(self, forces: Array) -> Array:
         """The elements of dj(r) nearest to forces in local components, shape (k, q, d)."""

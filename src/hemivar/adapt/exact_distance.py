@@ -196,21 +196,26 @@ def improved_stress(
 
     It balances the forces of ``data`` and comes near to the stress of the displacement of the traces.
     """
-    pressures, start = None, unsettled(data)
-    if traces is not None:
-        pressures = -traces.moments(_first_multiplier(data, traces, constants, start.moments))
-    stress = admissible_stress(data, pressures, start)
-    if traces is not None:
-        stress = replace(stress, data=traces.data)
+    stress = _first_stress(data, traces, constants)
     if not sweeps:
         return stress
     sweeper = Sweeper(stress)
+    del stress  # what has been computed of it is large, and of no use any more
     if traces is not None and data.order == 2:
         for _ in range(_NEAR):
             sweeper.sweep(PatchKind.VERTEX, _price(sweeper, traces, constants), only_contact=True)
     for kind in sweeps:
         sweeper.sweep(kind, None if traces is None else _price(sweeper, traces, constants))
     return sweeper.stress
+
+
+def _first_stress(data: BodyData, traces: ContactTraces | None, constants: TraceBounds) -> AdmissibleStress:
+    """Before any sweep."""
+    start = unsettled(data)
+    if traces is None:
+        return admissible_stress(data, None, start)
+    pressures = traces.on_facets(-traces.moments(_first_multiplier(data, traces, constants, start.moments)))
+    return replace(admissible_stress(data, pressures, start), data=traces.data)
 
 
 def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBounds, shared: Array) -> Array:
@@ -229,9 +234,8 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
     """The price ``max(1, eta / rho) / Lambda``: with it a sum of squares falls where ``eta + rho`` does."""
     if not 0.0 < constants.both < np.inf:
         return None
-    stress = sweeper.stress
-    forces = traces.forces(stress.tractions.moments)
-    eta = float(np.sqrt(stress.misfit.sum()))
+    forces = traces.forces(sweeper.moments)
+    eta = float(np.sqrt(sweeper.misfit))
     best = _chosen(traces, forces, replace(constants, weighted=None), eta, fine=False)
     weight = best.weight
 
@@ -242,7 +246,8 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
     mass = traces.mass(np.maximum(1.0 - following(forces, multiplier), _LEAST))
     rho = np.sqrt(sum(part.sum() for part in traces.square(forces - wanted)) / constants.both)
     ratio = min(max(1.0, eta / rho), _DEAREST) if rho > 0.0 else _DEAREST
-    return ContactPrice(traces.moments(wanted), float(ratio / constants.both), mass, stress.tractions.moments)
+    price = float(ratio / constants.both)
+    return ContactPrice(traces.facets, traces.moments(wanted), price, mass, sweeper.moments[traces.facets])
 
 
 def _best_gap(

@@ -267,7 +267,7 @@ def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:
     pressures, start = None, unsettled(data)
     if traces is not None:
         own = replace(traces, data=data)
-        pressures = -own.moments(own.interpolated(start.moments))
+        pressures = own.on_facets(-own.moments(own.interpolated(start.moments)))
     sweeper = Sweeper(admissible_stress(data, pressures, start))
     for kind in SWEEPS[data.table.dim]:
         sweeper.sweep(kind)

@@ -76,7 +76,7 @@ def low_mode(
     work = float(np.einsum("mai,mai->", data.loads, at))
     work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
     work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
-    work -= float(np.einsum("fai,fai->", traces.moments(allowed), field[table.facets]))
+    work -= float(np.einsum("fai,fai->", traces.moments(allowed), field[table.facets[traces.facets]]))
     return float(x @ (M @ x)), abs(work)
 
 

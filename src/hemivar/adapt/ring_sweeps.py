@@ -39,13 +39,10 @@ class RingSweeps:
     ----------
     data : BodyData
     element : SplitElement
-    places : array, shape (F, l, d)
-        Of the nodes of the facets.
     """
 
     data: BodyData
     element: SplitElement
-    places: Array
     _answers: dict[int, _Answer] = field(default_factory=dict, repr=False)
 
     def improve(
@@ -68,7 +65,7 @@ class RingSweeps:
             Contact facets by patch and slot (p,), with matrices (p, l d, l d) and half the slopes (p, l d) of what
             changes of their moments cost.
         """
-        nodes = self.places[rings.facets]
+        nodes = self.data.places(rings.facets)
         if rings.kind < 0 or prices:
             system = self._system(rings, nodes)
             degrees = difference[system.cells]
@@ -85,7 +82,7 @@ class RingSweeps:
         """That of all rings or rows of their kind."""
         if rings.kind not in self._answers:
             one = rings.take(slice(1))
-            self._answers[rings.kind] = self._system(one, self.places[one.facets]).answer()
+            self._answers[rings.kind] = self._system(one, self.data.places(one.facets)).answer()
         return self._answers[rings.kind]
 
     def _system(self, rings: Rings, nodes: Array) -> _System:

@@ -113,38 +113,26 @@ def ring_batches(
     of_cells, of_facets = cell_patches(table, kind), facet_patches(table, kind)
     count = int(max(of_facets.max(initial=-1), of_cells.max(initial=-1))) + 1
     facets_of = np.bincount(of_facets[free].ravel(), minlength=count)
+    del of_facets
     cells_of = np.bincount(of_cells.ravel(), minlength=count)
     wanted = facets_of > 0 if patches is None else patches & (facets_of > 0)
 
-    # A half is a cell seen at one of its patches from one of its two facets there; the other is its number ^ 1.
-    facet = table.cell_facets[:, _SIDES[table.dim]].ravel()
-    partner = _partners(np.repeat(of_cells.ravel(), 2) * len(table.facets) + facet)
-    start = np.zeros(count, dtype=np.int64)
-    start[of_cells.ravel()] = 2 * np.arange(of_cells.size)
-    ends = np.flatnonzero(partner < 0)
-    start[of_cells.ravel()[ends // 2]] = ends
-
+    start, partner = _halves(table, of_cells, count)
     good, fine, around = np.zeros((3, count), dtype=bool)
     row, same, kinds = np.zeros(count, dtype=np.int64), np.full(count, -1), 0
-    rows: dict[int, Rings] = {}
+    paths: dict[int, IntArray] = {}
     for cells in np.flatnonzero(np.bincount(cells_of[wanted])).tolist():
         chosen = np.flatnonzero(wanted & (cells_of == cells))
         path, good[chosen], around[chosen] = _walked(start[chosen], partner, cells)
-        slots = np.concatenate([facet[path], facet[path[:, -1:] ^ 1]], axis=1)
-        mine = free[slots]
-        fine[chosen], row[chosen] = good[chosen] & (whole[slots] | ~mine).all(axis=1), np.arange(len(chosen))
-        corner, half = np.divmod(path, 2)
-        cell, local = np.divmod(corner, of_cells.shape[1])
-        sides = _SIDES[table.dim][local]
-        sides = np.where(half[..., None], sides[..., ::-1], sides)
-        signs = np.take_along_axis(table.signs[cell], sides, axis=2)
-        turn = np.concatenate([-signs[:, :1, 0], signs[:, :, 1]], axis=1)
-        rows[cells] = Rings(slots, mine, cell, sides, turn)
+        rows = _along(table, free, path)
+        fine[chosen] = good[chosen] & (whole[rows.facets] | ~rows.free).all(axis=1)
+        paths[cells], row[chosen] = path, np.arange(len(chosen))
         if alike is not None:
-            seen = (alike[cell] * (table.dim + 1) + sides[:, :, 0]) * (table.dim + 1) + sides[:, :, 1]
-            number = _of_many(np.concatenate([seen, 2 * mine + around[chosen, None]], axis=1))
+            number = _of_many(rows, alike, around[chosen])
             same[chosen] = np.where(number < 0, -1, number + kinds)
             kinds += len(chosen)
+        del rows  # and what is walked along: colours take memory, too
+    del partner, start
 
     colour = coloured(np.where(fine[of_cells], of_cells, -1), count)
     chosen = np.flatnonzero(fine)
@@ -155,24 +143,66 @@ def ring_batches(
     order = chosen[np.argsort(shape[chosen], kind="stable")]
     bounds = np.flatnonzero(np.diff(shape[order])) + 1
     batches = []
-    for alike in np.split(order, bounds) if order.size else ():
-        batch = replace(rows[int(cells_of[alike[0]])].take(row[alike]), kind=int(same[alike[0]]))
-        batches.append(batch.closed() if around[alike[0]] else batch)
+    for some in np.split(order, bounds) if order.size else ():
+        batch = _along(table, free, paths[int(cells_of[some[0]])][row[some]], int(same[some[0]]))
+        batches.append(batch.closed() if around[some[0]] else batch)
     return batches, good & ~fine
 
 
-def _of_many(rows: IntArray) -> IntArray:
-    """Numbers of rows (n, q), the same for equal ones; -1 for those of which there are few."""
-    number = equal_rows(rows)
+def _halves(table: FacetTable, of_cells: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Where each of so many patches begins, and the half behind the facet that each half begins with; -1 for none.
+
+    A half is a cell seen at one of its patches from one of its two facets there; the other is its number ^ 1.
+    """
+    keys = np.repeat(of_cells.ravel(), 2)
+    keys *= len(table.facets)
+    keys += table.cell_facets[:, _SIDES[table.dim]].ravel()
+    partner = _partners(keys)
+    start = np.zeros(count, dtype=np.int64)
+    start[of_cells.ravel()] = 2 * np.arange(of_cells.size)
+    ends = np.flatnonzero(partner < 0)
+    start[of_cells.ravel()[ends // 2]] = ends
+    return start, partner
+
+
+def _along(table: FacetTable, free: BoolArray, path: IntArray, kind: int = -1) -> Rings:
+    """Rows through the halves of cells (k, c), one after the other."""
+    corner, half = np.divmod(path, 2)
+    cell, local = np.divmod(corner, len(_SIDES[table.dim]))
+    sides = np.stack([_SIDES[table.dim], _SIDES[table.dim][:, ::-1]], axis=1)[local, half]
+    facets = table.cell_facets[cell[:, :, None], sides]
+    facets = np.concatenate([facets[:, :, 0], facets[:, -1:, 1]], axis=1)
+    signs = table.signs[cell[:, :, None], sides]
+    turn = np.concatenate([-signs[:, :1, 0], signs[:, :, 1]], axis=1)
+    return Rings(facets, free[facets], cell, sides, turn, kind)
+
+
+def _of_many(rows: Rings, alike: IntArray, around: BoolArray) -> IntArray:
+    """Numbers of rows, the same for those of one kind; -1 for those of which there are few.
+
+    Their cells are of the same kinds, passed by the same sides; the same facets are free; they are rings, or are not.
+    """
+    sides = rows.sides.max(initial=0) + 1
+    seen = (alike[rows.cells] * sides + rows.sides[:, :, 0]) * sides + rows.sides[:, :, 1]
+    number = equal_rows(np.concatenate([seen, 2 * rows.free + around[:, None]], axis=1))
     return np.where(np.bincount(number, minlength=1)[number] < _MANY, -1, number)
 
 
 def _partners(keys: IntArray) -> IntArray:
     """For each key the place of the other one that equals it, -1 where there is none; none is there three times."""
-    order = np.argsort(keys)
-    first = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
     out = np.full(len(keys), -1)
-    out[order[first]], out[order[first + 1]] = order[first + 1], order[first]
+    shift = len(keys).bit_length()
+    if int(keys.max(initial=0)).bit_length() + shift < 64:  # sorted together with their places, which is much faster
+        keys = keys << shift
+        keys += np.arange(len(keys))
+        keys.sort()
+        first = np.flatnonzero((keys[1:] >> shift) == (keys[:-1] >> shift))
+        one, two = (keys[at] & ((1 << shift) - 1) for at in (first, first + 1))
+    else:
+        order = np.argsort(keys)
+        first = np.flatnonzero(np.diff(keys[order]) == 0)
+        one, two = order[first], order[first + 1]
+    out[one], out[two] = two, one
     return out
 
 

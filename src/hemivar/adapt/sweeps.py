@@ -50,21 +50,29 @@ class ContactPrice:
 
     Attributes
     ----------
-    wanted : array, shape (F, k, d)
+    facets : int array, shape (c,)
+        Numbers of the contact facets.
+    wanted : array, shape (c, k, d)
         Moments of zeta, the force of the foundation per area as its law allows it (acting by ``-zeta``).
     price : float
         Of the square of the distance, in the units of a misfit.
-    mass : array, shape (F, k, d, k, d), optional
-        ``int w phi_a phi_b`` with the part w, in each direction, of a change of xi that zeta does not follow. The price
-        then has the slope of ``price |xi - zeta|^2`` at ``start`` and this curvature. By default w = 1.
-    start : array, shape (F, k, d), optional
+    mass : array, shape (c, k, d, k, d), optional
+        On each ``int w phi_a phi_b`` with the part w, in each direction, of a change of xi that zeta does not follow.
+        The price then has the slope of ``price |xi - zeta|^2`` at ``start`` and this curvature. By default w = 1.
+    start : array, shape (c, k, d), optional
         Moments of tractions at which zeta was taken.
     """
 
+    facets: IntArray
     wanted: Array
     price: float
     mass: Array | None = None
     start: Array | None = None
+
+    def rows(self, facets: IntArray) -> IntArray:
+        """Where facets stand among those of the price."""
+        order = np.argsort(self.facets)
+        return np.asarray(order[np.searchsorted(self.facets, facets, sorter=order)])
 
 
 class Sweeper:
@@ -80,11 +88,12 @@ class Sweeper:
 
     def __init__(self, stress: AdmissibleStress, general: bool = False) -> None:
         self.general = general
-        self._start = stress
         self.data = stress.data
-        self._moments = stress.tractions.moments.copy()
         self._now: AdmissibleStress | None = stress  # where it is known
-        self._difference = stress.difference.copy()
+        # changed in place, and its own: nothing of the stress is held
+        self._moments = stress.tractions.moments.copy()
+        self._start = AdmissibleStress(stress.data, stress.tractions).with_moments(self._moments)
+        self._difference = AdmissibleStress(stress.data, stress.tractions).difference
         self._batches: dict[tuple[PatchKind, bool], tuple[list[Batch | Rings], RingSweeps]] = {}
 
     @property
@@ -94,10 +103,15 @@ class Sweeper:
             self._now = self._start.with_moments(self._moments.copy())
         return self._now
 
-    @cached_property
-    def _places(self) -> Array:
-        """Places of the nodes of the facets, shape (F, k, d)."""
-        return np.asarray(self.data.problem.mesh.nodes(self.data.order)[self.data.facet_nodes])
+    @property
+    def moments(self) -> Array:
+        """The moments (F, k, d) of its tractions, which the next sweep changes."""
+        return self._moments
+
+    @property
+    def misfit(self) -> float:
+        """``int (s - C eps) : C^-1 (s - C eps)`` over the body, for the mean of C on each cell."""
+        return float(self._start.element.energy_of(self._difference, self.data.reference_compliance).sum())
 
     def sweep(self, kind: PatchKind, contact: ContactPrice | None = None, only_contact: bool = False) -> None:
         """Improve all patches of a kind once.
@@ -110,35 +124,37 @@ class Sweeper:
         only_contact : bool
             Improve those patches alone that have a contact facet.
         """
-        freed = self._freed(contact is not None)
+        self._now = None
         closed = kind is PatchKind.VERTEX and self.data.table.dim == 2 and self.data.order == 1
         key = (kind, contact is not None)
         if key not in self._batches:
             others = ~self._rings.vertices if closed else None
-            rings = RingSweeps(self.data, self._start.element, self._places)  # knows the kinds of these
-            self._batches[key] = self._patches(kind, freed, others), rings
-        self._improve_batches(*self._batches[key], freed, contact, only_contact)
+            rings = RingSweeps(self.data, self._start.element)  # knows the kinds of these
+            self._batches[key] = self._patches(kind, contact is not None, others), rings
+        self._improve_batches(*self._batches[key], contact, only_contact)
         if closed and not only_contact:
-            self._improve_closed(freed)
-            self._improve_batches(*self._batches[key], freed, contact, only_contact)
+            self._improve_closed()
+            self._improve_batches(*self._batches[key], contact, only_contact)
 
-    def _patches(self, kind: PatchKind, freed: Array, some: BoolArray | None) -> list[Batch | Rings]:
+    def _patches(self, kind: PatchKind, contact: bool, some: BoolArray | None) -> list[Batch | Rings]:
         """Patches of any shape, then rings and rows; of some vertices, edges or facets, or of all."""
         table, dim = self.data.table, self.data.table.dim
-        free = np.asarray(freed.any(axis=(1, 2)))
+        free = np.asarray(self.data.unknown.any(axis=(1, 2)))
+        if contact:
+            free |= self.data.contact >= 0
         if kind is not (PatchKind.VERTEX if dim == 2 else PatchKind.EDGE):
             return [*patch_batches(table, kind, free, some)]
-        whole = np.asarray((freed == np.eye(dim)).all(axis=(1, 2)))
-        rings, rest = ring_batches(table, kind, free, whole, some, None if self.general else self._alike)
+        rings, rest = ring_batches(
+            table, kind, free, ~self._partly(contact), some, None if self.general else self._alike
+        )
         others = patch_batches(table, kind, free, rest) if rest.any() else []
         return [*others, *([ring.as_batch(table) for ring in rings] if self.general else rings)]
 
-    def _improve_closed(self, freed: Array) -> None:
+    def _improve_closed(self) -> None:
         """Improve the rings of cells around vertices inside."""
         if self.general:
-            self._improve_batches(self._rings.as_batches(), None, freed, None, False)
+            self._improve_batches(self._rings.as_batches(), None, None, False)
             return
-        self._now = None
         self._rings.improve(self.data.reference_compliance, self._difference, self._moments)
 
     @cached_property
@@ -153,14 +169,12 @@ class Sweeper:
         self,
         batches: Sequence[Batch | Rings],
         rings: RingSweeps | None,
-        freed: Array,
         contact: ContactPrice | None,
         only_contact: bool,
     ) -> None:
         """Improve patches that share no cell within a batch, one batch after the other."""
-        self._now = None
         element, entries = self._start.element, _ENTRIES[self.data.table.dim]
-        partly = np.asarray((freed != np.eye(self.data.table.dim)).any(axis=(1, 2)))
+        partly = self._partly(contact is not None)
         touching = np.asarray(self.data.contact >= 0)
         for patches in batches:
             if only_contact:
@@ -174,17 +188,21 @@ class Sweeper:
                     prices = [] if contact is None else self._prices(part.facets, contact)
                     rings.improve(part, self._difference, self._moments, prices)
                 else:
-                    self._improve(part, freed, partly, contact)
+                    self._improve(part, partly, contact)
 
-    def _freed(self, contact: bool) -> Array:
-        """Projections (F, d, d) on the components of tractions that may change."""
-        freed = self.data.unknown
+    def _freed(self, facets: IntArray, contact: bool) -> Array:
+        """Projections (..., d, d) on the components of their tractions that may change."""
+        freed = self.data.unknown[facets]
         if contact:
-            freed = freed.copy()
-            freed[self.data.contact >= 0] = np.eye(self.data.table.dim)
+            freed[self.data.contact[facets] >= 0] = np.eye(self.data.table.dim)
         return freed
 
-    def _improve(self, batch: Batch, freed: Array, partly: BoolArray, contact: ContactPrice | None) -> None:
+    def _partly(self, contact: bool) -> BoolArray:
+        """Facets (F,) not all of whose components may change."""
+        partly = np.asarray((self.data.unknown != np.eye(self.data.table.dim)).any(axis=(1, 2)))
+        return np.asarray(partly & (self.data.contact < 0)) if contact else partly
+
+    def _improve(self, batch: Batch, partly: BoolArray, contact: ContactPrice | None) -> None:
         """Improve patches that share no cell."""
         table, element = self.data.table, self._start.element
         dim = table.dim
@@ -213,7 +231,7 @@ class Sweeper:
         modes = dim * (dim + 1) // 2
         C = np.zeros((count, cells * modes, number + 1))
         every = np.arange(count)
-        places = self._places[table.cell_facets[batch.cells]]
+        places = self.data.places(table.cell_facets[batch.cells])
         centre = places.mean(axis=(1, 2, 3))
         reach = np.abs(places - centre[:, None, None, None]).max(axis=(1, 2, 3, 4))
         rigid = rigid_modes((places - centre[:, None, None, None]) / reach[:, None, None, None, None])
@@ -227,11 +245,11 @@ class Sweeper:
         H, b, C = H[:, :number, :number], b[:, :number], C[:, :, :number]
         if contact is not None:
             self._charge(batch, contact, H, b)
-        loose = self._confine(batch, freed, partly, H, b, C, centre, reach)
+        loose = self._confine(batch, contact is not None, partly, H, b, C, centre, reach)
 
         change = _balanced_change(H, b, C, loose)
         if change is not None:
-            self._apply(batch, self._confined(batch, freed, partly, change))
+            self._apply(batch, self._confined(batch, contact is not None, partly, change))
 
     def _apply(self, batch: Batch, change: Array) -> None:
         """Change the moments of patches that share no cell by (k, f d d)."""
@@ -257,14 +275,15 @@ class Sweeper:
         inverse = np.linalg.inv(facet_mass(dim, data.order))
         size, block = contact.price / data.table.measures[facet], self._start.element.block
         whole = np.einsum("f,ab,fij->faibj", size, inverse, loose).reshape(len(facet), block, block)
+        row = contact.rows(facet)
+        zeta = contact.wanted[row] - data.facet_loads[facet]
         if contact.mass is None or contact.start is None:
-            off = self._moments[facet] - data.facet_loads[facet] + contact.wanted[facet]
-            return [(patch, place, whole, np.einsum("fpq,fq->fp", whole, off.reshape(len(facet), -1)))]
-        off = contact.start[facet] - data.facet_loads[facet] + contact.wanted[facet]
-        mass = contact.mass[facet].reshape(whole.shape) / contact.price
-        matrix = whole @ mass @ whole
-        moved = (self._moments[facet] - contact.start[facet]).reshape(len(facet), -1)
-        slope = np.einsum("fpq,fq->fp", whole, off.reshape(len(facet), -1)) + np.einsum("fpq,fq->fp", matrix, moved)
+            off = (self._moments[facet] + zeta).reshape(len(facet), -1)
+            return [(patch, place, whole, np.einsum("fpq,fq->fp", whole, off))]
+        matrix = whole @ (contact.mass[row].reshape(whole.shape) / contact.price) @ whole
+        off = (contact.start[row] + zeta).reshape(len(facet), -1)
+        moved = (self._moments[facet] - contact.start[row]).reshape(len(facet), -1)
+        slope = np.einsum("fpq,fq->fp", whole, off) + np.einsum("fpq,fq->fp", matrix, moved)
         return [(patch, place, matrix, slope)]
 
     def _charge(self, batch: Batch, contact: ContactPrice, H: Array, b: Array) -> None:
@@ -276,7 +295,7 @@ class Sweeper:
             b[patch[:, None], at] += slope
 
     def _confine(
-        self, batch: Batch, freed: Array, partly: BoolArray, H: Array, b: Array, C: Array, centre: Array, reach: Array
+        self, batch: Batch, contact: bool, partly: BoolArray, H: Array, b: Array, C: Array, centre: Array, reach: Array
     ) -> Array:
         """Restrict changes on the boundary to what is free there, in place.
 
@@ -292,8 +311,9 @@ class Sweeper:
         if not len(patch):
             return loose
         facet = batch.facets[patch, place]
-        x = (self._places[facet] - centre[patch, None]) / reach[patch, None, None]
-        rigid = np.einsum("fij,farj->frai", freed[facet], rigid_modes(x)).reshape(len(facet), modes, -1)
+        x = (self.data.places(facet) - centre[patch, None]) / reach[patch, None, None]
+        freed = self._freed(facet, contact)
+        rigid = np.einsum("fij,farj->frai", freed, rigid_modes(x)).reshape(len(facet), modes, -1)
         gram = np.zeros(loose.shape)
         np.add.at(gram, patch, rigid @ rigid.transpose(0, 2, 1))
         some = np.unique(patch)
@@ -301,13 +321,13 @@ class Sweeper:
         idle = (size < _FREE * dim).astype(float)
         loose[some] = np.einsum("kin,kn,kjn->kij", axes, idle, axes)
         shut = partly[facet]
-        patch, place, facet = patch[shut], place[shut], facet[shut]
+        patch, place, freed = patch[shut], place[shut], freed[shut]
         scale = np.trace(H, axis1=1, axis2=2) / H.shape[1]
         for a in range(x.shape[1]):  # facets of one patch one after the other, for each is only there once
             at = place[:, None] * self._start.element.block + a * dim + np.arange(dim)
             for turn in range(int(np.bincount(patch).max(initial=0))):
                 now = _turn(patch) == turn
-                p, rows, D = patch[now], at[now], freed[facet[now]]
+                p, rows, D = patch[now], at[now], freed[now]
                 H[p[:, None], rows] = D @ H[p[:, None], rows]
                 columns = H.transpose(0, 2, 1)
                 columns[p[:, None], rows] = D @ columns[p[:, None], rows]
@@ -317,13 +337,13 @@ class Sweeper:
                 of_columns[p[:, None], rows] = D @ of_columns[p[:, None], rows]
         return loose
 
-    def _confined(self, batch: Batch, freed: Array, partly: BoolArray, change: Array) -> Array:
+    def _confined(self, batch: Batch, contact: bool, partly: BoolArray, change: Array) -> Array:
         """Changes (k, n) without what is not free, which is rounding."""
         if not partly[batch.facets].any():
             return change
         dim = self.data.table.dim
         split = change.reshape(*batch.facets.shape, -1, dim)
-        return np.asarray(np.einsum("kfij,kfaj->kfai", freed[batch.facets], split).reshape(change.shape))
+        return np.asarray(np.einsum("kfij,kfaj->kfai", self._freed(batch.facets, contact), split).reshape(change.shape))
 
 
 def _balanced_change(H: Array, b: Array, C: Array, loose: Array) -> Array | None:

@@ -95,9 +95,11 @@ class UnsettledTractions:
         first, second = self.sides.T
         inside, outer = np.flatnonzero(table.interior), np.flatnonzero(~table.interior)
         start = (dim + 1) * table.owners
-        change = np.take(potential, start[inside, 0][:, None] + members[first[inside]], axis=0)
-        change -= np.take(potential, start[inside, 1][:, None] + members[second[inside]], axis=0)
-        moments[inside, :dim] += change
+        for at in range(0, len(inside), _CELLS):
+            here = inside[at : at + _CELLS]
+            change = np.take(potential, start[here, 0][:, None] + members[first[here]], axis=0)
+            change -= np.take(potential, start[here, 1][:, None] + members[second[here]], axis=0)
+            moments[here, :dim] += change
         change = potential[start[outer, 0][:, None] + members[first[outer]]]
         moments[outer, :dim] += np.einsum("fij,faj->fai", data.unknown[outer], change)
         if data.order == 2:
