@@ -258,3 +258,18 @@ def test_a_patch_that_is_exact_to_rounding_is_a_bound() -> None:
     found = solve_adaptive(problem)
     assert found.reached
     assert found.distance.relative < 1e-12
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_meshes_end_where_only_the_solves_err(size: float) -> None:
+    """A body that is moved without strain: all that is left is rounding, and it went on to the last mesh that fits."""
+    mesh = rectangle((size, size), 4, pattern="right")
+    moved = hv.Prescribed((0.1 * size, 0.2 * size))
+    found = solve_adaptive(hv.ContactProblem(mesh, hv.Material.lame(4.0, 4.0), supports={"left": moved}))
+    assert (found.ended, len(found.levels)) == ("algebraic", 1)
+    assert "without strain" in found.remedy
+    assert found.distance.parts.algebraic > 0.01 * found.distance.energy_norm
+    pulled = hv.ContactProblem(
+        mesh, hv.Material.lame(4.0, 4.0), supports={"left": moved}, body_force=(0.0, 1e-3 / size)
+    )
+    assert solve_adaptive(pulled, rtol=0.2).ended == "reached"

@@ -375,6 +375,8 @@ def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: i
         return AdaptiveEnd.STOPPED
     if not math.isfinite(level.distance.distance) and goal is None:
         return AdaptiveEnd.NO_BOUND
+    if goal is None and level.distance.parts.algebraic > rtol * level.distance.energy_norm:
+        return AdaptiveEnd.ALGEBRAIC
     return AdaptiveEnd.MAX_UNKNOWNS if level.unknowns > max_unknowns else None
 
 
