@@ -89,7 +89,7 @@ class RingSweeps:
         """The least misfit of rings or rows, their facets with these nodes (k, s, l, d)."""
         data, element = self.data, self.element
         dim, block = data.table.dim, element.block
-        slots, cells = rings.facets.shape[1], rings.cells.shape[1]
+        (count, slots), cells = rings.facets.shape, rings.cells.shape[1]
         along, moving = len(FACET_EDGES[dim]), _moving(rings, nodes)
         loose = block - dim * (dim + 1) // 2 - along
         through = moving.shape[2] - loose
@@ -107,10 +107,8 @@ class RingSweeps:
         seen = np.zeros((len(cell), 2 * loose + through, 2 * block))
         back = data.table.inverse[cell].transpose(0, 2, 1)
         for side, sign in enumerate((-1.0, 1.0)):
-            turned = moving.reshape(len(moving) * slots, moving.shape[2] * block // dim, dim)[at[:, side]] @ (
-                sign * back
-            )
-            turned = turned.reshape(len(cell), loose + through, block)
+            fields = moving.reshape(count * slots, moving.shape[2] * block // dim, dim)[at[:, side]]
+            turned = (fields @ (sign * back)).reshape(len(cell), loose + through, block)
             there = slice(side * block, (side + 1) * block)
             seen[:, side * loose : (side + 1) * loose, there] = turned[:, :loose]
             seen[:, 2 * loose :, there] = turned[:, loose:]
