@@ -13,14 +13,14 @@ matrices is added to them, which takes products with the rows of the contact unk
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.linear.kernels import kernels
 
 __all__ = ["COARSEST", "Levels", "Transfer", "Truncated"]
 
@@ -32,14 +32,6 @@ _STIFF = 2.0
 #: Part of the weights of what a coarse unknown reaches that may be held before it is left out: more than one neighbour
 #: of a node on a line, two on a plane.
 _MOSTLY = 0.3
-
-
-@lru_cache
-def _kernels() -> Any:
-    """Compiled Gauss-Seidel sweeps, loaded when they are first needed: small problems do without them."""
-    from pyamg import amg_core
-
-    return amg_core
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +230,7 @@ class _Patch:
         rest, step = np.zeros(points.count * points.size), np.zeros(points.count * points.size)
         rest[points.slots] = right[self.contact] - self.rows @ x
         span = (0, points.count, 1) if forward else (points.count - 1, -1, -1)
-        _kernels().block_gauss_seidel(
+        kernels().block_gauss_seidel(
             points.indptr, points.indices, self.data, step, rest, self.inverse, *span, points.size
         )
         x[self.contact] += step[points.slots]
@@ -453,7 +445,7 @@ class Truncated:
         if patch is not None:
             patch.smooth(x, right, forward=True)
         for _ in range(levels.sweeps):
-            _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
+            kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, 0, x.size, 1)
         rest = A @ x
         np.subtract(right, rest, out=rest)
         coarse = transfer.restriction @ rest
@@ -462,7 +454,7 @@ class Truncated:
         x += transfer.prolongation @ self._cycle(k - 1, coarse)
         x[changed.level.contact[changed.held]] = 0.0
         for _ in range(levels.sweeps):
-            _kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
+            kernels().gauss_seidel(A.indptr, A.indices, A.data, x, right, x.size - 1, -1, -1)
         if patch is not None:
             patch.smooth(x, right, forward=False)
         return x
