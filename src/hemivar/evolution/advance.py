@@ -30,14 +30,16 @@ from hemivar.evolution.stage import (
     decay,
     gain,
     ground_of,
+    left_over,
     posed_stage,
     reached_forces,
+    stretching,
 )
 from hemivar.evolution.step_laws import Foundations, StepLaw, stage_law
 from hemivar.laws import ContactLaw
 from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Solution, Solver, Status, solve
 from hemivar.solvers.choice import choose
-from hemivar.solvers.nearby import Pieces, nearby_solution
+from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
 from hemivar.solvers.solve import suited
 from hemivar.systems.workspace import Workspace
 
@@ -94,13 +96,28 @@ class Taken:
 
 
 @dataclass(frozen=True, eq=False)
+class _Reached:
+    """Where unknowns (n,) of a stage lead."""
+
+    stage: Stage
+    unknowns: Array
+    motion: Motion  # x*, v*, w*
+    forces: dict[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
 class _Solved:
     stage: Stage
     solution: Solution
-    rate: Motion  # x*, v*, w*
+    reached: _Reached
     local: Motion  # r*, the slip whole
     resistance: float  # in units of the stiffness
     leaps: tuple[Leap, ...] = ()
+
+    @property
+    def rate(self) -> Motion:
+        """x*, v*, w*."""
+        return self.reached.motion
 
 
 class Advance:
@@ -143,6 +160,7 @@ class Advance:
         self._asked: tuple[object, object, float] = None, None, 0.0
         self._pieces: OrderedDict[int, tuple[object, Pieces]] = OrderedDict()
         self._foundations = Foundations(discrete)
+        self._reached: _Reached | None = None
         self.products = Products(discrete)
         self.paths = JumpPaths(discrete, self.bodies, self.workspace)
 
@@ -310,9 +328,17 @@ class Advance:
             guess, multiplier, initial = found, solution.multiplier, solution
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
-        place = stage.displacement(solution)
-        body, point = (stage.motion(*pair) for pair in ((place, base.body), (local, base.local)))
-        return _Solved(stage, solution, body, point, resistance, leaps)
+        reached = self._reached_by(stage, solution.unknowns)
+        return _Solved(stage, solution, reached, stage.motion(local, base.local), resistance, leaps)
+
+    def _reached_by(self, stage: Stage, unknowns: Array) -> _Reached:
+        """Motion and forces of unknowns (n,) of a stage; the last are known again."""
+        known = self._reached
+        if known is None or known.stage is not stage or known.unknowns is not unknowns:
+            motion = stage.motion(stage.displacement(unknowns), stage.before.body)
+            forces = reached_forces(self.discrete, stage, motion, self.products)
+            known = self._reached = _Reached(stage, unknowns, motion, forces)
+        return known
 
     def _stage_law(self, at: Acting, base: Moment, rule: Rule, step: float, guess: Array, multiplier: Array) -> StepLaw:
         """The law of a stage; where points remember nothing it is that of the stage before while the step stays."""
@@ -358,7 +384,13 @@ class Advance:
             r, lam = base.local.place + span * base.local.velocity - stage.origin, base.multiplier
         else:
             r, lam = initial.local, initial.multiplier
-        return nearby_solution(system, r, lam, controls, self._pieces_of(problem))
+
+        def left(unknowns: Array) -> OutOfBalance:
+            reached = self._reached_by(stage, unknowns)
+            return left_over(self.discrete, stage, reached.motion, reached.forces)
+
+        known = left if stage.held else None
+        return nearby_solution(system, r, lam, controls, self._pieces_of(problem), known)
 
     def _pieces_of(self, problem: DiscreteProblem) -> Pieces:
         """What is kept of Newton's equations of a body."""
@@ -387,9 +419,11 @@ class Advance:
         """The moment at the end of a step, with the ledger."""
         last = solved[-1]
         rule, base = last.stage.rule, last.stage.before
-        n = self.discrete.unknowns
+        n, stretched = self.discrete.unknowns, None
         if rule.ends and base is before and last.stage.held:  # the stage is the end
             body, point = last.rate, last.local
+            if self.discrete.mass is not None and self.discrete.vectors.alone:
+                stretched = stretching(last.stage, body, self.products)
             difference = body.place - before.body.place if before.branches else body.place
         else:
             difference = rule.reach * (last.rate.place - before.body.place)
@@ -419,7 +453,9 @@ class Advance:
             time, before.index + 1, body, point, last.solution.multiplier, branches, memory, before.ledger, before.heat
         )
         ledger = self._booked(before, moment, solved, step)
-        return Moment(time, moment.index, body, point, moment.multiplier, branches, memory, ledger, before.heat)
+        return Moment(
+            time, moment.index, body, point, moment.multiplier, branches, memory, ledger, before.heat, stretched
+        )
 
     # ---- the ledger ------------------------------------------------------------------------------------------
 
@@ -459,7 +495,7 @@ class Advance:
             stage = part.stage
             du = whole if single else stage.rule.share * step * part.rate.velocity
             dr = slid if single else stage.rule.share * step * part.local.velocity
-            acts = reached_forces(discrete, stage, part.rate, self.products)
+            acts = part.reached.forces
             done = {name: float(force @ du) for name, force in acts.items()}
             internal += done["internal"]
             viscous += done.get("viscous", 0.0)

@@ -19,12 +19,12 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.heat_book import HeatBook, Warmth
 from hemivar.evolution.history import Frame, Row
 from hemivar.evolution.ledger import Ledger
-from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.moment import Moment, Motion, Stretching
 from hemivar.evolution.steps import Pace
 
 __all__ = ["Checkpoint", "MarchState"]
 
-_FORMAT = 4
+_FORMAT = 5
 _LARGEST = 1 << 36
 
 
@@ -112,6 +112,8 @@ class Checkpoint:
                 arrays[f"{name}.{part}"] = getattr(motion, part)
         for k, branch in enumerate(moment.branches):
             arrays[f"branch.{k}"] = branch
+        if moment.stretching is not None:
+            arrays["stretching"] = moment.stretching.force
         if moment.heat is not None:
             warm = moment.heat.moment
             arrays["heat.multiplier"] = warm.multiplier
@@ -136,6 +138,7 @@ class Checkpoint:
             "time": float(moment.time).hex(),
             "index": moment.index,
             "ledger": _hex(moment.ledger),
+            "stretching": None if moment.stretching is None else float(moment.stretching.step).hex(),
             "heat": None if moment.heat is None else _heat_head(moment.heat),
             "pace": [float(state.pace.step).hex(), state.pace.rung, state.pace.waiting],
             "columns": list(state.rows[0].values),
@@ -232,6 +235,9 @@ def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
         tuple(arrays[f"branch.{k}"] for k in range(head["branches"])),
         memory,
         Ledger(**numbers(head["ledger"])),
+        stretching=None
+        if head["stretching"] is None
+        else Stretching(float.fromhex(head["stretching"]), arrays["stretching"]),
     )
     if head["heat"] is not None:
         warm = head["heat"]

@@ -13,7 +13,7 @@ from hemivar.evolution.ledger import Ledger
 if TYPE_CHECKING:
     from hemivar.evolution.heat_book import Warmth
 
-__all__ = ["Moment", "Motion"]
+__all__ = ["Moment", "Motion", "Stretching"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,22 @@ class Motion(Portable):
     place: Array
     velocity: Array
     acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Stretching(Portable):
+    """How the elastic force of a body has changed in a step that its velocity is that of.
+
+    Attributes
+    ----------
+    step : float
+        Length of the step.
+    force : array (n,)
+        ``K (u - u_before)``, which is ``step K v``.
+    """
+
+    step: float
+    force: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +69,8 @@ class Moment(Portable):
         Energies, and all work and losses so far.
     heat : Warmth or None
         Temperatures and the balance of heat, of a body with heat.
+    stretching : Stretching or None
+        Of the last step, where it is known; it spares the next step a product.
     """
 
     time: float
@@ -64,3 +82,4 @@ class Moment(Portable):
     memory: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     ledger: Ledger = field(default_factory=Ledger)
     heat: Warmth | None = None
+    stretching: Stretching | None = None

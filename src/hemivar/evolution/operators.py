@@ -42,6 +42,11 @@ class Operator(Portable):
         """``inner`` without the zeros at places where others, with which it is added up, have entries."""
         return without_zeros(self.inner)
 
+    @cached_property
+    def row_sums(self) -> Array:
+        """Sums of the absolute entries of the rows of ``inner``, (n,)."""
+        return np.asarray(abs(self._entries).sum(axis=1)).ravel()
+
     def times(self, x: Array) -> Array:
         """The product with ``x`` (n + k,)."""
         if not self.held.shape[0]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from hemivar.basics.types import Array
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.operators import Operator
 
 __all__ = ["Products"]
 
+_NOTHING = ((np.zeros(0), np.zeros(0)),) * 2
+
 
 class Products:
-    """Stiffness, viscosity and mass times vectors (n + k,), which nobody changes: the last of each is known again.
+    """Stiffness, viscosity and mass times vectors (n + k,), which nobody changes: the last two of each are known again.
 
     A vector is known by itself, not by its numbers, so that what is remembered changes no answer.
 
@@ -21,7 +25,7 @@ class Products:
 
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self._discrete = discrete
-        self._known: dict[str, tuple[Array, Array]] = {}
+        self._known: dict[str, tuple[tuple[Array, Array], tuple[Array, Array]]] = {}
 
     def stiffness(self, x: Array) -> Array:
         """``K x``."""
@@ -40,7 +44,9 @@ class Products:
         return self._times("mass", operator, v)
 
     def _times(self, name: str, operator: Operator, x: Array) -> Array:
-        known = self._known.get(name)
-        if known is None or known[0] is not x:
-            known = self._known[name] = x, operator.times(x)
-        return known[1]
+        first, second = self._known.get(name, _NOTHING)
+        if first[0] is x:
+            return first[1]
+        found = second if second[0] is x else (x, operator.times(x))
+        self._known[name] = found, first
+        return found[1]

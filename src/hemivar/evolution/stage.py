@@ -2,23 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
-from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.moment import Moment, Motion, Stretching
 from hemivar.evolution.products import Products
 from hemivar.evolution.schemes import Linear, Rule
 from hemivar.evolution.step_laws import StepLaw
 from hemivar.solvers import Solution
+from hemivar.solvers.nearby import OutOfBalance
 
-__all__ = ["Ground", "Stage", "allowed", "apply", "decay", "gain", "ground_of", "posed_stage", "reached_forces"]
+__all__ = [
+    "Ground",
+    "Stage",
+    "allowed",
+    "apply",
+    "decay",
+    "gain",
+    "ground_of",
+    "left_over",
+    "posed_stage",
+    "reached_forces",
+    "stretching",
+]
 
 #: Rounding of factors of a scheme.
 _ROUNDED = 1e-14
+#: How much longer than the last one a step may be whose prediction takes over what the last one did to elastic forces:
+#: their rounding grows with it.
+_LONGER = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +85,8 @@ class Stage:
     still: bool = False
     held: bool = False
 
-    def displacement(self, solution: Solution) -> Array:
-        """``x*`` (n + k,)."""
-        found = solution.unknowns
+    def displacement(self, found: Array) -> Array:
+        """``x*`` (n + k,) of unknowns (n,)."""
         if found.size == self.place.size:
             return self.place + found
         place = self.place.copy()
@@ -197,7 +214,7 @@ def posed_stage(
         offset = offset + (end.offset - offset) / rule.reach
     held = not discrete.vectors.largest(float(place.size - n))[0]  # what supports move may be pushed
     if held:
-        force, speed = at.load - products.stiffness(place), ground.speed
+        force, speed = at.load - _predicted(before, ground, place, products), ground.speed
         if discrete.viscosity is not None and (speed.velocity or speed.acceleration):
             goes_on = speed.velocity == 1.0 and not speed.acceleration
             force -= products.viscosity(body.velocity if goes_on else _combined(speed, body))
@@ -221,6 +238,52 @@ def posed_stage(
         problem, rule, ground.step, before, place, offset, origin, step_law, at.load, ground.decays, ground.gains,
         still=end.offset is start.offset, held=held,
     )  # fmt: skip
+
+
+def _predicted(before: Moment, ground: Ground, place: Array, products: Products) -> Array:
+    """Elastic force ``K place`` of a prediction, without a product where the last step tells ``K v``."""
+    known, coast = before.stretching, ground.coast
+    if known is None or coast.acceleration or not 0.0 < coast.velocity <= _LONGER * known.step:
+        return products.stiffness(place)
+    return products.stiffness(before.body.place) + (coast.velocity / known.step) * known.force
+
+
+def stretching(stage: Stage, reached: Motion, products: Products) -> Stretching | None:
+    """How elastic forces have changed in a step that a stage ends, if the velocity is the mean one of the step."""
+    rate = stage.rule.rate
+    if rate.velocity or rate.acceleration or not stage.held or abs(rate.difference * stage.step - 1.0) > _ROUNDED:
+        return None
+    before = stage.before.body.place
+    return Stretching(stage.step, products.stiffness(reached.place) - products.stiffness(before))
+
+
+def left_over(discrete: DiscreteEvolution, stage: Stage, reached: Motion, acts: Mapping[str, Array]) -> OutOfBalance:
+    """What the forces of a displacement that was reached leave of the load, at a stage at which no support moves.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    stage : Stage
+    reached : Motion
+    acts : mapping of name to array (n,)
+        Its :func:`reached_forces`.
+    """
+    rest, before, rule = stage.load - acts["internal"], stage.before.body, stage.rule
+    for name in ("viscous", "inertial", "relaxing"):
+        if name in acts:
+            rest -= acts[name]
+    # Displacements are known up to their rounding, and so are differences of them that a scheme divides by its step.
+    sums = stage.problem.linear.row_sums
+    size = norm(stage.load) + norm(sums * reached.place) + norm(sums * before.place)
+    if discrete.mass is not None:
+        push = discrete.mass.row_sums
+        size += abs(rule.acceleration.velocity) * norm(push * before.velocity)
+        if rule.acceleration.acceleration:
+            size += abs(rule.acceleration.acceleration) * norm(push * before.acceleration)
+    if discrete.viscosity is not None and rule.rate.velocity:
+        size += abs(rule.rate.velocity) * norm(discrete.viscosity.row_sums * before.velocity)
+    size += sum(norm(part.row_sums * h) for h, (_, part) in zip(stage.before.branches, discrete.branches, strict=True))
+    return OutOfBalance(rest, size)
 
 
 def allowed(local: Motion, rule: Rule, step: float) -> Array:

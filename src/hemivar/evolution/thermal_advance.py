@@ -192,7 +192,7 @@ class ThermalAdvance(Advance):
         rubbed, deformed = self.heat.rubbed(self._rubbed(taken)), self._deformed(taken)
         given = float(rubbed.sum() + deformed.sum())
         solution = flowed.solutions[0]
-        place = stage.displacement(solution)
+        place = stage.displacement(solution.unknowns)
         rate = stage.motion(place, flowed.before.body).velocity
         force = conduction.viscosity.times(rate) + conduction.stiffness.times(place) - stage.load
         contact = conduction.problem.contact
