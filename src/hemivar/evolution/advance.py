@@ -355,12 +355,13 @@ class Advance:
         problem, controls = stage.problem, self._controls(stage)
         if self.solver is None:
             self.solver = suited(choose(problem)[0], problem)
-        start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
         excess = self.excess(problem)
         if excess < 0.0:
             near = self._nearby(stage, initial, controls)
             if near is not None:
                 return near, 0.0
+        start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
+        if excess < 0.0:
             method = _as_accurate(self.solver, controls)
             return solve(problem, method, controls, initial=start, workspace=self.workspace), 0.0
         if jump is Jump.GLOBAL and not self.resists:
@@ -411,7 +412,7 @@ class Advance:
             scale = self._loads[1] + norm(contact.pressed(contact.weights[:, None] * lam))
         else:
             scale = float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
-        return replace(self.controls, atol=max(self.controls.atol, self.controls.rtol * scale))
+        return self.controls.within(self.controls.rtol * scale)
 
     def _end(
         self, before: Moment, solved: list[_Solved], step: float, time: float, start: Acting, end: Acting
@@ -474,8 +475,10 @@ class Advance:
                     contact += float(w @ block.memory.stored(block.base, moment.memory.get(block.name, {}), r))
             else:
                 stored = law.stored.normal
-                inside = np.clip(normal, stored.domain.lower, stored.domain.upper)
-                contact = float(weights @ np.broadcast_to(stored.value(inside), weights.shape))
+                ends = stored.domain
+                inside = np.minimum(np.maximum(normal, ends.lower), ends.upper)
+                value = stored.piece_value(stored.piece_of(inside), inside)
+                contact = float(weights @ (value if value.shape == weights.shape else np.full(weights.shape, value)))
         own = {
             "elastic": 0.5 * float(x @ self.products.stiffness(x)),
             "kinetic": 0.0 if discrete.mass is None else 0.5 * float(v @ self.products.mass(v)),

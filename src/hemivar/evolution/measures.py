@@ -26,8 +26,9 @@ def contact_forces(discrete: DiscreteEvolution, moment: Moment) -> dict[str, flo
     if rubbed.shape[1] > 1:  # the tangents of different points point in different directions
         rubbed = discrete.problem.contact.global_vectors(force * (np.arange(lam.shape[1]) > 0))
     shut, depth = np.where(lam[:, 0] > 0.0, weights, 0.0), moment.local.place[:, 0]
+    add = np.add.reduce
     for _, index in parts:
-        own += [force[index, 0].sum(), *rubbed[index].sum(axis=0), shut[index].sum()]
+        own += [add(force[index, 0]), *add(rubbed[index], axis=0), add(shut[index])]
         deep.append(float(depth[index].max(initial=-np.inf)))
     sums = discrete.vectors.total(*own).reshape(len(parts), -1)
     deepest = discrete.vectors.largest(*deep)

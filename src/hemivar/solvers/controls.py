@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hemivar.basics.arguments import described, number, whole_number
 from hemivar.basics.deadline import Budget, OutOfTime
@@ -64,6 +64,20 @@ class Controls:
     max_steps: int | None = None
     max_time: float = math.inf
     callback: Callable[[Progress], bool | None] | None = None
+
+    def within(self, atol: float) -> Controls:
+        """The same with an absolute tolerance of at least ``atol``, in units of force.
+
+        Raises
+        ------
+        ProblemError
+            It is not finite.
+        """
+        if not math.isfinite(atol):
+            return replace(self, atol=atol)
+        other = object.__new__(Controls)  # what is checked already is not checked again
+        vars(other).update(vars(self), atol=max(self.atol, atol))
+        return other
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "max_time"):

@@ -209,9 +209,10 @@ def nearby_solution(
                 continue
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
-        residual = _residual(system, unknowns, of_law, graphs, load, controls, out_of_balance)
+        place = system.problem.contact.local(unknowns)
+        residual = _residual(system, unknowns, place, of_law, graphs, load, controls, out_of_balance)
         if residual.below(controls.atol, controls.rtol):
-            return Solution(
+            solution = Solution(
                 problem=system.problem,
                 unknowns=unknowns,
                 multiplier=of_law,
@@ -226,6 +227,8 @@ def nearby_solution(
                     "recover": time.perf_counter() - iterated,
                 },
             )
+            vars(solution)["local"] = place  # what the property would find
+            return solution
     return None
 
 
@@ -239,7 +242,7 @@ def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_
     if isinstance(graphs, _Vectors):
         return system.load_scale
     offset, ends, shape = system.problem.contact.offset, graphs.domain, system.shape
-    inside = np.clip(-offset, ends[0].reshape(shape), ends[1].reshape(shape))
+    inside = np.minimum(np.maximum(-offset, ends[0].reshape(shape)), ends[1].reshape(shape))
     lam = graphs.least_multiplier(inside)
     lam[:, 0] -= (offset + inside)[:, 0] / system.body.compliance[:, 0]
     rest = norm(system.problem.contact.pressed(system.weights[:, None] * lam))
@@ -249,6 +252,7 @@ def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_
 def _residual(
     system: CondensedProblem,
     u: Array,
+    r: Array,
     lam: Array,
     graphs: _Graphs,
     load: float,
@@ -260,7 +264,7 @@ def _residual(
     contact = problem.contact
     force = contact.pressed(system.weights[:, None] * lam)
     size = norm(force)
-    inclusion = norm(system.weights[:, None] * graphs.graph_distance(contact.local(u), lam, body.resilience))
+    inclusion = norm(system.weights[:, None] * graphs.graph_distance(r, lam, body.resilience))
     scale = _load_scale(system, graphs, load, size)
 
     def of(rest: OutOfBalance) -> Residual:

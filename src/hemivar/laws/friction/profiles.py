@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.arrays import real_array
-from hemivar.basics.types import Array, IntArray, Parameter
+from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
 from hemivar.laws.named import NamedLaw, ParameterLaw, columns
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scaled import ScaledLaw
@@ -50,18 +50,23 @@ class _EvenLaw(ParameterLaw):
         return Interval(np.array([-np.inf]), np.array([np.inf]))
 
     def piece_value(self, piece: IntArray, r: Array) -> Array:
-        return self._half(np.where(np.asarray(piece) > 0, np.maximum(r, 0.0), np.maximum(np.negative(r), 0.0)), 0)
+        return self._half(_along(np.asarray(piece) > 0, r), 0)
 
     def piece_derivative(self, piece: IntArray, r: Array) -> Array:
         right = np.asarray(piece) > 0
-        s = np.where(right, np.maximum(r, 0.0), np.maximum(np.negative(r), 0.0))
-        return np.where(right, 1.0, -1.0) * self._half(s, 1)
+        slope = self._half(_along(right, r), 1)
+        return np.where(right, slope, -slope)
 
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
-        return self._half(np.where(np.asarray(piece) > 0, np.maximum(r, 0.0), np.maximum(np.negative(r), 0.0)), 2)
+        return self._half(_along(np.asarray(piece) > 0, r), 2)
 
     def scaled(self, factor: Array | float) -> ScaledLaw:
         return ScaledLaw(self, np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)))
+
+
+def _along(right: BoolArray, r: Array) -> Array:
+    """How far r lies from zero on the right or left side."""
+    return np.maximum(np.where(right, r, np.negative(r)), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
