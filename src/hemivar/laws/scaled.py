@@ -94,6 +94,10 @@ class ScaledLaw(Superpotential):
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return self._times(self.base.piece_curvature(piece, r))
 
+    def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
+        slope, bend = self.base.piece_line(piece, r)
+        return self._times(slope), self._times(bend)
+
     def knot_slopes(self) -> tuple[Array, Array]:
         return self._slopes
 

@@ -197,8 +197,9 @@ class SeparateLaw:
             column = one.column
             at = np.where(still, at, one.law.place_on_piece(self.stiffness[own], p[:, column], r[:, column]))
             place[own] = at
-        lam[own] = np.where(still, lam[own], one.law.piece_derivative(piece, at))
-        slope[own] = np.where(still, 0.0, one.law.piece_curvature(piece, at))
+        tangent, bend = one.law.piece_line(piece, at)
+        lam[own] = np.where(still, lam[own], tangent)
+        slope[own] = np.where(still, 0.0, bend)
         return moved
 
     def _derivative(self, r: Array) -> Array:

@@ -123,6 +123,10 @@ class Superpotential(Portable, ABC):
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         """The formula of j'' that belongs to each ``piece``, at ``r``."""
 
+    def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
+        """:meth:`piece_derivative` and :meth:`piece_curvature`, of laws for which both together cost less."""
+        return self.piece_derivative(piece, r), self.piece_curvature(piece, r)
+
     @property
     @abstractmethod
     def weak_convexity(self) -> Array:

@@ -60,6 +60,12 @@ class _EvenLaw(ParameterLaw):
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return self._half(_along(np.asarray(piece) > 0, r), 2)
 
+    def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
+        right = np.asarray(piece) > 0
+        s = _along(right, r)
+        slope = self._half(s, 1)
+        return np.where(right, slope, -slope), self._half(s, 2)
+
     def scaled(self, factor: Array | float) -> ScaledLaw:
         return ScaledLaw(self, np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)))
 

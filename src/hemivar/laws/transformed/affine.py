@@ -143,6 +143,10 @@ class AffineLaw(LawOfOne):
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return self.theta * self.base.piece_curvature(piece, self.theta * r + self.c)
 
+    def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
+        slope, bend = self.base.piece_line(piece, self.theta * r + self.c)
+        return slope, self.theta * bend
+
     def piece_of(self, r: Array) -> IntArray:
         return self.base.piece_of(self._inner(r))
 
