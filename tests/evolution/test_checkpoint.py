@@ -18,7 +18,7 @@ from hemivar.evolution import Checkpoint, Frame, Row
 from hemivar.evolution.heat_book import HeatBook, Warmth
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.march_state import MarchState
-from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.moment import Moment, Motion, Stretching
 from hemivar.evolution.steps import Pace
 
 
@@ -61,7 +61,12 @@ def state(heat: bool) -> MarchState:
         for _ in range(2)
     ]  # fmt: skip
     return MarchState(
-        moment(branches=(some(7), some(7)), memory=memory, heat=warm),
+        moment(
+            branches=(some(7), some(7)),
+            memory=memory,
+            heat=warm,
+            stretching=Stretching(some.one(), some(7)) if heat else None,
+        ),
         Pace(some.one(), -2, 1),
         tuple(
             Row(some.one(), some.one(), i + 6, some.one(), some.one(), math.inf, one, i == 1)

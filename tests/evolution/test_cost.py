@@ -20,10 +20,13 @@ from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.march import March, marching
 from hemivar.evolution.margin import Margins
+from hemivar.evolution.operators import Operator
+from hemivar.evolution.products import Products
 from hemivar.evolution.save import Save
-from hemivar.evolution.stage import forces
+from hemivar.evolution.schemes import Scheme
+from hemivar.evolution.stage import forces, left_over, reached_forces
 from hemivar.linear import factorisation
-from hemivar.solvers.nearby import Pieces, nearby_solution
+from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
 from hemivar.systems import elimination
 from tests.counting import at_most_calls
 
@@ -83,6 +86,84 @@ def test_a_step_that_stays_costs_two_half_sweeps_and_no_factorisation(law: str, 
         next(run)
     assert counted["factors"] == counted["solves"] == 0
     assert 2 * 30 <= counted["halves"] <= 2 * 30 + 4
+
+
+@pytest.mark.parametrize("law", ["survey", "softening", "cube"])
+def test_a_step_multiplies_by_each_matrix_once(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    found: Counter[int] = Counter()
+    original = Operator.times
+
+    def counting(operator: Operator, x: Array) -> Array:
+        found[id(operator)] += 1
+        return original(operator, x)
+
+    run = marching(body(law), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+    next(run)
+    monkeypatch.setattr(Operator, "times", counting)
+    for _ in range(30):
+        next(run)
+    assert list(found.values()) == [30, 30, 30]
+
+
+@pytest.mark.parametrize("longer", [0.3, 1.0, 1.9, 7.0])
+def test_a_step_begins_with_the_forces_of_its_prediction(longer: float) -> None:
+    advance, taken, _, _ = last(body("softening"), 12)
+    stage = advance.take(taken[-1].moment, longer * STEP).stages[0]
+    parts = forces(advance.discrete, stage.rule, stage.before, stage.place, stage.decays, stage.gains, coasting=True)
+    size = sum(np.abs(part) for part in parts.values()) + np.abs(stage.load)
+    rest = stage.problem.linear.load - (stage.load - sum(parts.values()))
+    assert np.abs(rest).max() <= 1e-13 * size.max()
+    known = taken[-1].moment.stretching
+    assert known is not None
+    stretched = taken[-1].moment.body.place - taken[-1].before.body.place
+    np.testing.assert_allclose(known.force, advance.discrete.stiffness.times(stretched), atol=1e-13 * size.max())
+
+
+@pytest.mark.parametrize(
+    "scheme",
+    [hv.ImplicitEuler(), hv.Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.8), hv.SDIRK2()],
+    ids=lambda scheme: scheme.name,
+)
+def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Scheme) -> None:
+    stated = body("survey").problem
+    assert isinstance(stated, hv.ContactProblem)
+    soft = replace(stated.material, branches=[hv.Branch(lame=(2, 2), time=0.5)])
+    discrete = discretize_evolution(Evolution(replace(stated, material=soft), inertia=scheme.takes_mass))
+    advance = Advance(discrete, scheme, hv.NonsmoothNewton(), hv.Controls())
+    moment = initial_moment(advance)
+    for _ in range(4):
+        taken = advance.take(moment, STEP)
+        moment = taken.moment
+    random = np.random.default_rng(3)
+    for stage, solution in zip(taken.stages, taken.solutions, strict=True):
+        u = solution.unknowns + random.normal(scale=np.abs(solution.unknowns).max(), size=solution.unknowns.shape)
+        motion = stage.motion(stage.displacement(u), stage.before.body)
+        found = left_over(discrete, stage, motion, reached_forces(discrete, stage, motion, Products(discrete)))
+        linear = stage.problem.linear
+        rest = linear.load - linear.stiffness @ u
+        assert np.linalg.norm(found.force - rest) <= 1e-14 * found.size
+        assert found.size <= 1e6 * np.linalg.norm(rest)  # else that would say nothing
+        direct = hv.residual(stage.problem, solution.unknowns, solution.multiplier)
+        assert abs(solution.residual.equilibrium - direct.equilibrium) <= solution.residual.noise + direct.noise
+
+
+def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> None:
+    """A body that flies far off, whose displacement is known to fewer digits than what a step adds to it."""
+    problem = hv.discretize(gallery.survey("5.1", 6, "right"))
+    system, known = hv.Workspace().condensed(problem, many=True), hv.solve(problem)
+    asked: list[Array] = []
+
+    def vague(u: Array) -> OutOfBalance:
+        asked.append(u)
+        return OutOfBalance(np.array(problem.contact_force(known.multiplier)), 1e6)
+
+    found = nearby_solution(system, known.local, known.multiplier, hv.Controls(), Pieces(), vague)
+    assert found is not None
+    assert len(asked) == 1
+    assert found.residual.noise < 1e-12  # and not 8 eps 1e6
+    np.testing.assert_allclose(
+        found.residual.equilibrium, hv.residual(problem, found.unknowns, found.multiplier).equilibrium, atol=1e-14
+    )
 
 
 def test_steps_on_a_ladder_factorise_once_for_each_rung(counted: Counter[str]) -> None:

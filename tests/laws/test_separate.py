@@ -9,10 +9,11 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.laws import ContactLaw
 from hemivar.laws.friction import Friction
-from hemivar.laws.friction.profiles import LogarithmicWeakening
+from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening
 from hemivar.laws.separate import RadialLaw, SeparateLaw
 from hemivar.laws.stacked import stack
-from hemivar.laws.transformed import bonded
+from hemivar.laws.superpotential import Superpotential
+from hemivar.laws.transformed import affine, bonded
 
 M = 300
 KINKS = hv.PiecewiseQuadratic([-0.5, 0.0, 0.5], [0.0, 2.0, -1.0, 0.0], [0.1, 0.2, 0.1], start=-0.3)
@@ -37,6 +38,19 @@ def tables(law: ContactLaw, c: int) -> SeparateLaw | RadialLaw:
 
 def all_of(pair: Array, c: int) -> Array:
     return pair[:, [0, 1, 1][:c]]
+
+
+@pytest.mark.parametrize(
+    "law", [KINKS, WEAKENING, GLUE, LogarithmicWeakening(2.0), ExponentialWeakening(1.0, 0.4, 3.0)]
+)
+def test_slope_and_curvature_are_the_same_asked_together(law: Superpotential) -> None:
+    r, turned = np.linspace(-1.5, 1.5, M), np.linspace(-0.2, 0.2, M)
+    for made in (law, law.scaled(np.linspace(0.0, 2.0, M)), affine(law.scaled(0.7), 1.3, turned)):
+        for piece in range(made.knots.shape[-1] + 1):
+            on = np.full(M, piece)
+            slope, bend = made.piece_line(on, r)
+            np.testing.assert_array_equal(slope, made.piece_derivative(on, r))
+            np.testing.assert_array_equal(bend, made.piece_curvature(on, r))
 
 
 @pytest.mark.parametrize("c", [1, 2, 3])
