@@ -65,7 +65,7 @@ def state(heat: bool) -> MarchState:
             branches=(some(7), some(7)),
             memory=memory,
             heat=warm,
-            stretching=Stretching(some.one(), some(7)) if heat else None,
+            stretching=Stretching(some.one(), some(7), some(4, 2)) if heat else None,
         ),
         Pace(some.one(), -2, 1),
         tuple(

@@ -24,7 +24,7 @@ from hemivar.evolution.operators import Operator
 from hemivar.evolution.products import Products
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import Scheme
-from hemivar.evolution.stage import forces, left_over, reached_forces
+from hemivar.evolution.stage import expected_multiplier, forces, left_over, reached_forces
 from hemivar.linear import factorisation
 from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
 from hemivar.systems import elimination
@@ -117,6 +117,25 @@ def test_a_step_begins_with_the_forces_of_its_prediction(longer: float) -> None:
     assert known is not None
     stretched = taken[-1].moment.body.place - taken[-1].before.body.place
     np.testing.assert_allclose(known.force, advance.discrete.stiffness.times(stretched), atol=1e-13 * size.max())
+
+
+def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, taken, _, _ = last(body("softening"), 8)
+    before, moment = taken[-1].before.multiplier, taken[-1].moment
+    change = moment.multiplier - before
+    assert np.abs(change).max() > 1e-4
+    for part in (0.0, 0.5, 2.0):
+        expected = moment.multiplier + part * change
+        np.testing.assert_allclose(expected_multiplier(moment, part * STEP), expected, atol=1e-14)
+    np.testing.assert_array_equal(expected_multiplier(moment, 3.0 * STEP), moment.multiplier)
+
+    def equations() -> int:
+        run = marching(body("softening", 16), March(1.0, step=STEP, save=NONE, solver=hv.NonsmoothNewton()))
+        return sum(next(run).row.solver_steps for _ in range(40))
+
+    told = equations()
+    monkeypatch.setattr("hemivar.evolution.advance.expected_multiplier", lambda moment, _: moment.multiplier)
+    assert told < 0.9 * equations()
 
 
 @pytest.mark.parametrize(

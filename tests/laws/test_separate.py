@@ -70,6 +70,19 @@ def test_pairs_on_the_graph_stay_where_they_are(name: str, c: int) -> None:
     np.testing.assert_allclose(curvature, line.hessian, atol=1e-7 * max(1.0, float(np.abs(line.hessian).max())))
 
 
+@pytest.mark.parametrize("name", ["rigid", "bent"])
+def test_points_that_are_off_their_pieces_go_where_the_law_puts_them(name: str) -> None:
+    law, random = LAWS[name].at(np.zeros((M, 2))), np.random.default_rng(4)
+    p, r = random.normal(scale=2.0, size=(2, M, 2))
+    on = tables(law, 2).onto(p, r)
+    assert on.moved
+    for column, one in enumerate(law.scalar_laws(2)):
+        if not one.straight:
+            place = one.place_on_piece(STIFF[:, column], p[:, column], r[:, column])
+            assert np.count_nonzero(place != r[:, column]) > M // 4
+            np.testing.assert_allclose(on.place[:, column], place, rtol=1e-14)
+
+
 @pytest.mark.parametrize("c", [1, 2, 3])
 @pytest.mark.parametrize("name", sorted(LAWS))
 def test_distances_and_rest_are_those_of_the_law(name: str, c: int) -> None:

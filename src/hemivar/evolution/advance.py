@@ -28,6 +28,7 @@ from hemivar.evolution.stage import (
     apply,
     body_factors,
     decay,
+    expected_multiplier,
     gain,
     ground_of,
     left_over,
@@ -382,7 +383,8 @@ class Advance:
         system = self.workspace.condensed(problem, many=True)
         if initial is None:
             span = stage.rule.at * stage.step
-            r, lam = base.local.place + span * base.local.velocity - stage.origin, base.multiplier
+            r = base.local.place + span * base.local.velocity - stage.origin
+            lam = expected_multiplier(base, span)
         else:
             r, lam = initial.local, initial.multiplier
 
@@ -424,7 +426,7 @@ class Advance:
         if rule.ends and base is before and last.stage.held:  # the stage is the end
             body, point = last.rate, last.local
             if self.discrete.mass is not None and self.discrete.vectors.alone:
-                stretched = stretching(last.stage, body, self.products)
+                stretched = stretching(last.stage, body, last.solution.multiplier, self.products)
             difference = body.place - before.body.place if before.branches else body.place
         else:
             difference = rule.reach * (last.rate.place - before.body.place)

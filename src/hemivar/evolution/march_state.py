@@ -113,7 +113,8 @@ class Checkpoint:
         for k, branch in enumerate(moment.branches):
             arrays[f"branch.{k}"] = branch
         if moment.stretching is not None:
-            arrays["stretching"] = moment.stretching.force
+            arrays["stretching.force"] = moment.stretching.force
+            arrays["stretching.multiplier"] = moment.stretching.multiplier
         if moment.heat is not None:
             warm = moment.heat.moment
             arrays["heat.multiplier"] = warm.multiplier
@@ -237,7 +238,7 @@ def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
         Ledger(**numbers(head["ledger"])),
         stretching=None
         if head["stretching"] is None
-        else Stretching(float.fromhex(head["stretching"]), arrays["stretching"]),
+        else Stretching(float.fromhex(head["stretching"]), arrays["stretching.force"], arrays["stretching.multiplier"]),
     )
     if head["heat"] is not None:
         warm = head["heat"]

@@ -32,18 +32,21 @@ class Motion(Portable):
 
 @dataclass(frozen=True, eq=False)
 class Stretching(Portable):
-    """How the elastic force of a body has changed in a step that its velocity is that of.
+    """How forces of a body have changed in a step that its velocity is that of: where the next step begins.
 
     Attributes
     ----------
     step : float
         Length of the step.
     force : array (n,)
-        ``K (u - u_before)``, which is ``step K v``.
+        Of the elastic one: ``K (u - u_before)``, which is ``step K v``.
+    multiplier : array (m, c)
+        Of pressure and friction.
     """
 
     step: float
     force: Array
+    multiplier: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +73,7 @@ class Moment(Portable):
     heat : Warmth or None
         Temperatures and the balance of heat, of a body with heat.
     stretching : Stretching or None
-        Of the last step, where it is known; it spares the next step a product.
+        Of the last step, where it is known; it spares the next step a product and Newton's equations.
     """
 
     time: float

@@ -24,6 +24,7 @@ __all__ = [
     "allowed",
     "apply",
     "decay",
+    "expected_multiplier",
     "gain",
     "ground_of",
     "left_over",
@@ -34,8 +35,8 @@ __all__ = [
 
 #: Rounding of factors of a scheme.
 _ROUNDED = 1e-14
-#: How much longer than the last one a step may be whose prediction takes over what the last one did to elastic forces:
-#: their rounding grows with it.
+#: How much longer than the last one a step may be whose prediction takes over what the last one did to forces: their
+#: rounding grows with it.
 _LONGER = 2.0
 
 
@@ -248,13 +249,22 @@ def _predicted(before: Moment, ground: Ground, place: Array, products: Products)
     return products.stiffness(before.body.place) + (coast.velocity / known.step) * known.force
 
 
-def stretching(stage: Stage, reached: Motion, products: Products) -> Stretching | None:
-    """How elastic forces have changed in a step that a stage ends, if the velocity is the mean one of the step."""
+def expected_multiplier(before: Moment, span: float) -> Array:
+    """Pressure and friction (m, c) a while after a moment, if they go on to change as they did."""
+    known = before.stretching
+    if known is None or span > _LONGER * known.step:
+        return before.multiplier
+    return before.multiplier + (span / known.step) * known.multiplier
+
+
+def stretching(stage: Stage, reached: Motion, multiplier: Array, products: Products) -> Stretching | None:
+    """How forces have changed in a step that a stage ends, if the velocity is the mean one of the step."""
     rate = stage.rule.rate
     if rate.velocity or rate.acceleration or not stage.held or abs(rate.difference * stage.step - 1.0) > _ROUNDED:
         return None
     before = stage.before.body.place
-    return Stretching(stage.step, products.stiffness(reached.place) - products.stiffness(before))
+    pulled = products.stiffness(reached.place) - products.stiffness(before)
+    return Stretching(stage.step, pulled, multiplier - stage.before.multiplier)
 
 
 def left_over(discrete: DiscreteEvolution, stage: Stage, reached: Motion, acts: Mapping[str, Array]) -> OutOfBalance:

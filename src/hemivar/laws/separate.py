@@ -179,28 +179,38 @@ class SeparateLaw:
         lam = np.where(held, flat - self.stiffness * at, self.base.take(index) + slope * (line - at))
         moved = False
         for one in self.curved:
-            moved |= self._bend(one, state, held, p, r, place, lam, slope)
+            moved |= self._bend(one, state, held, p, place, lam, slope)
         shape = self.shape
         return OnGraph(place.reshape(shape), held.reshape(shape), lam.reshape(shape), slope.reshape(shape), moved)
 
     def _bend(
-        self, one: _Curved, state: IntArray, held: BoolArray, p: Array, r: Array, place: Array, lam: Array, slope: Array
+        self, one: _Curved, state: IntArray, held: BoolArray, p: Array, place: Array, lam: Array, slope: Array
     ) -> bool:
         """Fill in place what a law that is not straight says; whether a place had to be moved onto its piece."""
         m, c = self.shape
         own = slice(one.column, None, c)
         piece, still, at = state[own] >> 1, held[own], place[own]
         row = np.minimum(piece, len(one.lower) - 1) * m + self._number[:m]
-        there = still | ((at > one.lower.take(row)) & (at < one.upper.take(row)))
+        lower, upper = one.lower.take(row), one.upper.take(row)
+        there = still | ((at > lower) & (at < upper))
         moved = not there.all()
         if moved:
-            column = one.column
-            at = np.where(still, at, one.law.place_on_piece(self.stiffness[own], p[:, column], r[:, column]))
+            at = np.where(there, at, self._on_piece(one, piece, p[:, one.column], at, lower, upper))
             place[own] = at
         tangent, bend = one.law.piece_line(piece, at)
         lam[own] = np.where(still, lam[own], tangent)
         slope[own] = np.where(still, 0.0, bend)
         return moved
+
+    def _on_piece(self, one: _Curved, piece: IntArray, p: Array, r: Array, lower: Array, upper: Array) -> Array:
+        """What :meth:`Superpotential.place_on_piece` says of points whose pieces are known and do not hold r."""
+        a, bounded = self.stiffness[one.column :: self.shape[1]], np.isfinite(lower)
+        end = np.where(bounded, lower, upper)
+        with np.errstate(invalid="ignore", over="ignore"):
+            slope, bend = one.law.piece_line(piece, end)
+            place = end + (p - a * end - slope) / (a + bend)
+            other = np.where(bounded & np.isfinite(upper), 0.5 * (lower + upper), r)
+        return np.where((place > lower) & (place < upper), place, other)
 
     def _derivative(self, r: Array) -> Array:
         """j' (N,) at r (N,), inside the domain; at a knot that of the piece to its left."""
