@@ -27,8 +27,8 @@ __all__ = ["Memory", "NonsmoothMultigrid"]
 
 #: Relative residual up to which coarser meshes are solved, and the most steps there.
 _NESTED, _NESTED_STEPS = 1e-3, 15
-#: Part of the distance to the contact conditions that is left when conjugate gradients end early.
-_PATIENCE = 0.7
+#: How large a residual, by the distance to the contact conditions, conjugate gradients leave when they end early.
+_PATIENCE = 1.5
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
 #: What rounding makes of the energy, relative to its parts, along a line and over a step; and what a move of one point
