@@ -301,3 +301,19 @@ def test_choice_heeds_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     method, why = choose(hv.discretize(gallery.survey("5.1", 32)))
     assert isinstance(method, NonsmoothMultigrid)
     assert "GiB" in why
+
+
+def test_settled_contact_points_are_left_until_the_first_equation_is_solved() -> None:
+    problem = hv.discretize(gallery.survey_cube("5.1", 8))
+    body = NonsmoothMultigrid().prepare(problem, hv.Workspace())
+    expected = hv.solve(problem, NonsmoothNewton(), TIGHT)
+    start = body.moved(0.97 * expected.unknowns, expected.local)
+    found = hv.solve(problem, NonsmoothMultigrid(settled=True), TIGHT, initial=start)
+    assert found.status is Status.CONVERGED
+    assert found.steps == 1  # the pieces of the laws are the right ones: one linear equation is left
+    assert hv.solve(problem, NonsmoothMultigrid(), TIGHT, initial=start).steps > 1
+    assert distance(problem, found, expected) < 1e-9
+    far = body.moved(start, expected.local + 0.1)
+    wrong = hv.solve(problem, NonsmoothMultigrid(settled=True), TIGHT, initial=far)
+    assert wrong.status is Status.CONVERGED
+    assert distance(problem, wrong, expected) < 1e-9

@@ -51,11 +51,14 @@ class Memory:
         ``f - K u``.
     matrix : Truncation
         Newton's matrix, changed from step to step.
+    settled : bool
+        Whether the next step begins with Newton's equation.
     """
 
     factor: float
     force: Array
     matrix: Truncation
+    settled: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,9 @@ class NonsmoothMultigrid(Solver):
         Start from the solution on the next coarser mesh.
     absolute : float
         What conjugate gradients may leave beside it, in units of force.
+    settled : bool
+        The contact points of the initial guess lie on the pieces of their laws and at the kinks where they are expected
+        in the end: the first step begins with Newton's equation.
     """
 
     sweeps: int = 3
@@ -97,6 +103,7 @@ class NonsmoothMultigrid(Solver):
     tolerance: float | None = None
     nested: bool = True
     absolute: float = 0.0
+    settled: bool = False
     name: ClassVar[str] = "multigrid"
     descends: ClassVar[bool] = True
 
@@ -126,7 +133,7 @@ class NonsmoothMultigrid(Solver):
         below = system.posed_below() if self.nested else None
         if below is None:
             return system.start(), None
-        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2))
+        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False)
         x, stopped = rough.first_guess(below, budget)
         if stopped is None:
             controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
@@ -140,15 +147,18 @@ class NonsmoothMultigrid(Solver):
         known = start.memory.matrix if isinstance(start.memory, Memory) else None
         force = system.force(start.r)
         energy = system.energy(start.r, force=force)
-        memory = Memory(system.stiffest, force, system.truncation() if known is None else known)
+        matrix, settled = (system.truncation(), self.settled) if known is None else (known, False)
+        memory = Memory(system.stiffest, force, matrix, settled)
         return replace(start, energy=energy, residual=system.residual(start.r, start.lam, force), memory=memory)
 
     def step(self, system: Body, state: State, budget: Budget) -> State:
         memory: Memory = state.memory
         energy, factor, force = float(state.energy or 0.0), memory.factor, memory.force
         r = origin = system.local(state.r)
+        if memory.settled:
+            r = snapped(system, r)
         pull = system.spread(force[system.unknown])
-        for _ in range(self.sweeps):
+        for _ in range(0 if memory.settled else self.sweeps):
             move = diagonal_step(system, r, pull - system.couple(r - origin), factor)
             factor = move.factor
             if move.endless:
@@ -166,7 +176,8 @@ class NonsmoothMultigrid(Solver):
         if state.energy is not None and energy >= state.energy - _ROUNDED_STEP * abs(state.energy):
             x, force, more = self._polish(system, memory.matrix, x, force)
             cycles += more
-        return self._state(system, x, force, state.evaluations + cycles, energy, replace(memory, factor=factor))
+        memory = replace(memory, factor=factor, settled=False)
+        return self._state(system, x, force, state.evaluations + cycles, energy, memory)
 
     @staticmethod
     def _state(system: Body, x: Array, force: Array, evaluations: int, energy: float, memory: Memory) -> State:
