@@ -29,6 +29,8 @@ __all__ = ["Memory", "NonsmoothMultigrid"]
 _NESTED, _NESTED_STEPS = 1e-3, 15
 #: How large a residual, by the distance to the contact conditions, conjugate gradients leave when they end early.
 _PATIENCE = 1.5
+#: Part of a move from which it counts as cut back to a piece, and not as rounded.
+_CUT = 1e-9
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
 #: What rounding makes of the energy, relative to its parts, along a line and over a step; and what a move of one point
@@ -440,15 +442,17 @@ class _Enough:
     budget: Budget
 
     def __call__(self, iteration: int, step: Array) -> Array:
-        at, late = self.equation, bool(self.budget.due())
+        at = self.equation
         system, weights = at.system, at.system.weights[:, None]
-        pulled = system.pull(step) if iteration > 1 else np.zeros(0)  # by all processes, whether they are late or not
-        if late or iteration < 2:
-            return np.full(1, np.inf if late else 0.0)
+        pulled = system.pull(step)  # by all processes, whether they are late or not
+        if self.budget.due():
+            return np.full(1, np.inf)
         way = system.spread(step[system.unknown])
         aim = np.where(at.moving, at.near.clamp(at.r + way), at.r)
-        overshoot = system.stiffness * np.where(at.moving, at.r + way - aim, 0.0)
+        beyond = np.where(at.moving, at.r + way - aim, 0.0)
         lam = system.spread(at.force[system.unknown] - pulled) / weights
         off = np.where(system.active, lam - at.near.nearest_multiplier(lam), 0.0)
         bend = at.near.gradient(aim) - at.line.gradient - np.einsum("mij,mj->mi", at.line.hessian, way)
-        return np.asarray(_PATIENCE * np.hypot(overshoot, weights * np.where(at.moving, bend, off))).ravel()
+        bend[np.abs(beyond) > _CUT * np.abs(way)] = 0.0  # at the end of its piece a law has no gradient
+        missed = np.hypot(system.stiffness * beyond, weights * np.where(at.moving, bend, off))
+        return np.asarray(_PATIENCE * missed).ravel()
