@@ -301,3 +301,35 @@ def test_choice_heeds_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     method, why = choose(hv.discretize(gallery.survey("5.1", 32)))
     assert isinstance(method, NonsmoothMultigrid)
     assert "GiB" in why
+
+
+@pytest.mark.parametrize(
+    ("statement", "part"),
+    [
+        (gallery.survey("5.1", 32, "right"), 0.9),
+        (gallery.survey_logarithmic(0.3, 32, "right"), 0.5),
+        (gallery.survey_cube("5.1", 8), 0.9),
+    ],
+    ids=["survey", "weakening", "cube"],
+)
+def test_from_the_right_pieces_one_equation_is_solved(statement: hv.ContactProblem, part: float) -> None:
+    # What conjugate gradients do on the way carries contact points beyond their pieces, and back.
+    problem = hv.discretize(statement)
+    body = NonsmoothMultigrid().prepare(problem, hv.Workspace())
+    expected = hv.solve(problem, NonsmoothNewton(), TIGHT)
+    start = body.moved(part * expected.unknowns, expected.local)
+    found = hv.solve(problem, NonsmoothMultigrid(settled=True), TIGHT, initial=start)
+    assert found.status is Status.CONVERGED
+    assert found.steps == 1
+    assert distance(problem, found, expected) < 1e-9
+    assert hv.solve(problem, NonsmoothMultigrid(), TIGHT, initial=start).steps > 1
+
+
+def test_from_the_wrong_pieces_the_same_is_found() -> None:
+    problem = hv.discretize(gallery.survey_cube("5.1", 8))
+    body = NonsmoothMultigrid().prepare(problem, hv.Workspace())
+    expected = hv.solve(problem, NonsmoothNewton(), TIGHT)
+    far = body.moved(expected.unknowns, expected.local + 0.1)
+    found = hv.solve(problem, NonsmoothMultigrid(settled=True), TIGHT, initial=far)
+    assert found.status is Status.CONVERGED
+    assert distance(problem, found, expected) < 1e-9

@@ -15,6 +15,7 @@ from hemivar.certify.smallness import Smallness, smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.descent import downhill, resistance_against
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
+from hemivar.evolution.expectation import expected_contact
 from hemivar.evolution.jump_paths import JumpPaths
 from hemivar.evolution.jumps import Jump, Leap
 from hemivar.evolution.ledger import Ledger
@@ -42,6 +43,7 @@ from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Solut
 from hemivar.solvers.choice import choose
 from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
 from hemivar.solvers.solve import suited
+from hemivar.systems.body_on_levels import set_up
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Advance", "Taken"]
@@ -364,6 +366,8 @@ class Advance:
         start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
         if excess < 0.0:
             method = _as_accurate(self.solver, controls)
+            if initial is None:
+                start, method = self._foreseen(stage, start, method)
             return solve(problem, method, controls, initial=start, workspace=self.workspace), 0.0
         if jump is Jump.GLOBAL and not self.resists:
             found = find_solutions(problem, workspace=self.workspace)
@@ -374,6 +378,14 @@ class Advance:
         if jump is Jump.VISCOUS and not self.resists:
             return solve(slow, self.solver, controls, initial=start, workspace=self.workspace), resistance
         return downhill(problem, slow, resistance, start, self.solver, controls, self.workspace), 0.0
+
+    def _foreseen(self, stage: Stage, start: Array, method: Solver) -> tuple[Array, Solver]:
+        """Where a method starts from, and how: multigrid with the contact points where they are expected."""
+        inert = self.discrete.mass is not None
+        if not inert or not isinstance(method, NonsmoothMultigrid) or method.refuse(stage.problem) is not None:
+            return start, method
+        expected = expected_contact(stage, set_up(stage.problem, self.workspace))
+        return (start, method) if expected is None else (expected, replace(method, settled=True))
 
     def _nearby(self, stage: Stage, initial: Solution | None, controls: Controls) -> Solution | None:
         """The one solution of a stage, if a few of Newton's equations lead to it from what is expected."""

@@ -464,7 +464,8 @@ class Truncated:
             changed = self._changed[0]
             free = np.ones(changed.matrix.shape[0])
             free[changed.level.contact[changed.held]] = 0.0  # their columns are still there, but meet zeros only
-            dense = changed.matrix.toarray() * free
+            dense = changed.matrix.toarray()
+            dense *= free
             dense[np.diag_indices_from(dense)] += 1.0 - free
             self._coarse = _inverse_root(dense)
         root = self._coarse
@@ -481,14 +482,14 @@ def _inverse_root(matrix: Array) -> Array:
     """Some ``R`` with ``R R'`` its inverse, or that of its absolute value where it is not positive definite."""
     diagonal = np.abs(np.diagonal(matrix))
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = matrix * scale  # in one piece of memory: new memory takes as long as the numbers
+    scaled *= scale[:, None]
+    upper, failed = la.lapack.dpotrf(scaled.T, lower=0, overwrite_a=1)
+    if not failed and np.diagonal(upper).min(initial=1.0) > np.sqrt(_PIVOT):
+        inverse, _ = la.lapack.dtrtri(upper, lower=0, overwrite_c=1)
+        inverse *= scale[:, None]
+        return np.asarray(inverse)
     scaled = scale[:, None] * (0.5 * (matrix + matrix.T)) * scale
-    try:
-        lower = la.cholesky(scaled, lower=True, check_finite=False)
-        if np.diagonal(lower).min(initial=1.0) > np.sqrt(_PIVOT):
-            inverse, _ = la.lapack.dtrtri(lower, lower=1)
-            return np.asarray(scale[:, None] * inverse.T)
-    except la.LinAlgError:
-        pass
     values, vectors = la.eigh(scaled, check_finite=False)
     size = np.maximum(np.abs(values), _PIVOT * np.abs(values).max(initial=1.0))
     return np.asarray((scale[:, None] * vectors) / np.sqrt(size))

@@ -27,8 +27,10 @@ __all__ = ["Memory", "NonsmoothMultigrid"]
 
 #: Relative residual up to which coarser meshes are solved, and the most steps there.
 _NESTED, _NESTED_STEPS = 1e-3, 15
-#: Part of the distance to the contact conditions that is left when conjugate gradients end early.
-_PATIENCE = 0.7
+#: How large a residual, by the distance to the contact conditions, conjugate gradients leave when they end early.
+_PATIENCE = 1.5
+#: Part of a move from which it counts as cut back to a piece, and not as rounded.
+_CUT = 1e-9
 #: Tightest tolerance of conjugate gradients, relative to the load.
 _TIGHTEST = 1e-13
 #: What rounding makes of the energy, relative to its parts, along a line and over a step; and what a move of one point
@@ -51,11 +53,14 @@ class Memory:
         ``f - K u``.
     matrix : Truncation
         Newton's matrix, changed from step to step.
+    settled : bool
+        Whether the next step begins with Newton's equation.
     """
 
     factor: float
     force: Array
     matrix: Truncation
+    settled: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,9 @@ class NonsmoothMultigrid(Solver):
         Start from the solution on the next coarser mesh.
     absolute : float
         What conjugate gradients may leave beside it, in units of force.
+    settled : bool
+        The contact points of the initial guess lie on the pieces of their laws and at the kinks where they are expected
+        in the end: the first step begins with Newton's equation.
     """
 
     sweeps: int = 3
@@ -97,6 +105,7 @@ class NonsmoothMultigrid(Solver):
     tolerance: float | None = None
     nested: bool = True
     absolute: float = 0.0
+    settled: bool = False
     name: ClassVar[str] = "multigrid"
     descends: ClassVar[bool] = True
 
@@ -126,7 +135,7 @@ class NonsmoothMultigrid(Solver):
         below = system.posed_below() if self.nested else None
         if below is None:
             return system.start(), None
-        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2))
+        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False)
         x, stopped = rough.first_guess(below, budget)
         if stopped is None:
             controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
@@ -140,15 +149,18 @@ class NonsmoothMultigrid(Solver):
         known = start.memory.matrix if isinstance(start.memory, Memory) else None
         force = system.force(start.r)
         energy = system.energy(start.r, force=force)
-        memory = Memory(system.stiffest, force, system.truncation() if known is None else known)
+        matrix, settled = (system.truncation(), self.settled) if known is None else (known, False)
+        memory = Memory(system.stiffest, force, matrix, settled)
         return replace(start, energy=energy, residual=system.residual(start.r, start.lam, force), memory=memory)
 
     def step(self, system: Body, state: State, budget: Budget) -> State:
         memory: Memory = state.memory
         energy, factor, force = float(state.energy or 0.0), memory.factor, memory.force
         r = origin = system.local(state.r)
+        if memory.settled:
+            r = snapped(system, r)
         pull = system.spread(force[system.unknown])
-        for _ in range(self.sweeps):
+        for _ in range(0 if memory.settled else self.sweeps):
             move = diagonal_step(system, r, pull - system.couple(r - origin), factor)
             factor = move.factor
             if move.endless:
@@ -166,7 +178,8 @@ class NonsmoothMultigrid(Solver):
         if state.energy is not None and energy >= state.energy - _ROUNDED_STEP * abs(state.energy):
             x, force, more = self._polish(system, memory.matrix, x, force)
             cycles += more
-        return self._state(system, x, force, state.evaluations + cycles, energy, replace(memory, factor=factor))
+        memory = replace(memory, factor=factor, settled=False)
+        return self._state(system, x, force, state.evaluations + cycles, energy, memory)
 
     @staticmethod
     def _state(system: Body, x: Array, force: Array, evaluations: int, energy: float, memory: Memory) -> State:
@@ -429,15 +442,17 @@ class _Enough:
     budget: Budget
 
     def __call__(self, iteration: int, step: Array) -> Array:
-        at, late = self.equation, bool(self.budget.due())
+        at = self.equation
         system, weights = at.system, at.system.weights[:, None]
-        pulled = system.pull(step) if iteration > 1 else np.zeros(0)  # by all processes, whether they are late or not
-        if late or iteration < 2:
-            return np.full(1, np.inf if late else 0.0)
+        pulled = system.pull(step)  # by all processes, whether they are late or not
+        if self.budget.due():
+            return np.full(1, np.inf)
         way = system.spread(step[system.unknown])
         aim = np.where(at.moving, at.near.clamp(at.r + way), at.r)
-        overshoot = system.stiffness * np.where(at.moving, at.r + way - aim, 0.0)
+        beyond = np.where(at.moving, at.r + way - aim, 0.0)
         lam = system.spread(at.force[system.unknown] - pulled) / weights
         off = np.where(system.active, lam - at.near.nearest_multiplier(lam), 0.0)
         bend = at.near.gradient(aim) - at.line.gradient - np.einsum("mij,mj->mi", at.line.hessian, way)
-        return np.asarray(_PATIENCE * np.hypot(overshoot, weights * np.where(at.moving, bend, off))).ravel()
+        bend[np.abs(beyond) > _CUT * np.abs(way)] = 0.0  # at the end of its piece a law has no gradient
+        missed = np.hypot(system.stiffness * beyond, weights * np.where(at.moving, bend, off))
+        return np.asarray(_PATIENCE * missed).ravel()
