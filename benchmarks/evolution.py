@@ -87,17 +87,16 @@ class Counted:
 def counting() -> Iterator[Counted]:
     """Count factorisations, and time what they are asked for, in this block."""
     counted = Counted()
-    kind = factorisation.MumpsFactorisation if mumps_available() else factorisation.SuperLUFactorisation
-    names = [name for name in ("solve_interior", "reduce", "extend") if hasattr(kind, name)]
-    kept = {name: getattr(kind, name) for name in names}
-    begin = kind.__init__
+    kinds: tuple[Any, ...] = (factorisation.MumpsFactorisation, factorisation.SuperLUFactorisation)
+    names = ("solve_interior", "reduce", "extend", "__init__")
+    kept = {(kind, name): getattr(kind, name) for kind in kinds for name in names if hasattr(kind, name)}
 
-    def timed(name: str) -> Any:
+    def timed(original: Any) -> Any:
         def call(self: Any, *given: Any) -> Any:
             began = time.perf_counter()
             counted.depth += 1
             try:
-                return kept[name](self, *given)
+                return original(self, *given)
             finally:
                 counted.depth -= 1
                 if not counted.depth:
@@ -106,13 +105,15 @@ def counting() -> Iterator[Counted]:
 
         return call
 
-    def made(self: Any, *given: Any) -> None:
-        counted.factors += 1
-        begin(self, *given)
+    def made(original: Any) -> Any:
+        def call(self: Any, *given: Any) -> None:
+            counted.factors += 1
+            original(self, *given)
 
-    for name in names:
-        setattr(kind, name, timed(name))
-    kind.__init__ = made  # type: ignore[method-assign]
+        return call
+
+    for (kind, name), original in kept.items():
+        setattr(kind, name, (made if name == "__init__" else timed)(original))
     cycle = Truncated.cycle
 
     def cycled(self: Any, *given: Any) -> Any:
@@ -123,9 +124,8 @@ def counting() -> Iterator[Counted]:
     try:
         yield counted
     finally:
-        for name in names:
-            setattr(kind, name, kept[name])
-        kind.__init__ = begin  # type: ignore[method-assign]
+        for (kind, name), original in kept.items():
+            setattr(kind, name, original)
         Truncated.cycle = cycle  # type: ignore[method-assign]
 
 

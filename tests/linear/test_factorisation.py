@@ -7,7 +7,11 @@ import pytest
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.fem.assembly import stiffness_matrix
+from hemivar.linear import factorisation
 from hemivar.linear.factorisation import Factorisation, SuperLUFactorisation, factorise
+from hemivar.mechanics import Material
+from hemivar.mesh import box, rectangle
 
 
 def body(n: int, seed: int) -> sp.csr_array:
@@ -83,3 +87,18 @@ def test_a_body_without_kept_unknowns_is_solved_by_both_sweeps() -> None:
     load = np.sqrt(K.diagonal())
     factor = factorise(K, np.zeros(0, dtype=np.int64), many=True)
     np.testing.assert_allclose(K @ factor.solve_interior(load) / load, 1.0, atol=1e-10)
+
+
+@pytest.mark.parametrize(("dim", "order", "swept"), [(2, 1, True), (2, 2, True), (3, 1, False)])
+def test_many_loads_in_the_plane_go_by_halves_whatever_is_installed(
+    dim: int, order: int, swept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of SuperLU, where MUMPS is there: its whole solve takes longer."""
+    mesh = rectangle((1.0, 1.0), 12) if dim == 2 else box((1.0, 1.0, 1.0), 7)
+    K = stiffness_matrix(mesh, Material.lame(4.0, 4.0), order)
+    K = sp.csr_array(K + 1e-3 * sp.eye_array(K.shape[0]))
+    monkeypatch.setattr(factorisation, "mumps_available", lambda: True)
+    monkeypatch.setattr(factorisation, "MumpsFactorisation", lambda matrix, kept: "whole")
+    none = np.zeros(0, dtype=np.int64)
+    assert factorise(K, none) == "whole"
+    assert isinstance(factorise(K, none, many=True), SuperLUFactorisation) is swept

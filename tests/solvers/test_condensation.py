@@ -52,7 +52,7 @@ def test_schur_complement_by_solves_is_the_same() -> None:
     K = random_matrix(150, 3)
     kept = np.arange(0, 150, 5)
     factor = SuperLUFactorisation(K, kept)
-    by_solves = factor._schur_by_solves(150, kept.size, block=8)
+    by_solves = factor._schur_by_solves(factor._factor, kept.size, block=8)
     order = np.argsort(factor._order[-kept.size :])
     np.testing.assert_allclose(
         by_solves[np.ix_(order, order)], factor.schur + np.diag(K.diagonal()[kept]), rtol=1e-9, atol=1e-9

@@ -32,6 +32,9 @@ __all__ = [
 ]
 
 _Result = TypeVar("_Result")
+#: Entries a row up to which a matrix is one of the plane: linear elements have 14 there, quadratic ones 23, and linear
+#: ones in space 45.
+_PLANE = 30
 #: Matrices up to this size are factorised in less time than a thread of its own is worth.
 _QUICK = 5_000
 #: Codes by which MUMPS says that it got no memory, on this process or another.
@@ -95,14 +98,15 @@ def factorise(matrix: sp.csr_array, kept: IntArray, many: bool = False) -> Facto
     kept : int array (k,)
     many : bool
         Many loads are to come: for about a fourth more than the factors cost, a load and its way back then take one
-        sweep through each half of the factors, and not a whole solve each.  MUMPS does not lend its halves.
+        sweep through each half of the factors, and not a whole solve each.  MUMPS does not lend its halves: in the
+        plane SuperLU is taken then, whose sweeps are faster than MUMPS's solve.
 
     Raises
     ------
     ProblemError
         A part of the body that is not kept can move freely.
     """
-    if mumps_available():
+    if mumps_available() and not (many and matrix.nnz <= _PLANE * matrix.shape[0]):
         return MumpsFactorisation(matrix, kept)
     return SuperLUFactorisation(matrix, kept, many)
 
