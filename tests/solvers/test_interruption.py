@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -339,6 +340,16 @@ def test_condensation_asks_before_it_starts(monkeypatch: pytest.MonkeyPatch) -> 
     problem = discrete_square(n=8)
     with pytest.raises(MethodError, match=r"0\.000954 MiB are free"):
         solve(problem)
+
+
+def test_marches_in_the_plane_are_predicted_as_they_are_factorised(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By SuperLU, whatever is installed, which takes more than MUMPS."""
+    once: dict[tuple[bool, int, bool], float] = {}
+    for mumps, dim, many in itertools.product((False, True), (2, 3), (False, True)):
+        monkeypatch.setattr(memory, "mumps_available", lambda mumps=mumps: mumps)
+        once[mumps, dim, many] = memory.factorisation_bytes(30_000, dim, 300, many)
+    assert once[True, 2, True] == once[False, 2, True] == once[False, 2, False] > once[True, 2, False]
+    assert once[True, 3, True] == once[True, 3, False] < once[False, 3, False]
 
 
 def test_model_of_the_memory_is_above_the_factors_themselves() -> None:

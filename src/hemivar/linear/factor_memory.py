@@ -21,7 +21,7 @@ _MUMPS = {2: (48.0, 4.0), 3: (260.0, 8.0)}
 _SAFETY = 1.25
 
 
-def factorisation_bytes(unknowns: int, dimension: int, contact: int) -> float:
+def factorisation_bytes(unknowns: int, dimension: int, contact: int, many: bool = False) -> float:
     """Bytes that condensing a problem and solving it by :class:`NonsmoothNewton` take beyond the problem itself.
 
     A fit to measurements with linear elements on uniform meshes, by the factorisation that :func:`factorise` takes
@@ -33,15 +33,17 @@ def factorisation_bytes(unknowns: int, dimension: int, contact: int) -> float:
         Unknowns n, and those of them on the contact boundary.
     dimension : int
         Of the body.
+    many : bool
+        For many loads, as of :func:`factorise`.
     """
-    mumps = mumps_available()
+    mumps = mumps_available() and not (many and dimension == 2)
     factor, dense = (_MUMPS if mumps else _SUPERLU).get(dimension, (100.0, 8.0))
     n = float(max(unknowns, 2))
     growth = n * math.log2(n) if dimension == 2 else n ** (4.0 / 3.0 if mumps else 1.5) if dimension == 3 else n
     return factor * growth + dense * 8.0 * float(contact) ** 2
 
 
-def check_memory(unknowns: int, dimension: int, contact: int) -> None:
+def check_memory(unknowns: int, dimension: int, contact: int, many: bool = False) -> None:
     """Refuse a condensation that would not fit.
 
     Raises
@@ -50,7 +52,7 @@ def check_memory(unknowns: int, dimension: int, contact: int) -> None:
         The prediction, with a safety factor, is more than what is available.
     """
     free = available_bytes()
-    needed = _SAFETY * factorisation_bytes(unknowns, dimension, contact)
+    needed = _SAFETY * factorisation_bytes(unknowns, dimension, contact, many)
     if free is not None and needed > free:
         raise MethodError(
             f"the factorisation of {unknowns} unknowns, {contact} of them on the contact boundary, needs about "

@@ -388,7 +388,7 @@ def condense(problem: Posable, many: bool = False) -> CondensedProblem:
     problem = posed(problem, "condense")
     began = time.perf_counter()
     contact = problem.contact_points * problem.contact.components
-    check_memory(problem.unknowns, problem.contact.components, contact)
+    check_memory(problem.unknowns, problem.contact.components, contact, many)
     try:
         return _under(Elimination.of(problem, many), problem, began)
     except MemoryError:
