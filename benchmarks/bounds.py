@@ -2,8 +2,8 @@
 
     python benchmarks/bounds.py claims [--runs 320] [--seed 1] [--rows claims.jsonl]
     python benchmarks/bounds.py effectivity [--sizes 8 16] [--space 2 4]
-    python benchmarks/bounds.py cost [--sizes 64 128] [--space 8 16] [--data figure1 5.1] [--methods newton multigrid]
-    python benchmarks/bounds.py memory [--sizes 128] [--space 12]
+    python benchmarks/bounds.py cost [--sizes 64 128] [--space 8 16 24 32] [--data 5.1] [--methods newton multigrid]
+    python benchmarks/bounds.py memory [--sizes 128] [--space 12 32]
 
 ``claims`` judges every problem of the gallery that has a bound, and statements at random (``random_statements.py``),
 and prints for each the bound over the error, and whether it holds.  With ``--rows`` each run is kept as soon as it is

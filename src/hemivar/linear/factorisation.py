@@ -32,8 +32,8 @@ __all__ = [
 ]
 
 _Result = TypeVar("_Result")
-#: Entries a row up to which a matrix is one of the plane: linear elements have 14 there, quadratic ones 23, and linear
-#: ones in space 45.
+#: Entries a row up to which a matrix is taken for one of the plane: linear elements have 14 there, quadratic ones 23,
+#: and linear ones in space 45. Fields of one component in space, such as temperatures, have 15 and go with the plane.
 _PLANE = 30
 #: Matrices up to this size are factorised in less time than a thread of its own is worth.
 _QUICK = 5_000
