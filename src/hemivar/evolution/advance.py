@@ -24,6 +24,7 @@ from hemivar.evolution.operators import Operator
 from hemivar.evolution.products import Products
 from hemivar.evolution.schemes import Rule, Scheme
 from hemivar.evolution.stage import (
+    Force,
     Ground,
     Stage,
     apply,
@@ -53,6 +54,8 @@ _ROUNDS = 60
 _STANDS = 1e-10
 #: Part of the tolerance of a step that cycles of multigrid leave.
 _SHARE = 0.9
+#: Part of the size of what is added up by which rounding may be taken for half of a tolerance.
+_ROUNDING = 16.0 * float(np.finfo(float).eps)
 #: Contact components up to which small matrices are dense ones.
 _DENSE = 4000
 #: Bodies and laws whose constants are kept.
@@ -104,8 +107,9 @@ class _Reached:
 
     stage: Stage
     unknowns: Array
+    way: Array  # x* - x, from the beginning of the stage
     motion: Motion  # x*, v*, w*
-    forces: dict[str, Array]
+    forces: dict[str, Force]
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,9 +342,11 @@ class Advance:
         """Motion and forces of unknowns (n,) of a stage; the last are known again."""
         known = self._reached
         if known is None or known.stage is not stage or known.unknowns is not unknowns:
-            motion = stage.motion(stage.displacement(unknowns), stage.before.body)
+            place, before = stage.displacement(unknowns), stage.before.body
+            way = place - before.place
+            motion = stage.moved(place, way, before)
             forces = reached_forces(self.discrete, stage, motion, self.products)
-            known = self._reached = _Reached(stage, unknowns, motion, forces)
+            known = self._reached = _Reached(stage, unknowns, way, motion, forces)
         return known
 
     def _stage_law(self, at: Acting, base: Moment, rule: Rule, step: float, guess: Array, multiplier: Array) -> StepLaw:
@@ -400,9 +406,11 @@ class Advance:
         else:
             r, lam = initial.local, initial.multiplier
 
+        enough = controls.atol / _ROUNDING
+
         def left(unknowns: Array) -> OutOfBalance:
             reached = self._reached_by(stage, unknowns)
-            return left_over(self.discrete, stage, reached.motion, reached.forces)
+            return left_over(self.discrete, stage, reached.motion, reached.forces, self.products, enough)
 
         known = left if stage.held else None
         return nearby_solution(system, r, lam, controls, self._pieces_of(problem), known)
@@ -439,7 +447,7 @@ class Advance:
             body, point = last.rate, last.local
             if self.discrete.mass is not None and self.discrete.vectors.alone:
                 stretched = stretching(last.stage, body, last.solution.multiplier, self.products)
-            difference = body.place - before.body.place if before.branches else body.place
+            difference = last.reached.way
         else:
             difference = rule.reach * (last.rate.place - before.body.place)
             place = last.rate.place.copy() if rule.reach == 1.0 else before.body.place + difference
@@ -467,7 +475,8 @@ class Advance:
         moment = Moment(
             time, before.index + 1, body, point, last.solution.multiplier, branches, memory, before.ledger, before.heat
         )
-        ledger = self._booked(before, moment, solved, step)
+        whole = difference if body is last.rate else body.place - before.body.place
+        ledger = self._booked(before, moment, whole, solved, step)
         return Moment(
             time, moment.index, body, point, moment.multiplier, branches, memory, ledger, before.heat, stretched
         )
@@ -501,11 +510,12 @@ class Advance:
         }
         return dict(zip(own, discrete.vectors.total(*own.values()).tolist(), strict=True))
 
-    def _booked(self, before: Moment, moment: Moment, solved: list[_Solved], step: float) -> Ledger:
+    def _booked(self, before: Moment, moment: Moment, whole: Array, solved: list[_Solved], step: float) -> Ledger:
+        """The ledger at the end of a step that moves the body by ``whole`` (n + k,)."""
         discrete, n = self.discrete, self.discrete.unknowns
         weights = discrete.problem.contact.weights[:, None]
         old, single = before.ledger, len(solved) == 1
-        whole, slid = moment.body.place - before.body.place, moment.local.place - before.local.place
+        slid = moment.local.place - before.local.place
         work = moved = viscous = friction = damping = jumps = 0.0
         internal = inertial = relaxing = normal = 0.0
         for part in solved:
@@ -513,7 +523,7 @@ class Advance:
             du = whole if single else stage.rule.share * step * part.rate.velocity
             dr = slid if single else stage.rule.share * step * part.local.velocity
             acts = part.reached.forces
-            done = {name: float(force @ du) for name, force in acts.items()}
+            done = {name: force.on(du) for name, force in acts.items()}
             internal += done["internal"]
             viscous += done.get("viscous", 0.0)
             inertial += done.get("inertial", 0.0)
@@ -524,7 +534,8 @@ class Advance:
             lam = part.solution.multiplier
             pressed = weights * lam
             if du.size > n:
-                moved += float((sum(acts.values()) - stage.load)[n:] @ du[n:])
+                moved += sum(force.factor * float(force.vector[n:] @ du[n:]) for force in acts.values())
+                moved -= float(stage.load[n:] @ du[n:])
             if lam.size and not stage.still:
                 shifted = discrete.problem.contact.traced(du[:n]) - dr
                 moved -= float((pressed * shifted).sum())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -112,6 +113,16 @@ class DiscreteEvolution(Portable):
         found = self.problem.field
         assert found is not None
         return found
+
+    @cached_property
+    def damping_time(self) -> float | None:
+        """The time t with ``C = t K`` on the unknowns, if viscosity is in proportion to stiffness; else None.
+
+        Then the viscous force of a velocity is known where elastic forces are, without a product of its own.
+        """
+        if self.viscosity is None or not self.vectors.alone:
+            return None
+        return self.viscosity.multiple_of(self.stiffness)
 
     def full(self, x: Array) -> Array:
         """Nodal displacements or velocities (nodes, d) of unknowns and prescribed displacements (n + k,)."""

@@ -16,6 +16,9 @@ from hemivar.discrete.bulk import without_zeros
 
 __all__ = ["Operator", "combined"]
 
+#: Rounding of entries that are sums over cells, in units of the diagonal.
+_ROUNDED = 16.0 * float(np.finfo(float).eps)
+
 
 @dataclass(frozen=True, eq=False)
 class Operator(Portable):
@@ -54,6 +57,24 @@ class Operator(Portable):
         n = self.unknowns
         u, z = x[:n], x[n:]
         return np.concatenate([self._entries @ u + self.coupling @ z, self.coupling.T @ u + self.held @ z])
+
+    def multiple_of(self, other: Operator) -> float | None:
+        """The number t with ``inner = t other.inner`` up to the rounding of its entries; None if there is none."""
+        own, base = self.inner, other.inner
+        if own.nnz != base.nnz or not (
+            np.array_equal(own.indptr, base.indptr) and np.array_equal(own.indices, base.indices)
+        ):
+            return None
+        first, diagonal = own.diagonal(), base.diagonal()
+        if not diagonal.size or diagonal.min() <= 0.0:
+            return None
+        ratio = float(np.median(first / diagonal))
+        root = np.sqrt(diagonal)
+        off = np.abs(own.data - ratio * base.data)
+        off /= root[base.indices]
+        rows = np.flatnonzero(np.diff(base.indptr))
+        worst = np.maximum.reduceat(off, base.indptr[rows]) / root[rows]
+        return ratio if worst.max() <= _ROUNDED * abs(ratio) else None
 
     def energy(self, x: Array) -> float:
         """``x'Ax / 2``, the part of this process."""

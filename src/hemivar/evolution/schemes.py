@@ -33,6 +33,10 @@ __all__ = [
 ]
 
 
+#: Rounding of factors of a scheme.
+_ROUNDED = 1e-14
+
+
 @dataclass(frozen=True)
 class Linear:
     """``difference * (u - u_n) + velocity * v + acceleration * w``, the values at the beginning of the step.
@@ -85,6 +89,15 @@ class Rule:
         """Whether the end of the step is the stage, with its velocity and acceleration."""
         same = self.new_velocity == self.rate and self.new_acceleration == self.acceleration
         return self.reach == 1.0 and same
+
+    @cached_property
+    def backward(self) -> float | None:
+        """The number c with ``v* = a (u* - u_n)`` and ``w* = c (v* - v)``; None where the scheme is another."""
+        a, b = self.rate, self.acceleration
+        if a.velocity or a.acceleration or b.acceleration or not (a.difference and b.difference):
+            return None
+        ratio = b.difference / a.difference
+        return ratio if abs(b.velocity + ratio) <= _ROUNDED * ratio else None
 
 
 class Scheme(ABC):

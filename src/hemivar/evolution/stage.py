@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import blas
 
-from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
@@ -19,6 +19,7 @@ from hemivar.solvers import Solution
 from hemivar.solvers.nearby import OutOfBalance
 
 __all__ = [
+    "Force",
     "Ground",
     "Stage",
     "allowed",
@@ -100,9 +101,16 @@ class Stage:
 
     def motion(self, place: Array, motion: Motion) -> Motion:
         """Place, velocity and acceleration at the stage of something that was in ``motion`` before."""
-        difference = place - motion.place
-        velocity = apply(self.rule.rate, difference, motion)
-        return Motion(place, velocity, apply(self.rule.acceleration, difference, motion))
+        return self.moved(place, place - motion.place, motion)
+
+    def moved(self, place: Array, difference: Array, motion: Motion) -> Motion:
+        """The same, where the difference is known."""
+        velocity, ratio = apply(self.rule.rate, difference, motion), self.rule.backward
+        if ratio is None:
+            return Motion(place, velocity, apply(self.rule.acceleration, difference, motion))
+        acceleration = velocity - motion.velocity
+        acceleration *= ratio
+        return Motion(place, velocity, acceleration)
 
 
 def apply(rule: Linear, difference: Array, motion: Motion) -> Array:
@@ -129,6 +137,24 @@ def body_factors(discrete: DiscreteEvolution, rule: Rule, step: float) -> tuple[
     """What viscosity, mass and every branch are multiplied with in the stiffness of a stage."""
     gains = (gain(time, rule.at * step, rule.reach / step) for time, _ in discrete.branches)
     return rule.rate.difference, rule.acceleration.difference, *gains
+
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """A force of the body: a multiple of a vector, which others may share.
+
+    Attributes
+    ----------
+    vector : array (n + k,)
+    factor : float
+    """
+
+    vector: Array
+    factor: float = 1.0
+
+    def on(self, way: Array) -> float:
+        """Its work on a way (n + k,)."""
+        return self.factor * float(self.vector @ way)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,22 +229,21 @@ def posed_stage(
     n, body, rule = discrete.unknowns, before.body, ground.rule
     place = body.place
     if ground.coast.velocity or ground.coast.acceleration:
-        place = place + _combined(ground.coast, body)
+        moved = _combined(ground.coast, body)
+        moved += place
+        place = moved
     elif place.size > n:
         place = place.copy()
     # Prescribed displacements and offsets go straight from where they are to where they will be.
     offset = start.offset
     if place.size > n:
-        moved = before.body.place[n:]
-        place[n:] = moved + (end.prescribed - moved) / rule.reach
+        held_at = before.body.place[n:]
+        place[n:] = held_at + (end.prescribed - held_at) / rule.reach
     if end.offset is not offset:
         offset = offset + (end.offset - offset) / rule.reach
     held = not discrete.vectors.largest(float(place.size - n))[0]  # what supports move may be pushed
     if held:
-        force, speed = at.load - _predicted(before, ground, place, products), ground.speed
-        if discrete.viscosity is not None and (speed.velocity or speed.acceleration):
-            goes_on = speed.velocity == 1.0 and not speed.acceleration
-            force -= products.viscosity(body.velocity if goes_on else _combined(speed, body))
+        force = _left_of(at.load, discrete, before, ground, place, products)
         if discrete.branches:
             force -= _relaxing(discrete, before, place - body.place, ground.decays, ground.gains)
     else:
@@ -241,12 +266,24 @@ def posed_stage(
     )  # fmt: skip
 
 
-def _predicted(before: Moment, ground: Ground, place: Array, products: Products) -> Array:
-    """Elastic force ``K place`` of a prediction, without a product where the last step tells ``K v``."""
-    known, coast = before.stretching, ground.coast
+def _left_of(
+    load: Array, discrete: DiscreteEvolution, before: Moment, ground: Ground, place: Array, products: Products
+) -> Array:
+    """What elastic and viscous forces of a prediction leave of a load, without products where the last step tells
+    ``K v``."""
+    known, coast, speed = before.stretching, ground.coast, ground.speed
+    viscous = discrete.viscosity is not None and bool(speed.velocity or speed.acceleration)
+    goes_on = speed.velocity == 1.0 and not speed.acceleration
     if known is None or coast.acceleration or not 0.0 < coast.velocity <= _LONGER * known.step:
-        return products.stiffness(place)
-    return products.stiffness(before.body.place) + (coast.velocity / known.step) * known.force
+        force = load - products.stiffness(place)
+    else:
+        time = coast.velocity
+        if viscous and goes_on and discrete.damping_time is not None:
+            time, viscous = time + discrete.damping_time, False
+        force = blas.daxpy(known.force, load - products.stiffness(before.body.place), a=-time / known.step)
+    if viscous:
+        force -= products.viscosity(before.body.velocity if goes_on else _combined(speed, before.body))
+    return force
 
 
 def expected_multiplier(before: Moment, span: float) -> Array:
@@ -262,12 +299,18 @@ def stretching(stage: Stage, reached: Motion, multiplier: Array, products: Produ
     rate = stage.rule.rate
     if rate.velocity or rate.acceleration or not stage.held or abs(rate.difference * stage.step - 1.0) > _ROUNDED:
         return None
-    before = stage.before.body.place
-    pulled = products.stiffness(reached.place) - products.stiffness(before)
+    pulled = products.pull(reached.place, stage.before.body.place)
     return Stretching(stage.step, pulled, multiplier - stage.before.multiplier)
 
 
-def left_over(discrete: DiscreteEvolution, stage: Stage, reached: Motion, acts: Mapping[str, Array]) -> OutOfBalance:
+def left_over(
+    discrete: DiscreteEvolution,
+    stage: Stage,
+    reached: Motion,
+    acts: Mapping[str, Force],
+    products: Products,
+    enough: float,
+) -> OutOfBalance:
     """What the forces of a displacement that was reached leave of the load, at a stage at which no support moves.
 
     Parameters
@@ -275,25 +318,30 @@ def left_over(discrete: DiscreteEvolution, stage: Stage, reached: Motion, acts: 
     discrete : DiscreteEvolution
     stage : Stage
     reached : Motion
-    acts : mapping of name to array (n,)
+    acts : mapping of name to Force
         Its :func:`reached_forces`.
+    products : Products
+    enough : float
+        Up to which the size may be estimated from above.
     """
-    rest, before, rule = stage.load - acts["internal"], stage.before.body, stage.rule
-    for name in ("viscous", "inertial", "relaxing"):
-        if name in acts:
-            rest -= acts[name]
+    before, rule = stage.before.body, stage.rule
+    rest = stage.load - acts["internal"].vector
+    for name, force in acts.items():
+        if name != "internal":
+            rest = blas.daxpy(force.vector, rest, a=-force.factor)
     # Displacements are known up to their rounding, and so are differences of them that a scheme divides by its step.
     sums = stage.problem.linear.row_sums
-    size = norm(stage.load) + norm(sums * reached.place) + norm(sums * before.place)
+    parts = [(1.0, sums, reached.place), (1.0, sums, before.place)]
     if discrete.mass is not None:
         push = discrete.mass.row_sums
-        size += abs(rule.acceleration.velocity) * norm(push * before.velocity)
+        parts.append((abs(rule.acceleration.velocity), push, before.velocity))
         if rule.acceleration.acceleration:
-            size += abs(rule.acceleration.acceleration) * norm(push * before.acceleration)
+            parts.append((abs(rule.acceleration.acceleration), push, before.acceleration))
     if discrete.viscosity is not None and rule.rate.velocity:
-        size += abs(rule.rate.velocity) * norm(discrete.viscosity.row_sums * before.velocity)
-    size += sum(norm(part.row_sums * h) for h, (_, part) in zip(stage.before.branches, discrete.branches, strict=True))
-    return OutOfBalance(rest, size)
+        parts.append((abs(rule.rate.velocity), discrete.viscosity.row_sums, before.velocity))
+    parts += [(1.0, part.row_sums, h) for h, (_, part) in zip(stage.before.branches, discrete.branches, strict=True)]
+    size = products.norm(stage.load)
+    return OutOfBalance(rest, size + products.size(parts, enough))
 
 
 def allowed(local: Motion, rule: Rule, step: float) -> Array:
@@ -329,23 +377,22 @@ def forces(
     return found
 
 
-def reached_forces(discrete: DiscreteEvolution, stage: Stage, reached: Motion, products: Products) -> dict[str, Array]:
+def reached_forces(discrete: DiscreteEvolution, stage: Stage, reached: Motion, products: Products) -> dict[str, Force]:
     """:func:`forces` of the displacement x* (n + k,) that was reached, with its velocity and acceleration."""
     before, rule = stage.before.body, stage.rule
-    found = {"internal": products.stiffness(reached.place)}
-    if discrete.viscosity is not None:
-        found["viscous"] = products.viscosity(reached.velocity)
-    if discrete.mass is not None:
-        ratio = rule.acceleration.difference / rule.rate.difference
-        a, b = rule.rate, rule.acceleration
-        if not (a.velocity or a.acceleration or b.acceleration) and abs(b.velocity + ratio) <= _ROUNDED * ratio:
-            # w* = ratio (v* - v): products that the kinetic energy needs as well
-            known = products.mass(before.velocity)
-            found["inertial"] = ratio * (products.mass(reached.velocity) - known)
-        else:
-            found["inertial"] = products.mass(reached.acceleration)
+    found = {"internal": Force(products.stiffness(reached.place))}
+    time, ratio = discrete.damping_time, rule.backward
+    if time is not None and stage.held and not (rule.rate.velocity or rule.rate.acceleration):
+        found["viscous"] = Force(products.pull(reached.place, before.place), time * rule.rate.difference)
+    elif discrete.viscosity is not None:
+        found["viscous"] = Force(products.viscosity(reached.velocity))
+    if discrete.mass is not None and ratio is not None:  # products that the kinetic energy needs as well
+        found["inertial"] = Force(products.mass(reached.velocity) - products.mass(before.velocity), ratio)
+    elif discrete.mass is not None:
+        found["inertial"] = Force(products.mass(reached.acceleration))
     if discrete.branches:
-        found["relaxing"] = _relaxing(discrete, stage.before, reached.place - before.place, stage.decays, stage.gains)
+        way = reached.place - before.place
+        found["relaxing"] = Force(_relaxing(discrete, stage.before, way, stage.decays, stage.gains))
     return found
 
 

@@ -116,6 +116,10 @@ class OperatorOnRanks(Operator):
         right, left = self._vectors
         return self._frame.reduced(applied(self._matrix.mult, right, left, self._frame.nodal(x)))
 
+    def multiple_of(self, other: Operator) -> float | None:
+        """Not looked for."""
+        return None
+
     def solved(self, right: Array) -> Array | None:
         """By conjugate gradients with the diagonal, which is all that a mass matrix needs."""
         ranks, frame = self._frame.body.ranks, self._frame
