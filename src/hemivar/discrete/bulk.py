@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Protocol, runtime_checkable
@@ -148,16 +149,32 @@ class Quadratic(Portable):
         sizes += np.abs(self.load)
         return norm(sizes)
 
-    def under(self, load: Array, constant: float | None = None) -> Quadratic:
-        """The same body under another load, shape (n,); the stiffness is shared, and what is known of it."""
-        _ = self.diagonal, self.row_sums
+    @cached_property
+    def load_size(self) -> float:
+        """Norm of the load."""
+        return norm(self.load)
+
+    @cached_property
+    def _ends_of_diagonal(self) -> tuple[float, float]:
+        return float(self.diagonal.min()), float(self.diagonal.max())
+
+    def under(self, load: Array, constant: float | None = None, own: bool = True) -> Quadratic:
+        """The same body under another load, shape (n,); the stiffness is shared, and what is known of it.
+
+        The load is copied, unless ``own`` says that nobody else has it: then it is read-only from now on.
+        """
+        _ = self.diagonal, self.row_sums, self._ends_of_diagonal
         other = copy.copy(self)
+        vars(other).pop("load_size", None)
         if constant is None and isinstance(load, np.ndarray) and load.dtype == float and load.shape == self.load.shape:
-            work = float(load.dot(load / self.diagonal))
-            if _LEAST_WORK < work < 1.0 / _LEAST_WORK:  # every number is finite
-                own = load.copy()
-                own.flags.writeable = False
-                object.__setattr__(other, "load", own)
+            least, largest = self._ends_of_diagonal
+            with np.errstate(over="ignore"):
+                square = float(load.dot(load))
+            if _LEAST_WORK * largest < square < least / _LEAST_WORK:  # every number is finite, and so is the work
+                kept = load.copy() if own else load
+                kept.flags.writeable = False
+                object.__setattr__(other, "load", kept)
+                vars(other)["load_size"] = math.sqrt(square)
                 return other
         other._carry(load, self.constant if constant is None else constant, own=True)
         _check_size(other.diagonal, other.load)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -185,7 +186,12 @@ class ContactPoints(Portable):
         ProblemError
             It has another shape, or a number is not finite.
         """
-        given = real_array(offset, "offset", 2, own=True)
+        plain = isinstance(offset, np.ndarray) and offset.dtype == float and offset.shape == self.offset.shape
+        if plain and math.isfinite(float(offset.sum())):
+            given = offset.copy()
+            given.flags.writeable = False
+        else:
+            given = real_array(offset, "offset", 2, own=True)
         if given.shape != self.offset.shape:
             raise ProblemError(f"offset has shape {given.shape}; it must be {self.offset.shape}")
         _ = self._spread, self.seen, self._pressing, self._single, self._order  # known to all that share the trace

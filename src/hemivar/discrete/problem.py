@@ -200,13 +200,16 @@ class DiscreteProblem(Portable, Displayed):
     def going_on(self, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
         """:meth:`with_` for a law that follows another one of the same points, which is not tried out again.
 
+        The load is not copied: it is read-only from now on.
+
         Raises
         ------
         ProblemError
-            A number of the load or the offset is not finite.
+            A number of the load or the offset is not finite, or there are more or fewer than there were.
         """
-        changed = self.with_(load=load, offset=offset)
-        object.__setattr__(changed, "law", law)
+        bulk = quadratic(self.bulk, "another load").under(load, own=False)
+        changed = copy.copy(self)
+        vars(changed).update(bulk=bulk, contact=self.contact.with_offset(offset), law=law)
         return changed
 
     @property
