@@ -53,6 +53,17 @@ class _Curved:
     column: int
     lower: Array  # of each piece (K + 1, m)
     upper: Array
+    start: Array  # its finite end, where points that come to it begin (K + 1, m), nan where it has none
+    tangent: Array  # slope and curvature there
+    bend: Array
+
+    @classmethod
+    def of(cls, law: Superpotential, column: int, lower: Array, upper: Array) -> Self:
+        start = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper, np.nan))
+        with np.errstate(invalid="ignore", over="ignore"):
+            lines = [law.piece_line(np.full(len(end), i), end) for i, end in enumerate(start)]
+        tangent, bend = (np.array([np.broadcast_to(line[k], start.shape[1:]) for line in lines]) for k in range(2))
+        return cls(law, column, lower, upper, start, tangent, bend)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +137,7 @@ class SeparateLaw:
             if not one.straight:
                 places = np.clip(knots[:own, :, c], ends.lower, ends.upper)
                 first, last = (np.broadcast_to(end, (1, m)) for end in (ends.lower, ends.upper))
-                curved.append(_Curved(one, c, np.concatenate([first, places]), np.concatenate([places, last])))
+                curved.append(_Curved.of(one, c, np.concatenate([first, places]), np.concatenate([places, last])))
                 continue
             finite = np.isfinite(knots[:own, :, c])
             at = np.where(finite, knots[:own, :, c], 0.0)
@@ -195,21 +206,19 @@ class SeparateLaw:
         there = still | ((at > lower) & (at < upper))
         moved = not there.all()
         if moved:
-            at = np.where(there, at, self._on_piece(one, piece, p[:, one.column], at, lower, upper))
+            at = np.where(there, at, self._on_piece(one, row, p[:, one.column], at, lower, upper))
             place[own] = at
         tangent, bend = one.law.piece_line(piece, at)
         lam[own] = np.where(still, lam[own], tangent)
         slope[own] = np.where(still, 0.0, bend)
         return moved
 
-    def _on_piece(self, one: _Curved, piece: IntArray, p: Array, r: Array, lower: Array, upper: Array) -> Array:
+    def _on_piece(self, one: _Curved, row: IntArray, p: Array, r: Array, lower: Array, upper: Array) -> Array:
         """What :meth:`Superpotential.place_on_piece` says of points whose pieces are known and do not hold r."""
-        a, bounded = self.stiffness[one.column :: self.shape[1]], np.isfinite(lower)
-        end = np.where(bounded, lower, upper)
+        a, end = self.stiffness[one.column :: self.shape[1]], one.start.take(row)
         with np.errstate(invalid="ignore", over="ignore"):
-            slope, bend = one.law.piece_line(piece, end)
-            place = end + (p - a * end - slope) / (a + bend)
-            other = np.where(bounded & np.isfinite(upper), 0.5 * (lower + upper), r)
+            place = end + (p - a * end - one.tangent.take(row)) / (a + one.bend.take(row))
+            other = np.where(np.isfinite(lower) & np.isfinite(upper), 0.5 * (lower + upper), r)
         return np.where((place > lower) & (place < upper), place, other)
 
     def _derivative(self, r: Array) -> Array:

@@ -62,9 +62,12 @@ class _EvenLaw(ParameterLaw):
 
     def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
         right = np.asarray(piece) > 0
-        s = _along(right, r)
-        slope = self._half(s, 1)
-        return np.where(right, slope, -slope), self._half(s, 2)
+        slope, bend = self._half_line(_along(right, r))
+        return np.where(right, slope, -slope), bend
+
+    def _half_line(self, s: Array) -> tuple[Array, Array]:
+        """First and second derivative at s = |r|."""
+        return self._half(s, 1), self._half(s, 2)
 
     def scaled(self, factor: Array | float) -> ScaledLaw:
         return ScaledLaw(self, np.atleast_1d(real_array(factor, f"the factor of law '{self.name}'", finite=False)))
@@ -148,6 +151,10 @@ class LogarithmicWeakening(_EvenLaw):
         if order == 0:
             return np.asarray(np.log1p(s / scale))
         return np.asarray(1.0 / (scale + s) if order == 1 else -1.0 / (scale + s) ** 2)
+
+    def _half_line(self, s: Array) -> tuple[Array, Array]:
+        whole = self._resolved + s
+        return np.asarray(1.0 / whole), np.asarray(-1.0 / (whole * whole))
 
     @property
     def weak_convexity(self) -> Array:
