@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, IntArray
@@ -44,7 +44,7 @@ class OutOfBalance:
     Attributes
     ----------
     force : array (n,)
-        ``f - K u``.
+        ``f - K u``; it belongs to who is given it, and may be changed.
     size : float
         Norm of the sizes of what was added up in it, or more: rounding is a part of it.
     """
@@ -116,7 +116,8 @@ class Pieces:
             if failed:
                 return None
             self._known = key, factor
-        return np.asarray(lapack.dpotrs(factor, right, lower=1)[0])
+        half = blas.dtrsv(factor, right, lower=1)  # half of what a solve for many takes
+        return np.asarray(blas.dtrsv(factor, half, lower=1, trans=1, overwrite_x=1))
 
     def _part(self, matrix: Array, index: IntArray) -> Array:
         """Rows and columns of a matrix, in memory that is used again: new memory costs more than the numbers."""
@@ -173,7 +174,7 @@ def nearby_solution(
     p = stiffness * r + lam
     if not math.isfinite(float(p.sum())):
         return None
-    on, load = graphs.onto(p, r), norm(system.problem.linear.load)
+    on, load = graphs.onto(p, r), system.problem.linear.load_size
     for number in range(1, _ROUNDS + 1):
         r = on.place if whole else np.where(active, on.place, system.fixed)
         free = ~on.held if whole else active & ~on.held
@@ -268,7 +269,7 @@ def _residual(
     scale = _load_scale(system, graphs, load, size)
 
     def of(rest: OutOfBalance) -> Residual:
-        balance = rest.force.copy()
+        balance = rest.force
         balance[contact.seen] -= force
         return Residual.of(norm(balance), inclusion, scale, size, rest.size)
 
