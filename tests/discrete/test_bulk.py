@@ -65,6 +65,23 @@ def test_the_same_body_under_another_load() -> None:
         body.under(np.array([0.0, np.nan, 0.0]))
 
 
+def test_a_load_that_is_given_away_is_not_copied() -> None:
+    load = 2.0 * F
+    under = Quadratic(K, F).under(load, own=False)
+    assert under.load is load
+    assert not load.flags.writeable
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-130, 1e130, 0.0])
+def test_the_size_of_a_load_is_that_of_the_last_one(size: float) -> None:
+    """Also where its square is not a number that tells anything."""
+    body = Quadratic(K, F)
+    assert body.load_size == pytest.approx(np.sqrt(14.0), rel=1e-15)
+    under = body.under(size * np.array([2.0, -1.0, 2.0]))
+    assert under.load_size == pytest.approx(3.0 * size, rel=1e-15)
+    assert under.under(F).load_size == body.load_size
+
+
 @pytest.mark.parametrize(
     ("matrix", "words"),
     [

@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
-from hemivar.evolution import Evolution, History, march
+from hemivar.evolution import Evolution, History, march, operators
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import Scheme
@@ -63,6 +63,23 @@ def test_what_is_nearly_a_multiple_is_none(off: float, which: int) -> None:
     viscous = 0.1 * np.array([soft, hard])
     viscous[which] *= 1.0 + off
     assert damping_time(two(soft, hard, viscous)) is None
+
+
+def test_every_entry_is_looked_at_in_portions_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(operators, "_PORTION", 7)
+    discrete = discretize_evolution(of_material(hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.4, 0.4))))
+    stiffness, viscosity = discrete.stiffness, discrete.viscosity
+    assert viscosity is not None
+    assert viscosity.multiple_of(stiffness) == pytest.approx(0.1, rel=1e-13)
+    assert discrete.mass is not None
+    assert discrete.mass.multiple_of(stiffness) is None
+    matrix = viscosity.inner
+    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+    apart = np.flatnonzero((rows != matrix.indices) & (np.abs(matrix.data) > 1e-3))
+    for place in apart[:: max(apart.size // 40, 1)]:
+        bent = matrix.copy()
+        bent.data[place] *= 1.0 + 1e-10
+        assert replace(viscosity, inner=bent).multiple_of(stiffness) is None
 
 
 @pytest.mark.parametrize("viscosity", [(0.3, 0.5), (0.0, 0.4), None])

@@ -18,6 +18,8 @@ __all__ = ["Operator", "combined"]
 
 #: Rounding of entries that are sums over cells, in units of the diagonal.
 _ROUNDED = 16.0 * float(np.finfo(float).eps)
+#: Rows that are compared in one go.
+_PORTION = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,20 +63,23 @@ class Operator(Portable):
     def multiple_of(self, other: Operator) -> float | None:
         """The number t with ``inner = t other.inner`` up to the rounding of its entries; None if there is none."""
         own, base = self.inner, other.inner
-        if own.nnz != base.nnz or not (
-            np.array_equal(own.indptr, base.indptr) and np.array_equal(own.indices, base.indices)
-        ):
-            return None
         first, diagonal = own.diagonal(), base.diagonal()
-        if not diagonal.size or diagonal.min() <= 0.0:
+        if own.nnz != base.nnz or not diagonal.size or diagonal.min() <= 0.0:
             return None
         ratio = float(np.median(first / diagonal))
-        root = np.sqrt(diagonal)
-        off = np.abs(own.data - ratio * base.data)
-        off /= root[base.indices]
-        rows = np.flatnonzero(np.diff(base.indptr))
-        worst = np.maximum.reduceat(off, base.indptr[rows]) / root[rows]
-        return ratio if worst.max() <= _ROUNDED * abs(ratio) else None
+        least, root = _ROUNDED * abs(ratio), np.sqrt(diagonal)
+        if (np.abs(first - ratio * diagonal) > least * diagonal).any() or not np.array_equal(own.indptr, base.indptr):
+            return None
+        for start in range(0, diagonal.size, _PORTION):
+            rows = base.indptr[start : start + _PORTION + 1]
+            part = slice(int(rows[0]), int(rows[-1]))
+            columns = base.indices[part]
+            if not np.array_equal(own.indices[part], columns):
+                return None
+            size = np.repeat(root[start : start + _PORTION], np.diff(rows)) * root[columns]
+            if (np.abs(own.data[part] - ratio * base.data[part]) > least * size).any():
+                return None
+        return ratio
 
     def energy(self, x: Array) -> float:
         """``x'Ax / 2``, the part of this process."""
