@@ -122,7 +122,7 @@ class Run:
         kept = self.plan.checkpoint
         state = kept.read(self.identity) if self.plan.resume and isinstance(kept, Checkpoint) else None
         if state is None:
-            self.moment = initial_moment(self.advance)
+            self.moment = initial_moment(self.advance, self.pace.step)
             self.frames = Frames(self.plan.save, self.start)
             self.frames.offer(self.discrete, self.moment)
             self.rows = [self._row(None)]
