@@ -152,10 +152,11 @@ class Run:
                 outside = taken.status in (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
                 smaller = None if outside else self.stepping.smaller(self.pace)
                 if smaller is None:
-                    self.messages.append(
-                        f"the step from t = {self.moment.time:g} to {reached:g} could not be solved: "
-                        f"{taken.status.remedy}"
-                    )
+                    if taken.status is not Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
+                        self.messages.append(
+                            f"the step from t = {self.moment.time:g} to {reached:g} could not be solved: "
+                            f"{taken.status.remedy}"
+                        )
                     return None, (taken.status.value,), True
                 self.pace, whole = smaller, True
                 continue
