@@ -13,7 +13,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Save, march, marching
+from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Mass, Save, march, marching
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
@@ -266,6 +266,32 @@ def test_a_body_that_sets_out_with_its_support_is_the_body_at_rest(scheme: Schem
         np.testing.assert_allclose(moving.velocity, at_rest.velocity + along, atol=1e-7)
         np.testing.assert_allclose(moving.multiplier, at_rest.multiplier, atol=1e-7)
     np.testing.assert_allclose(found[1]["elastic"], found[0]["elastic"], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "normal", "mass", "told"),
+    [
+        (hv.Newmark(), hv.Signorini(), "consistent", True),
+        (hv.GeneralizedAlpha(), hv.Adhesive(5.0, 1.0, 2.0), "consistent", True),
+        (hv.Midpoint(), hv.Signorini(), "consistent", True),
+        (hv.Newmark(), hv.Signorini(), "redistributed", False),
+        (hv.Newmark(), hv.Compliance(4.0), "consistent", False),
+        (hv.Newmark(), hv.Bilateral(), "consistent", False),
+        (hv.ImplicitEuler(), hv.Signorini(), "consistent", False),
+        (hv.MoreauJean(), hv.Signorini(), "consistent", False),
+    ],
+)
+def test_a_scheme_for_springs_says_that_it_rings_on_a_rigid_obstacle(
+    scheme: Scheme, normal: hv.Superpotential, mass: str, told: bool
+) -> None:
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(4.0, 4.0, density=1.0),
+        body_force=(0.0, -1.0),
+        contact={"bottom": hv.Contact(normal)},
+    )
+    history = march(Evolution(problem, inertia=True, mass=Mass(mass)), 0.02, step=0.02, scheme=scheme)
+    assert ["rigid" in message and scheme.name in message for message in history.messages] == [True] * told
 
 
 def set_out(path: Callable[[float], float]) -> Moment:
