@@ -19,6 +19,7 @@ from hemivar.evolution import (
     March,
     Midpoint,
     MoreauJean,
+    Newmark,
     Save,
     Scheme,
     Touch,
@@ -116,6 +117,25 @@ def _thrown(mesh: Mesh) -> Evolution:
     )
 
 
+def _rising(x: Array, t: float) -> Array:
+    """A foundation that comes up, ever more slowly."""
+    return 0.02 - 0.05 * t + 0.02 * t**2 + 0.0 * x[:, 0]
+
+
+def _carried(mesh: Mesh) -> Evolution:
+    """A body with mass that sets out with its support, above a foundation that comes towards it."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, density=1.0),
+            supports={"left": hv.Prescribed(_lowered)},
+            contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.03), gap=_rising)},
+        ),
+        inertia=True,
+        velocity=(0.01, -0.05),
+    )
+
+
 def _cube(mesh: Mesh) -> Evolution:
     """A cube that is hit from the side and slides."""
     return Evolution(
@@ -207,6 +227,7 @@ CASES = {
     "two stages, memory": Case(
         lambda times: hv.rectangle((2.0, 1.0), (8, 4)), _between, 0.4, SDIRK2(), options={"step": 0.1}
     ),
+    "carried": Case(lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _carried, 0.4, Newmark(), options={"step": 0.04}),
     "midpoint": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _thrown, 0.12, Midpoint(), options={"step": 0.02}
     ),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics.types import Array
 from hemivar.evolution import MoreauJean, Save, march
 from hemivar.gallery import moving_bar
 
@@ -35,3 +36,22 @@ def test_nodes_leave_with_a_part_of_their_velocity(restitution: float, theta: fl
         assert ledger.stored == pytest.approx(ledger.start, rel=1e-10)
     else:
         assert ledger.stored < ledger.start * (1.0 - 1e-4)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_wall_that_comes_is_a_bar_that_comes(restitution: float) -> None:
+    """Whoever moves at a constant speed along with the wall sees the bar hit a wall at rest."""
+    found = []
+    for wall in (0.0, 0.75):
+
+        def gap(x: Array, t: float, wall: float = wall) -> Array:
+            return np.full(len(x), 0.01 - wall * t)
+
+        contact = hv.Contact(hv.Signorini(), gap=gap)
+        evolution = moving_bar(4, contact, modulus=4.0, velocity=1.0 - wall)
+        found.append(march(evolution, 0.6, step=0.02, scheme=MoreauJean(restitution), save=Save(0.02)))
+    for at_rest, coming in zip(found[0].frames, found[1].frames, strict=True):
+        np.testing.assert_allclose(coming.local, at_rest.local, atol=1e-9)
+        np.testing.assert_allclose(coming.rate, at_rest.rate, atol=1e-7)
+        np.testing.assert_allclose(coming.multiplier, at_rest.multiplier, atol=1e-6)
+    assert found[0]["normal_force"].max() > 0.1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,12 +13,13 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Save, march, marching
+from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Mass, Save, march, marching
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.march import Tools
 from hemivar.evolution.moment import Moment
+from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.step_error import step_error
 from hemivar.solvers import Controls, Status
 
@@ -41,16 +43,21 @@ class Stubborn(Advance):
     """Steps longer than 0.03 that end between 0.25 and 0.35 fail."""
 
     most = 0.03
+    status = Status.STALLED
 
     def take(self, before: Moment, step: float, *rest: Any, **more: Any) -> Taken:
         taken = super().take(before, step, *rest, **more)
         if step <= self.most or not 0.25 < taken.moment.time < 0.35:
             return taken
-        return replace(taken, solutions=(replace(taken.solutions[0], status=Status.STALLED),))
+        return replace(taken, solutions=(replace(taken.solutions[0], status=self.status),))
 
 
 class Never(Stubborn):
     most = 0.0
+
+
+class Interrupted(Never):
+    status = Status.INTERRUPTED
 
 
 def through(plan: March, kind: type[Advance]) -> History:
@@ -89,6 +96,13 @@ def test_a_step_that_cannot_be_solved_ends_the_march_where_it_is() -> None:
         assert history.frames[-1].time == history.moment.time
 
 
+def test_a_step_that_is_interrupted_says_nothing_of_the_evolution() -> None:
+    """So that the messages of a march that is resumed are those of one that never stopped."""
+    history = through(March(1.0, step=0.1), Interrupted)
+    assert history.ended == Status.INTERRUPTED.value
+    assert not history.messages
+
+
 def test_what_is_told_while_it_goes() -> None:
     told = []
     steps = marching(block(start=2.0), March(3.0, step=0.25, save=Save(0.5)))
@@ -117,6 +131,14 @@ def test_frames_that_are_kept(start: float) -> None:
         assert times[0] == 0.0
         assert times[-1] == pytest.approx(1.0) or most < 10
         assert len(set(np.round(np.diff(times[:-1]), 9))) <= 1
+
+
+def test_frames_after_steps_that_were_longer_than_the_time_between_them() -> None:
+    """What long steps have leapt over is not made up for by frames of the short ones that follow."""
+    times = [frame.time for frame in march(block(), 1.0, step=0.4, save=Save(0.1), stops=(0.85, 0.86, 0.87)).frames]
+    assert times == pytest.approx([0.0, 0.4, 0.8, 1.0])
+    times = [frame.time for frame in march(block(), 1.0, step=0.4, save=Save(0.1), stops=(0.85, 0.92, 0.95)).frames]
+    assert times == pytest.approx([0.0, 0.4, 0.8, 0.92, 1.0])
 
 
 def test_looking_back() -> None:
@@ -222,6 +244,92 @@ def test_the_acceleration_at_the_start_balances_the_forces() -> None:
     assert ledger.kinetic == pytest.approx(discrete.mass.energy(moment.body.velocity))
     assert ledger.contact == pytest.approx(2.5 * 0.05**2)
     assert ledger.start == pytest.approx(ledger.elastic + ledger.kinetic + ledger.contact)
+
+
+@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.8)])
+def test_a_body_that_sets_out_with_its_support_is_the_body_at_rest(scheme: Scheme) -> None:
+    """Who moves along at a constant speed sees a body that hangs from a support at rest and swings."""
+    found, speed = [], 0.3
+    for pace in (0.0, speed):
+        problem = hv.ContactProblem(
+            mesh=hv.rectangle((1.0, 1.0), 2),
+            material=hv.Material.lame(4.0, 4.0, density=1.0),
+            supports={"top": hv.Prescribed(lambda x, t, pace=pace: np.tile([pace * t, 0.0], (len(x), 1)))},
+            body_force=(0.0, -1.0),
+            contact={"bottom": hv.Contact(hv.Compliance(8.0))},
+        )
+        evolution = Evolution(problem, inertia=True, velocity=(pace, 0.0))
+        found.append(march(evolution, 1.0, step=0.05, scheme=scheme, save=Save(0.05)))
+    for at_rest, moving in zip(found[0].frames, found[1].frames, strict=True):
+        along = np.array([speed, 0.0])
+        np.testing.assert_allclose(moving.displacement, at_rest.displacement + moving.time * along, atol=1e-9)
+        np.testing.assert_allclose(moving.velocity, at_rest.velocity + along, atol=1e-7)
+        np.testing.assert_allclose(moving.multiplier, at_rest.multiplier, atol=1e-7)
+    np.testing.assert_allclose(found[1]["elastic"], found[0]["elastic"], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "normal", "mass", "told"),
+    [
+        (hv.Newmark(), hv.Signorini(), "consistent", True),
+        (hv.GeneralizedAlpha(), hv.Adhesive(5.0, 1.0, 2.0), "consistent", True),
+        (hv.Midpoint(), hv.Signorini(), "consistent", True),
+        (hv.Newmark(), hv.Signorini(), "redistributed", False),
+        (hv.Newmark(), hv.Compliance(4.0), "consistent", False),
+        (hv.Newmark(), hv.Bilateral(), "consistent", False),
+        (hv.ImplicitEuler(), hv.Signorini(), "consistent", False),
+        (hv.MoreauJean(), hv.Signorini(), "consistent", False),
+    ],
+)
+def test_a_scheme_for_springs_says_that_it_rings_on_a_rigid_obstacle(
+    scheme: Scheme, normal: hv.Superpotential, mass: str, told: bool
+) -> None:
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(4.0, 4.0, density=1.0),
+        body_force=(0.0, -1.0),
+        contact={"bottom": hv.Contact(normal)},
+    )
+    history = march(Evolution(problem, inertia=True, mass=Mass(mass)), 0.02, step=0.02, scheme=scheme)
+    assert ["rigid" in message and scheme.name in message for message in history.messages] == [True] * told
+
+
+def set_out(path: Callable[[float], float]) -> Moment:
+    """The first moment of a block whose top follows a path, over a foundation that sinks along it."""
+
+    def along(x: Array, t: float) -> Array:
+        return np.full(len(x), path(t))
+
+    def below(x: Array, t: float) -> Array:
+        return 1.0 + along(x, t)
+
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(4.0, 4.0, density=1.0),
+        supports={"top": hv.Fixed(x=along)},
+        contact={"bottom": hv.Contact(hv.Compliance(8.0), gap=below)},
+    )
+    still = Evolution(problem, inertia=True, displacement=(path(0.0), 0.0))
+    return initial_moment(Advance(discretize_evolution(still), hv.Newmark(), None, Controls()), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("path", "speed", "push"), [(lambda t: 0.2 * t - 0.3 * t**2, 0.2, -0.6), (lambda t: 0.4 + 2.0 * t, 2.0, 0.0)]
+)
+def test_supports_and_gaps_set_out_with_the_rates_of_their_paths(
+    path: Callable[[float], float], speed: float, push: float
+) -> None:
+    moment = set_out(path)
+    assert moment.body.velocity[-3:] == pytest.approx(speed, rel=1e-9)
+    assert moment.body.acceleration[-3:] == pytest.approx(push, abs=1e-7)
+    assert moment.local.velocity[:, 0] == pytest.approx(-speed, rel=1e-9)
+
+
+def test_what_jumps_at_the_start_has_no_rate() -> None:
+    for path in (lambda t: 0.3 if t > 0.0 else 0.0, lambda t: 0.3 * math.sqrt(t)):
+        moment = set_out(path)
+        assert not moment.body.velocity.any()
+        assert not moment.local.velocity[:, 0].any()
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

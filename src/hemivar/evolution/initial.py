@@ -15,9 +15,22 @@ from hemivar.evolution.step_laws import StepLaw, initial_memory
 
 __all__ = ["initial_moment"]
 
+#: Part of the first step over which supports and gaps are looked at for the rates with which they begin.
+_NEAR = 1e-2
+#: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
+_JUMPS = 1.2
 
-def initial_moment(advance: Advance) -> Moment:
+
+def initial_moment(advance: Advance, step: float | None = None) -> Moment:
     """Displacement and velocity as stated, the acceleration that the forces ask for, nothing remembered yet.
+
+    Supports and gaps that move have the rates with which they set out, none where they jump.
+
+    Parameters
+    ----------
+    advance : Advance
+    step : float, optional
+        Length of the first step; without it supports and gaps count as being at rest.
 
     Raises
     ------
@@ -36,11 +49,12 @@ def initial_moment(advance: Advance) -> Moment:
     if evolution.displacement is not None and off > 1e-9 * size and not discrete.stores:
         raise ProblemError("the initial displacement contradicts the supports; make them agree")
     speed = evolution.initial("velocity")
-    velocity = discrete.restrict(speed, np.zeros(acting.prescribed.size))
+    moving = _setting_out(advance, step)
+    velocity = discrete.restrict(speed, moving[0].velocity)
     contact = discrete.problem.contact
     n = discrete.unknowns
     local = np.asarray(contact.trace @ place[:n]).reshape(acting.offset.shape) - acting.offset
-    rate = np.asarray(contact.trace @ velocity[:n]).reshape(acting.offset.shape)
+    rate = np.asarray(contact.trace @ velocity[:n]).reshape(acting.offset.shape) - moving[1].velocity
     ends = acting.law.normal.domain
     deep = np.maximum(np.maximum(ends.lower - local[:, 0], local[:, 0] - ends.upper), 0.0)
     (deepest,) = discrete.vectors.largest(float(deep.max(initial=0.0)))
@@ -67,8 +81,8 @@ def initial_moment(advance: Advance) -> Moment:
         initial_memory(discrete, acting.law, local),
     )
     if discrete.mass is not None:
-        acceleration = _acceleration(advance, moment, acting.load)
-        pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape)
+        acceleration = _acceleration(advance, moment, acting.load, moving[0].acceleration)
+        pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape) - moving[1].acceleration
         moment = replace(
             moment,
             body=replace(moment.body, acceleration=acceleration),
@@ -78,17 +92,42 @@ def initial_moment(advance: Advance) -> Moment:
     return advance.started(replace(moment, ledger=Ledger(start=sum(energies.values()), **energies)))
 
 
-def _acceleration(advance: Advance, moment: Moment, load: Array) -> Array:
-    """``M^-1`` of the forces that do not balance at the start."""
+def _setting_out(advance: Advance, step: float | None) -> tuple[Motion, Motion]:
+    """Motion of the prescribed displacements (k,) and of the offsets of the contact points (m, c) at the start."""
+    discrete = advance.discrete
+    start, span = discrete.evolution.start, 0.0 if step is None else _NEAR * step
+    now = advance.acting(start)
+    moves = discrete.mass is not None and bool(discrete.evolution.problem.time_dependent & {"supports", "gap"})
+    if not (span and moves):
+        still = (Motion(place, np.zeros_like(place), np.zeros_like(place)) for place in (now.prescribed, now.offset))
+        return next(still), next(still)
+    soon = [advance.acting(start + part * span) for part in (0.5, 1.0, 2.0)]
+    return (
+        _set_out(now.prescribed, [acting.prescribed for acting in soon], span),
+        _set_out(now.offset, [acting.offset for acting in soon], span),
+    )
+
+
+def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
+    """Motion at the start of what is in other places after half a span, one and two of them."""
+    half, one, two = (there - place for there in soon)
+    velocity = (4.0 * one - two) / (2.0 * span)
+    smooth = np.abs((4.0 * half - one) / span) <= _JUMPS * np.abs(velocity)
+    return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, (two - 2.0 * one) / span**2, 0.0))
+
+
+def _acceleration(advance: Advance, moment: Moment, load: Array, held: Array) -> Array:
+    """``M^-1`` of the forces that do not balance at the start, where moved supports (k,) have a given one."""
     discrete, n = advance.discrete, advance.discrete.unknowns
     assert discrete.mass is not None
     force = load - discrete.stiffness.times(moment.body.place)
     if discrete.viscosity is not None:
         force -= discrete.viscosity.times(moment.body.velocity)
+    force -= discrete.mass.times(np.concatenate([np.zeros(n), held]))
     right = force[:n]
     if moment.multiplier.size:
         right = right - discrete.problem.contact_force(moment.multiplier)
     found = discrete.mass.solved(right)
     if found is None:
         raise ProblemError("the mass matrix could not be solved for the initial acceleration; check the density")
-    return np.concatenate([found, np.zeros(moment.body.place.size - n)])
+    return np.concatenate([found, held])

@@ -6,10 +6,13 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.happenings import OnEvent
 from hemivar.evolution.history import Frame, History, Row
 from hemivar.evolution.identity import identity
@@ -22,7 +25,7 @@ from hemivar.evolution.measures import contact_forces
 from hemivar.evolution.moment import Moment
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import Frames, probed
-from hemivar.evolution.schemes import Scheme
+from hemivar.evolution.schemes import GeneralizedAlpha, Midpoint, Newmark, Scheme
 from hemivar.evolution.step_error import step_error
 from hemivar.evolution.thermal_advance import advance_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
@@ -107,6 +110,7 @@ class Run:
         self.margins = tools.margins(self.advance)
         self.bound = tools.bound(self.advance)
         kinks, self.doubts = kinks_in_time(discrete.evolution.problem, self.start, plan.until)
+        self.doubts += _rings(discrete, plan.scheme)
         self.ends = _ends(plan, self.start, kinks)
         self.identity = ""
         if plan.checkpoint is not None:
@@ -122,7 +126,7 @@ class Run:
         kept = self.plan.checkpoint
         state = kept.read(self.identity) if self.plan.resume and isinstance(kept, Checkpoint) else None
         if state is None:
-            self.moment = initial_moment(self.advance)
+            self.moment = initial_moment(self.advance, self.pace.step)
             self.frames = Frames(self.plan.save, self.start)
             self.frames.offer(self.discrete, self.moment)
             self.rows = [self._row(None)]
@@ -152,10 +156,11 @@ class Run:
                 outside = taken.status in (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
                 smaller = None if outside else self.stepping.smaller(self.pace)
                 if smaller is None:
-                    self.messages.append(
-                        f"the step from t = {self.moment.time:g} to {reached:g} could not be solved: "
-                        f"{taken.status.remedy}"
-                    )
+                    if taken.status is not Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
+                        self.messages.append(
+                            f"the step from t = {self.moment.time:g} to {reached:g} could not be solved: "
+                            f"{taken.status.remedy}"
+                        )
                     return None, (taken.status.value,), True
                 self.pace, whole = smaller, True
                 continue
@@ -296,6 +301,20 @@ class Run:
         steps = sum(solution.steps for solution in taken.solutions)
         largest = self.margins.largest_step(taken)
         return Row(moment.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
+
+
+def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
+    """That a scheme which is made for springs has a mass hit something rigid, if so."""
+    if discrete.mass is None or not isinstance(scheme, Midpoint | Newmark | GeneralizedAlpha):
+        return ()
+    ends = discrete.problem.law.normal.domain
+    rigid = bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any()) and discrete.problem.contact_points > 0
+    if discrete.evolution.mass is Mass.REDISTRIBUTED or not discrete.vectors.largest(float(rigid))[0]:
+        return ()
+    return (
+        f"an obstacle is rigid: where the body hits it the scheme {scheme.name} rings and may gain energy; take "
+        "moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",
+    )
 
 
 def _ends(plan: March, start: float, kinks: tuple[float, ...]) -> list[float]:

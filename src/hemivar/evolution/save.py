@@ -72,8 +72,9 @@ class Frames:
             due = self._count % self._stride == 0
             self._count += 1
         else:
-            due = moment.time >= self._start + self._count * every - 1e-9 * every
-            self._count += due
+            passed = math.floor((moment.time - self._start) / every + 1e-9)  # multiples that are behind
+            due = passed >= self._count
+            self._count = max(self._count, passed + 1)
         if not (due or last):
             return None
         frame = frame_of(discrete, moment)

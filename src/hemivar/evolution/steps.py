@@ -102,7 +102,8 @@ class AdaptiveStep(Stepping):
     Parameters
     ----------
     rtol : float
-        Error of a step relative to the largest energy norm so far.
+        Error of a step relative to the largest energy norm so far, that of steps which were tried and rejected too: of
+        a body that sets out from rest they are the only measure.
     first_step : float, optional
         A thousandth of the evolution by default.
     least, most : float, optional

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
@@ -14,7 +14,6 @@ import numpy as np
 from hemivar.basics.arguments import described, suggest
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw, Friction, NoFriction, Superpotential
 from hemivar.laws.memory import Memory
@@ -92,7 +91,7 @@ class Contact(Portable):
 
     normal: Superpotential
     friction: Friction = field(default_factory=NoFriction)
-    gap: float | Callable[[Array], object] = 0.0
+    gap: ScalarData = 0.0
     obstacle: Obstacle | None = None
     normals: Normals | None = None
     damping: Superpotential | None = None
