@@ -35,6 +35,8 @@ __all__ = [
 
 #: Rounding of factors of a scheme.
 _ROUNDED = 1e-14
+#: Part of forces that cancel which counts as nothing.
+_NOTHING = 16.0 * float(np.finfo(float).eps)
 #: How much longer than the last one a step may be whose prediction takes over what the last one did to forces: their
 #: rounding grows with it.
 _LONGER = 2.0
@@ -234,11 +236,19 @@ def posed_stage(
     from_place = offset + origin
     if contact.count:
         from_place -= contact.traced(place[:n])
-    problem = bodies.posed(ground.base, force[:n] if force.size > n else force, from_place, step_law.law)
+    force = force[:n] if force.size > n else force
+    if discrete.mass is not None and discrete.vectors.alone and _only_rounding(discrete, force, at.load[:n], place[:n]):
+        force = np.zeros(n)  # a body that flies freely: nothing is left that a residual could be held against
+    problem = bodies.posed(ground.base, force, from_place, step_law.law)
     return Stage(
         problem, rule, ground.step, before, place, offset, origin, step_law, at.load, ground.decays, ground.gains,
         still=end.offset is start.offset, held=held,
     )  # fmt: skip
+
+
+def _only_rounding(discrete: DiscreteEvolution, force: Array, load: Array, place: Array) -> bool:
+    """Whether forces (n,) are no more than the rounding of what was added up in them."""
+    return norm(force) <= _NOTHING * (norm(load) + norm(discrete.stiffness.row_sums * place))
 
 
 def _predicted(before: Moment, ground: Ground, place: Array, products: Products) -> Array:
