@@ -195,6 +195,8 @@ class Advance:
         solved: list[_Solved] = []
         base = before
         grounds = self._grounds_of(step)
+        if grounds[0].rule.restitution is not None and end.offset is not start.offset:
+            base = self._along(before, (end.offset - start.offset) / step)
         for ground in grounds:
             at = end if ground.rule.at == 1.0 else self.acting(before.time + ground.rule.at * step)
             solved.append(self._stage(base, ground, at, end, start, jump))
@@ -209,6 +211,11 @@ class Advance:
         moment = self._end(before, solved, step, reached, start, end)
         leaps = tuple(leap for s in solved for leap in s.leaps)
         return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
+
+    def _along(self, before: Moment, rate: Array) -> Moment:
+        """A moment at which gaps begin to change at the rate (m, c) that they have in the whole step."""
+        traced = self.discrete.problem.contact.traced(before.body.velocity[: self.discrete.unknowns])
+        return replace(before, local=replace(before.local, velocity=traced - rate))
 
     def _grounds_of(self, step: float) -> tuple[Ground, ...]:
         """What the stages of a step of this length share, whatever the moment."""
