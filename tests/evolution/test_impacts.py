@@ -55,3 +55,21 @@ def test_a_wall_that_comes_is_a_bar_that_comes(restitution: float) -> None:
         np.testing.assert_allclose(coming.rate, at_rest.rate, atol=1e-7)
         np.testing.assert_allclose(coming.multiplier, at_rest.multiplier, atol=1e-6)
     assert found[0]["normal_force"].max() > 0.1
+
+
+def test_a_wall_that_sets_out_later_hits_later() -> None:
+    """A kink in its path leaves no trace in the rate of the gap, which the law of impact depends on."""
+    found, wait, step = [], 0.2, 0.02
+    for late in (0.0, wait):
+
+        def gap(x: Array, t: float, late: float = late) -> Array:
+            return np.full(len(x), 0.02 - 0.75 * max(t - late, 0.0))
+
+        evolution = moving_bar(4, hv.Contact(hv.Signorini(), gap=gap), modulus=4.0)
+        history = march(evolution, 0.6 + late, step=step, scheme=MoreauJean(0.5), save=Save(step), stops=(wait,))
+        found.append(history.frames[round(late / step) :])
+    for early, later in zip(*found, strict=True):
+        np.testing.assert_allclose(later.local, early.local, atol=1e-9)
+        np.testing.assert_allclose(later.velocity, early.velocity, atol=1e-7)
+        np.testing.assert_allclose(later.multiplier, early.multiplier, atol=1e-6)
+    assert max(frame.multiplier.max() for frame in found[0]) > 0.1

@@ -294,6 +294,23 @@ def test_a_scheme_for_springs_says_that_it_rings_on_a_rigid_obstacle(
     assert ["rigid" in message and scheme.name in message for message in history.messages] == [True] * told
 
 
+@pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.GeneralizedAlpha(0.8), hv.MoreauJean()])
+@pytest.mark.parametrize("velocity", [(0.1, -0.2), (0.0, -1.0)])
+def test_a_body_on_which_nothing_acts_flies_on(scheme: Scheme, velocity: tuple[float, float]) -> None:
+    """Far from its foundation, thrown, without a load: all forces are rounding, against which nothing can be held."""
+    for gap in (1.0, 10.0):
+        problem = hv.ContactProblem(
+            mesh=hv.rectangle((1.0, 1.0), 4),
+            material=hv.Material.lame(40.0, 40.0, density=1.0),
+            contact={"bottom": hv.Contact(hv.Signorini(), gap=gap)},
+        )
+        history = march(Evolution(problem, inertia=True, velocity=velocity), 0.1, step=0.02, scheme=scheme)
+        assert history.finished, history.messages
+        assert not history["normal_force"].any()
+        np.testing.assert_allclose(history.frames[-1].displacement, 0.1 * np.tile(velocity, (25, 1)), rtol=1e-12)
+        assert history["kinetic"] == pytest.approx(0.5 * float(np.square(velocity).sum()), rel=1e-12)
+
+
 def set_out(path: Callable[[float], float]) -> Moment:
     """The first moment of a block whose top follows a path, over a foundation that sinks along it."""
 

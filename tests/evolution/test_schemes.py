@@ -13,6 +13,7 @@ import hemivar as hv
 from hemivar.errors import ProblemError
 from hemivar.evolution import (
     SDIRK2,
+    Evolution,
     GeneralizedAlpha,
     ImplicitEuler,
     Midpoint,
@@ -24,11 +25,15 @@ from hemivar.evolution import (
 )
 from hemivar.gallery import (
     CANTILEVER,
+    KnownEvolution,
     bar_on_wall,
+    bonded_block,
     moving_bar,
+    penetration_memory_block,
     sliding_block,
     thrown_bar,
     viscoelastic_cantilever,
+    wearing_block,
 )
 
 TIP = Save(probes={"tip": (2.5, 0.0)})
@@ -70,6 +75,35 @@ def test_the_orders_without_mass() -> None:
             for step in (1 / 20, 1 / 40, 1 / 80)
         ]
         assert np.log2(np.array(errors[:-1]) / errors[1:]).min() > least, scheme.name
+
+
+@pytest.mark.parametrize(
+    ("known", "error"), [(penetration_memory_block(), 1e-3), (wearing_block(), 2e-2), (bonded_block(), 1e-1)],
+    ids=["penetration", "wear", "bond"],
+)  # fmt: skip
+def test_what_points_remember_lasts_whole_steps(known: KnownEvolution, error: float) -> None:
+    """Also where the law holds in the middle of a step, and the memory is asked for at its end."""
+    history = march(known, known.until, step=known.until / 20, scheme=Midpoint(), stops=known.stops)
+    found = history.frames[-1].memory["0.bond"][0] if known.quantity == "bond" else history[known.quantity][-1]
+    assert found == pytest.approx(known.exact(known.until), rel=error)
+    assert abs(history.ledger["numerical"]) < 0.05 * max(abs(history.ledger["moved"]), abs(history.ledger["memory"]))
+    assert abs(history.ledger["gap"]) < 1e-8
+
+
+@pytest.mark.parametrize("memory", [hv.ViscousFoundation(5.0), hv.PenetrationMemory(30.0, 0.4)], ids=lambda m: m.name)
+def test_schemes_agree_on_what_points_remember(memory: hv.Memory) -> None:
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 6.0, density=0.2, viscosity=(0.0, 0.5)),
+        supports={"left": hv.Roller(), "right": hv.Roller()},
+        tractions={"top": (0.0, -1.0)},
+        contact={"bottom": hv.Contact(hv.Compliance(24.0), memory=(memory,))},
+    )
+    states = []
+    for scheme in (Newmark(), Midpoint(), GeneralizedAlpha(0.5)):
+        history = march(Evolution(problem, inertia=True), 0.8, step=0.02, scheme=scheme)
+        states.append([float(values[0]) for values in history.frames[-1].memory.values()])
+    np.testing.assert_allclose(states[1:], [states[0]] * 2, rtol=0.02)
 
 
 def test_implicit_euler_rings_down_and_the_midpoint_rule_does_not() -> None:

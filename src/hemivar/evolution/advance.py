@@ -38,8 +38,9 @@ from hemivar.evolution.stage import (
     reached_forces,
     stretching,
 )
-from hemivar.evolution.step_laws import Foundations, StepLaw, stage_law
+from hemivar.evolution.step_laws import BlockLaw, Foundations, StepLaw, stage_law
 from hemivar.laws import ContactLaw
+from hemivar.laws.memory import LocalStep
 from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Solution, Solver, Status, solve
 from hemivar.solvers.choice import choose
 from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
@@ -198,6 +199,8 @@ class Advance:
         solved: list[_Solved] = []
         base = before
         grounds = self._grounds_of(step)
+        if grounds[0].rule.restitution is not None and end.offset is not start.offset:
+            base = self._along(before, (end.offset - start.offset) / step)
         for ground in grounds:
             at = end if ground.rule.at == 1.0 else self.acting(before.time + ground.rule.at * step)
             solved.append(self._stage(base, ground, at, end, start, jump))
@@ -212,6 +215,11 @@ class Advance:
         moment = self._end(before, solved, step, reached, start, end)
         leaps = tuple(leap for s in solved for leap in s.leaps)
         return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
+
+    def _along(self, before: Moment, rate: Array) -> Moment:
+        """A moment at which gaps begin to change at the rate (m, c) that they have in the whole step."""
+        traced = self.discrete.problem.contact.traced(before.body.velocity[: self.discrete.unknowns])
+        return replace(before, local=replace(before.local, velocity=traced - rate))
 
     def _grounds_of(self, step: float) -> tuple[Ground, ...]:
         """What the stages of a step of this length share, whatever the moment."""
@@ -468,8 +476,8 @@ class Advance:
                 memory[block.name] = block.memory.advance(
                     block.given,
                     before.memory[block.name],
-                    block.local,
-                    _since(last, before, block.index),
+                    _whole(block, rule, step),
+                    _since(point.place, before, block.index),
                     last.solution.multiplier[block.index],
                 )
         moment = Moment(
@@ -551,11 +559,13 @@ class Advance:
         memory = 0.0
         for block in law.blocks:
             if block.name in before.memory:
-                here, pressed = _since(solved[-1], before, block.index), solved[-1].solution.multiplier[block.index]
+                here = _since(moment.local.place, before, block.index)
+                pressed = solved[-1].solution.multiplier[block.index]
                 old_state, new_state = before.memory[block.name], moment.memory[block.name]
+                local = _whole(block, solved[-1].stage.rule, step)
                 memory += float(
                     weights[block.index, 0]
-                    @ block.memory.dissipated(block.given, old_state, new_state, block.local, here, pressed)
+                    @ block.memory.dissipated(block.given, old_state, new_state, local, here, pressed)
                 )
         work, moved, viscous, friction, damping, internal, inertial, relaxing, normal, lost, memory = (
             discrete.vectors.total(
@@ -599,11 +609,18 @@ def _as_accurate(solver: Solver, controls: Controls) -> Solver:
     return replace(solver, tolerance=_SHARE * controls.rtol, absolute=_SHARE * controls.atol)
 
 
-def _since(part: _Solved, before: Moment, index: IntArray) -> Array:
-    """Penetration at a stage, and slip since the beginning of the step, of some contact points."""
-    here = part.local.place[index].copy()
+def _since(place: Array, before: Moment, index: IntArray) -> Array:
+    """Penetration at the end of a step, and slip since its beginning, of some contact points."""
+    here = place[index].copy()
     here[:, 1:] -= before.local.place[index, 1:]
     return here
+
+
+def _whole(block: BlockLaw, rule: Rule, step: float) -> LocalStep:
+    """The whole step as contact points see it whose law holds at a stage within it, along a straight line."""
+    if rule.at == 1.0:
+        return block.local
+    return LocalStep(step, 1.0 / step, block.local.before)
 
 
 def _damped(stage: Stage, part: _Solved, dr: Array, weights: Array) -> float:

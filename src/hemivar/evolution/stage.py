@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import blas
 
+from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
@@ -36,6 +37,8 @@ __all__ = [
 
 #: Rounding of factors of a scheme.
 _ROUNDED = 1e-14
+#: Part of forces that cancel which counts as nothing.
+_NOTHING = 16.0 * float(np.finfo(float).eps)
 #: How much longer than the last one a step may be whose prediction takes over what the last one did to forces: their
 #: rounding grows with it.
 _LONGER = 2.0
@@ -259,11 +262,24 @@ def posed_stage(
     from_place = offset + origin
     if contact.count:
         from_place -= contact.traced(place[:n])
-    problem = bodies.posed(ground.base, force[:n] if force.size > n else force, from_place, step_law.law)
+    force = force[:n] if force.size > n else force
+    flies = discrete.mass is not None and discrete.vectors.alone and not before.multiplier.any()
+    if flies and _only_rounding(discrete, body, force, at.load[:n], products):
+        force = np.zeros(n)  # nothing is left that a residual could be held against
+    problem = bodies.posed(ground.base, force, from_place, step_law.law)
     return Stage(
         problem, rule, ground.step, before, place, offset, origin, step_law, at.load, ground.decays, ground.gains,
         still=end.offset is start.offset, held=held,
     )  # fmt: skip
+
+
+def _only_rounding(discrete: DiscreteEvolution, before: Motion, force: Array, load: Array, products: Products) -> bool:
+    """Whether forces (n,) are no more than the rounding of what was added up in them."""
+    n = force.size
+    parts = [(1.0, discrete.stiffness.row_sums, before.place[:n])]
+    if discrete.viscosity is not None:
+        parts.append((1.0, discrete.viscosity.row_sums, before.velocity[:n]))
+    return norm(force) <= _NOTHING * (norm(load) + products.size(parts, 0.0))
 
 
 def _left_of(

@@ -19,6 +19,9 @@ from hemivar.laws.transformed import affine, averaged
 
 __all__ = ["BlockLaw", "Foundations", "StepLaw", "stage_law"]
 
+#: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
+_TOUCHES = 1e-12
+
 States = Mapping[str, Mapping[str, Array]]
 
 
@@ -226,7 +229,10 @@ def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
 def _impact(stated: ContactLaw, before: Moment, step: float, rate: float) -> ContactLaw:
     """Rigid where the gap is closed, as it is predicted for the middle of the step; nothing elsewhere."""
     local, friction = before.local, friction_in_increments(stated.friction, rate)
-    shut = local.place[:, 0] + 0.5 * step * local.velocity[:, 0] >= 0.0
+    ahead = 0.5 * step * local.velocity[:, 0]
+    # What rests on the obstacle is as deep as the rounding of its place and its velocity says, and yet in contact.
+    sizes = np.abs(before.body.place).max(initial=0.0), np.abs(ahead).max(initial=0.0)
+    shut = local.place[:, 0] + ahead >= -_TOUCHES * (sum(sizes) + np.abs(local.place[:, 0]).max(initial=0.0))
     parts: list[tuple[Superpotential, IntArray]] = [
         (law.at(None), np.flatnonzero(points))
         for law, points in ((Signorini(), shut), (NoContact(), ~shut))
