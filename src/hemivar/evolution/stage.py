@@ -264,7 +264,7 @@ def posed_stage(
         from_place -= contact.traced(place[:n])
     force = force[:n] if force.size > n else force
     flies = discrete.mass is not None and discrete.vectors.alone and not before.multiplier.any()
-    if flies and _only_rounding(discrete, body, force, at.load[:n], products):
+    if flies and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
         force = np.zeros(n)  # nothing is left that a residual could be held against
     problem = bodies.posed(ground.base, force, from_place, step_law.law)
     return Stage(
@@ -273,13 +273,12 @@ def posed_stage(
     )  # fmt: skip
 
 
-def _only_rounding(discrete: DiscreteEvolution, before: Motion, force: Array, load: Array, products: Products) -> bool:
+def _only_rounding(discrete: DiscreteEvolution, force: Array, load: Array, place: Array, velocity: Array) -> bool:
     """Whether forces (n,) are no more than the rounding of what was added up in them."""
-    n = force.size
-    parts = [(1.0, discrete.stiffness.row_sums, before.place[:n])]
+    size = norm(load) + norm(discrete.stiffness.row_sums * place)
     if discrete.viscosity is not None:
-        parts.append((1.0, discrete.viscosity.row_sums, before.velocity[:n]))
-    return norm(force) <= _NOTHING * (norm(load) + products.size(parts, 0.0))
+        size += norm(discrete.viscosity.row_sums * velocity)
+    return norm(force) <= _NOTHING * size
 
 
 def _left_of(
