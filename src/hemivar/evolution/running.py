@@ -40,6 +40,8 @@ _NEAR = 1e-6
 _TRIALS = 60
 #: The shortest first step, as a part of the latest time: more than rounding.
 _RESOLVED = 1e-12
+#: Part of the length of others below which a step that fails is too short.
+_SHORT = 1e-4
 #: What a message begins with where steps are less exact than was asked for.
 _MISSED = "the tolerance of steps was missed"
 
@@ -158,12 +160,18 @@ class Run:
             if taken.status is not Status.CONVERGED:
                 outside = taken.status in (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
                 smaller = None if outside else self.stepping.smaller(self.pace)
+                while smaller is not None and smaller.step >= length:  # as long a step was tried
+                    smaller = self.stepping.smaller(smaller)
                 if smaller is None:
                     if taken.status is not Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
-                        self.messages.append(
-                            f"the step from t = {self.moment.time:g} to {reached:g} could not be solved: "
-                            f"{taken.status.remedy}"
-                        )
+                        remedy = taken.status.remedy
+                        if length < _SHORT * self.pace.step:
+                            remedy = (
+                                f"a step of {length:.3g} among others of {self.pace.step:.3g} asks for forces that "
+                                "displacements do not tell; move the stop, the kink of a load or the end that makes it"
+                            )
+                        when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
+                        self.messages.append(f"the step {when} could not be solved: {remedy}")
                     return None, (taken.status.value,), True
                 self.pace, whole = smaller, True
                 continue
