@@ -420,3 +420,17 @@ def test_a_very_short_step_is_as_exact_as_displacements_are(scheme: Scheme) -> N
     short = marched(stops=(0.5, 0.5 + 1e-11))
     assert not short.finished
     assert "move the stop" in short.messages[-1]
+
+
+@pytest.mark.parametrize("unit", [1e-299, 1e299])
+def test_steps_beyond_the_range_of_numbers_are_refused(unit: float) -> None:
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(4.0, 4.0, density=1.0),
+        contact={"bottom": hv.Contact(hv.Compliance(8.0))},
+    )
+    with pytest.raises(ProblemError, match="state times in another unit"):
+        march(Evolution(problem, inertia=True), 10.0 * unit, step=unit)
+    told = hv.When(function=lambda discrete, moment: "high", label="level")  # type: ignore[arg-type,return-value]
+    with pytest.raises(ProblemError, match="event 'level' gave 'high'; return a number"):
+        march(Evolution(problem, inertia=True), 1.0, step=0.5, events=[told])

@@ -207,7 +207,11 @@ class When(Event):
 
     def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
         assert self.function is not None
-        value = float(self.function(discrete, moment))
+        found = self.function(discrete, moment)
+        try:
+            value = float(found)
+        except (TypeError, ValueError):
+            raise ProblemError(f"the event '{self.label}' gave {found!r}; return a number") from None
         if np.isnan(value):
             raise ProblemError(f"the event '{self.label}' is not a number at t = {moment.time:g}")
         return value

@@ -42,6 +42,8 @@ _TRIALS = 60
 _RESOLVED = 1e-12
 #: Part of the length of others below which a step that fails is too short.
 _SHORT = 1e-4
+#: Length of a step above which, and the inverse of that below which, numbers of schemes over- or underflow.
+_LONGEST = 1e100
 #: What a message begins with where steps are less exact than was asked for.
 _MISSED = "the tolerance of steps was missed"
 
@@ -102,6 +104,11 @@ class Run:
         span = plan.until - self.start
         self.stepping = plan.stepping(span)
         self.pace = self.stepping.first(span)
+        if not 1.0 / _LONGEST < self.pace.step < _LONGEST:
+            raise ProblemError(
+                f"the step is {self.pace.step:g}, whose square is beyond the range of numbers; state times in another "
+                "unit"
+            )
         least = _RESOLVED * max(abs(self.start), abs(plan.until))
         if self.pace.step < least:
             raise ProblemError(
