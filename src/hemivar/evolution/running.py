@@ -104,16 +104,16 @@ class Run:
         span = plan.until - self.start
         self.stepping = plan.stepping(span)
         self.pace = self.stepping.first(span)
-        if not 1.0 / _LONGEST < self.pace.step < _LONGEST:
-            raise ProblemError(
-                f"the step is {self.pace.step:g}, whose square is beyond the range of numbers; state times in another "
-                "unit"
-            )
         least = _RESOLVED * max(abs(self.start), abs(plan.until))
         if self.pace.step < least:
             raise ProblemError(
                 f"the step is {self.pace.step:g}, too short for times up to {plan.until:g} to be told apart; take at "
                 f"least {least:g}"
+            )
+        if not 1.0 / _LONGEST < self.pace.step < _LONGEST:
+            raise ProblemError(
+                f"the step is {self.pace.step:g}, whose square is beyond the range of numbers; state times in another "
+                "unit"
             )
         self.probes = tools.probes(discrete, plan.save.probes)
         self.advance = tools.advance(discrete, plan.scheme, plan.solver, plan.controls, workspace)
@@ -325,14 +325,25 @@ def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
     """That a scheme which is made for springs has a mass hit something rigid, if so."""
     if discrete.mass is None or not isinstance(scheme, Midpoint | Newmark | GeneralizedAlpha):
         return ()
-    ends = discrete.problem.law.normal.domain
-    rigid = bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any()) and discrete.problem.contact_points > 0
-    if discrete.evolution.mass is Mass.REDISTRIBUTED or not discrete.vectors.largest(float(rigid))[0]:
-        return ()
-    return (
-        f"an obstacle is rigid: where the body hits it the scheme {scheme.name} rings and may gain energy; take "
-        "moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",
+    ends, points = discrete.problem.law.normal.domain, discrete.problem.contact_points > 0
+    rigid, held = discrete.vectors.largest(
+        float(points and bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any())),
+        float(points and bool((ends.lower == ends.upper).any())),
     )
+    if discrete.evolution.mass is Mass.REDISTRIBUTED:
+        return ()
+    found = []
+    if rigid:
+        found.append(
+            f"an obstacle is rigid: where the body hits it the scheme {scheme.name} rings and may gain energy; take "
+            "moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation"
+        )
+    if held and isinstance(scheme, Newmark):
+        found.append(
+            "a foundation holds the body: newmark does not know its reaction at the start, and pressures ring; take "
+            "midpoint, generalized-alpha or implicit-euler, or mass = 'redistributed'"
+        )
+    return tuple(found)
 
 
 def _ends(plan: March, start: float, kinks: tuple[float, ...]) -> list[float]:
