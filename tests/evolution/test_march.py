@@ -140,6 +140,11 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "scheme by name": (lambda: march(_moving(), 1.0, scheme="newmark"), "scheme"),
     "unknown jump": (lambda: march(_moving(), 1.0, jump="up"), "choose one of"),
     "event that is none": (lambda: march(_moving(), 1.0, events=["touch"]), "Touch"),
+    "one event": (lambda: march(_moving(), 1.0, events=Touch()), "list"),
+    "one stop": (lambda: march(_moving(), 1.0, stops=0.5), "list of times"),
+    "no seconds": (lambda: march(_moving(), 1.0, max_time="3"), "seconds"),
+    "seconds that are none": (lambda: march(_moving(), 1.0, max_time=np.nan), "seconds"),
+    "probes without names": (lambda: Save(probes=[(0.0, 0.0)]), "names"),  # type: ignore[arg-type]
     "event without function": (lambda: When(), "needs a function"),
     "event that does nothing": (lambda: Touch("shout"), "record"),  # type: ignore[arg-type]
     "resume without file": (lambda: march(_moving(), 1.0, resume=True), "checkpoint"),
@@ -180,6 +185,14 @@ def test_what_cannot_be_is_refused_in_words(case: str) -> None:
     make, words = REFUSED[case]
     with pytest.raises(ProblemError, match=words):
         make()
+
+
+def test_a_checkpoint_that_cannot_be_written_is_told_before_the_first_step(tmp_path: Path) -> None:
+    for file in (tmp_path, tmp_path / "nowhere" / "run.ckpt"):
+        steps = marching(beam(), March(0.2, step=0.1, checkpoint=hv.Checkpoint(file)))
+        with pytest.raises(FileError, match="cannot write"):
+            next(steps)
+    assert not list(tmp_path.iterdir())
 
 
 def test_interruption_and_time_leave_what_there_is() -> None:

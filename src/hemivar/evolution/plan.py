@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -78,11 +78,14 @@ class March:
         if self.step is not None and not isinstance(self.step, Stepping):
             object.__setattr__(self, "step", FixedStep(number(self.step, "the step", "give a time > 0")))
         expect(self.save, Save, "save", "give Save(every=...)")
-        for event in self.events:
+        some: Iterable[Event] = expect(self.events, Iterable, "events", "give a list of them, such as [Touch()]")
+        events = tuple(some)
+        for event in events:
             expect(event, Event, "an event", "give Touch(), Release() or the like")
-        stops = tuple(number(stop, "a stop", "give times") for stop in self.stops)
+        given: Iterable[float] = expect(self.stops, Iterable, "stops", "give a list of times, such as (0.5,)")
+        stops = tuple(number(stop, "a stop", "give times") for stop in given)
         object.__setattr__(self, "stops", stops)
-        object.__setattr__(self, "events", tuple(self.events))
+        object.__setattr__(self, "events", events)
         try:
             object.__setattr__(self, "jump", Jump(self.jump))
         except ValueError:
@@ -90,6 +93,8 @@ class March:
         if self.solver is not None:
             expect(self.solver, Solver, "the solver", "give NonsmoothNewton(), NonsmoothMultigrid() or the like")
         expect(self.controls, Controls, "controls", "pass Controls(rtol=...)")
+        if not number(self.max_time, "max_time", "give seconds") >= 0.0:
+            raise ProblemError(f"max_time = {self.max_time:g}; give seconds >= 0")
         if isinstance(self.checkpoint, str | Path):
             object.__setattr__(self, "checkpoint", Checkpoint(Path(self.checkpoint)))
         if self.resume and self.checkpoint is None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance, Taken
@@ -114,6 +115,8 @@ class Run:
         self.ends = _ends(plan, self.start, kinks)
         self.identity = ""
         if plan.checkpoint is not None:
+            if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
+                try_output(plan.checkpoint.file)  # before anything is computed in vain
             self.identity = tools.identity(
                 self.advance, self.stepping, self.ends[:-1], plan.save, plan.events, plan.jump
             )

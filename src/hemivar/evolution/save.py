@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.arguments import number, whole_number
+from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -49,6 +49,7 @@ class Save:
         if self.every is not None and not 0.0 < number(self.every, "every of Save") < math.inf:
             raise ProblemError(f"Save(every={self.every:g}): it must be a time > 0")
         whole_number(self.most, "most of Save", 2)
+        expect(self.probes, Mapping, "probes of Save", "give points by names, such as {'tip': (1.0, 0.0)}")
 
 
 class Frames:
