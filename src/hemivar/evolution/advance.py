@@ -209,11 +209,15 @@ class Advance:
         leaps = tuple(leap for s in solved for leap in s.leaps)
         return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
 
+    def _rules(self, step: float) -> tuple[Rule, ...]:
+        scheme = self.scheme
+        return scheme.massless_rules(step) if self.discrete.mass is None else scheme.rules(step)
+
     def _grounds_of(self, step: float) -> tuple[Ground, ...]:
         """What the stages of a step of this length share, whatever the moment."""
         found = self._grounds.get(step)
         if found is None:
-            rules = self.scheme.rules(step)
+            rules = self._rules(step)
             found = self._grounds[step] = tuple(ground_of(self.discrete, self.bodies, rule, step) for rule in rules)
             while len(self._grounds) > _BODIES:
                 self._grounds.popitem(last=False)
@@ -293,7 +297,7 @@ class Advance:
         stated = self.discrete.problem.law
         guess = np.zeros(before.local.place.shape)
         guess[:, 0] = before.local.place[:, 0]
-        for rule in self.scheme.rules(step):
+        for rule in self._rules(step):
             if "law" in self.discrete.evolution.problem.time_dependent:
                 stated = self.acting(before.time + rule.at * step).law
             law = stage_law(self.discrete, stated, before, rule, step, guess, before.multiplier)
