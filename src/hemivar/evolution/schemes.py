@@ -152,7 +152,7 @@ class Midpoint(Scheme):
         return (Rule(0.5, rate, acceleration, 2.0, velocity, end, conserving=self.conserving),)
 
     def massless_rules(self, step: float) -> tuple[Rule, ...]:
-        # 2 (u_{n+1} - u_n)/tau - v would go on for ever with what v is off: with that of the start, which nobody states.
+        # 2 (u_{n+1} - u_n)/tau - v would hand on for ever what v is off, as it is at the start, where nobody states it.
         # Extrapolated from the middle instead, by the mean of the slope since the beginning and of the last one, it is
         # exact where the velocity is a straight line, and what v and w are off is forgotten in two steps.
         (rule,) = self.rules(step)
