@@ -180,3 +180,18 @@ def test_no_margin_of_a_march_without_steps() -> None:
     assert len(stopped.rows) == 1
     assert stopped.margin == math.inf
     assert stopped.uniqueness == "no step was taken"
+
+
+def test_the_largest_step_is_that_of_heat_too() -> None:
+    """A cell of capacity 1, which hardly conducts, with an exchange on its bottom that falls by 9."""
+    exchange = hv.PiecewiseQuadratic([0.0, 0.1], [10.0, -9.0, 0.0], [0.0, 0.0])
+    heat = Heat(1e-6, 1.0, contact={"bottom": hv.HeatContact(exchange=exchange)}, supports={"top": 0.0})
+    found = []
+    for step in (0.02, 0.2):
+        history = march(block(hv.Contact(hv.Compliance(2.0)), heat=heat), 2.0 * step, step=step)
+        assert (history["margin"][-1] > 0.0) == (step < history["largest_step"][-1])
+        found.append(history["largest_step"][-1])
+    # Capacity of the two nodes of the bottom, ((4, 1), (1, 2))/24 in two triangles, against 9/2 at each of them.
+    limit = (3.0 - math.sqrt(2.0)) / 24.0 / 4.5
+    assert 0.98 * limit < found[0] <= limit
+    assert 0.98 * limit < found[1] <= limit

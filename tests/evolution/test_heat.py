@@ -288,3 +288,15 @@ def test_what_files_refuse(old: str, new: str, words: str) -> None:
     assert old in FILE
     with pytest.raises(hv.ProblemError, match=words):
         parse_problem_file(FILE.replace(old, new))
+
+
+def test_a_conductance_that_is_a_function_conducts_at_held_nodes() -> None:
+    """The same number, given as one and as a function, along a boundary whose end is clamped."""
+    found = []
+    for conductance in (0.7, lambda r, p: np.full(r.shape, 0.7)):
+        contact = {"bottom": HeatContact(conductance, temperature=1.0)}
+        history = march(Evolution(body(), heat=Heat(0.1, 1.0, contact=contact)), 0.5, step=0.1)
+        found.append(history.frames[-1].temperature)
+    one, other = (np.asarray(temperature) for temperature in found)
+    assert one[0] > 0.3
+    assert other == pytest.approx(one, rel=1e-8)

@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 
+import hemivar as hv
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution import AdaptiveStep, FixedStep
+from hemivar.evolution import SDIRK2, AdaptiveStep, Evolution, FixedStep, History, Midpoint, Scheme, march
 from hemivar.evolution.steps import Pace
 
 
@@ -115,3 +117,36 @@ def test_a_fixed_step_that_failed_is_halved_and_comes_back() -> None:
         assert stands
     assert pace.step == 1.0
     assert steps == [0.125] * 2 + [0.25] * 2 + [0.5] * 2
+
+
+def crept(scheme: Scheme, step: float | AdaptiveStep) -> tuple[History, Array, Array]:
+    """A viscous block of stiffness 3 on a spring of 2 under a sudden load, with the exact displacement and velocity."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3)),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        tractions={"bottom": (0.0, -0.1)},
+        contact={"bottom": hv.Contact(hv.Compliance(2.0))},
+    )
+    history = march(Evolution(problem), 1.0, step=step, scheme=scheme, save=hv.Save(every=1e-9))
+    fading = np.exp(-history.times * 5.0 / 0.6)
+    return history, 0.1 / 5.0 * (1.0 - fading), 0.1 / 0.6 * fading
+
+
+@pytest.mark.parametrize("scheme", [Midpoint(), SDIRK2()])
+def test_velocities_without_mass_forget_the_start(scheme: Scheme) -> None:
+    """A body without mass has no initial velocity, whatever stands there: 0, where the exact one is 0.167."""
+    off = []
+    for step in (0.04, 0.02):
+        history, _, velocity = crept(scheme, step)
+        found = np.array([-frame.velocity[0, 1] for frame in history.frames])
+        off.append(np.abs(found - velocity)[history.times > 0.19].max())
+    assert off[0] < 0.002
+    assert off[1] < off[0] / 3.0
+
+
+@pytest.mark.parametrize("scheme", [Midpoint(), SDIRK2()])
+def test_adaptive_steps_without_mass_are_few(scheme: Scheme) -> None:
+    history, place, _ = crept(scheme, AdaptiveStep(1e-3))
+    assert len(history.times) < 90
+    assert np.abs(history["penetration"] - place).max() < 1e-3 * place[-1]

@@ -225,11 +225,15 @@ class Advance:
         traced = self.discrete.problem.contact.traced(before.body.velocity[: self.discrete.unknowns])
         return replace(before, local=replace(before.local, velocity=traced - rate))
 
+    def _rules(self, step: float) -> tuple[Rule, ...]:
+        scheme = self.scheme
+        return scheme.massless_rules(step) if self.discrete.mass is None else scheme.rules(step)
+
     def _grounds_of(self, step: float) -> tuple[Ground, ...]:
         """What the stages of a step of this length share, whatever the moment."""
         found = self._grounds.get(step)
         if found is None:
-            rules = self.scheme.rules(step)
+            rules = self._rules(step)
             found = self._grounds[step] = tuple(ground_of(self.discrete, self.bodies, rule, step) for rule in rules)
             while len(self._grounds) > _BODIES:
                 self._grounds.popitem(last=False)
@@ -309,7 +313,7 @@ class Advance:
         stated = self.discrete.problem.law
         guess = np.zeros(before.local.place.shape)
         guess[:, 0] = before.local.place[:, 0]
-        for rule in self.scheme.rules(step):
+        for rule in self._rules(step):
             if "law" in self.discrete.evolution.problem.time_dependent:
                 stated = self.acting(before.time + rule.at * step).law
             law = stage_law(self.discrete, stated, before, rule, step, guess, before.multiplier)

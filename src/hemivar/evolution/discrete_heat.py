@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.thermal_stress import thermal_matrix
 from hemivar.laws import ContactLaw, PiecewiseQuadratic
@@ -34,7 +36,8 @@ class DiscreteHeat(Portable):
     pull : sparse array (n + k, nodes)
         Force of nodal temperatures on the unknowns and on the prescribed displacements.
     partner : int array (q,)
-        Contact point of the body at each contact point of the heat; -1 where there is none.
+        Contact point of the body at each contact point of the heat. A node that supports hold altogether is none: it
+        has the nearest one of the boundary if the conductance there asks for it, and else -1.
     share : array (m,)
         Part of the heat of friction that goes into the body, at the contact points of the body.
     node : int array (m,)
@@ -111,4 +114,20 @@ def coupled_heat(
     for name, one in heat.contact.items():
         if name in contact.names:
             share[contact.on(name)] = one.share
-    return DiscreteHeat(heat, conduction, pull, place[exchanged.node], share, contact.node)
+    return DiscreteHeat(heat, conduction, pull, _partners(heat, contact, exchanged, place), share, contact.node)
+
+
+def _partners(heat: Heat, contact: ContactPoints, exchanged: ContactPoints, place: IntArray) -> IntArray:
+    """Contact points of the body whose penetration and pressure the conductance is that of, (q,)."""
+    partner = place[exchanged.node]
+    for name, one in heat.contact.items():
+        if not (one.depends_on_state and name in contact.names):
+            continue
+        index, own = exchanged.on(name), contact.on(name)
+        alone = index[partner[index] < 0]
+        if alone.size and own.size:
+            assert exchanged.points is not None
+            assert contact.points is not None
+            _, nearest = cKDTree(contact.points[own]).query(exchanged.points[alone])
+            partner[alone] = own[nearest]
+    return partner

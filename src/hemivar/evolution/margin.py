@@ -39,12 +39,12 @@ class Margins:
         self._largest: tuple[bytes, float] = b"", math.nan
         self._last: tuple[object, float, float] = None, math.nan, math.nan
         self._matrices: OrderedDict[tuple[float, ...], Array | None] = OrderedDict()
+        self._beside = None if advance.beside is None else Margins(advance.beside)
 
     def margin(self, taken: Taken) -> float:
         """Least margin of the stages of a step, and of heat."""
         own = min(self._of(stage, solution) for stage, solution in zip(taken.stages, taken.solutions, strict=True))
-        beside = self.advance.beside
-        return own if taken.heat is None or beside is None else min(own, Margins(beside).margin(taken.heat))
+        return own if taken.heat is None or self._beside is None else min(own, self._beside.margin(taken.heat))
 
     def _of(self, stage: Stage, solution: Solution) -> float:
         problem = stage.problem
@@ -61,7 +61,18 @@ class Margins:
         return 1.0 - self.advance.constant(problem)
 
     def largest_step(self, taken: Taken) -> float:
-        """Largest step with a positive margin, to a percent; inf if any, nan where it is not looked for."""
+        """Largest step with a positive margin, of motion and heat, to a percent; inf if any, nan where it is not looked
+        for.
+
+        It is looked for among longer steps where this one has a positive margin, else among shorter ones; 0 if none of
+        these has.
+        """
+        own = self._largest_step(taken)
+        if taken.heat is None or self._beside is None:
+            return own
+        return float(np.minimum(own, self._beside.largest_step(taken.heat)))  # nan if one of them is
+
+    def _largest_step(self, taken: Taken) -> float:
         problem = taken.stages[0].problem
         if problem.law is self._last[0] and taken.step == self._last[1]:
             return self._last[2]

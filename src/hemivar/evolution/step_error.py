@@ -1,7 +1,8 @@
 """How far a step is off: an estimate of its local error, by which adaptive steps are chosen.
 
 The distance from the prediction by the derivatives at the beginning, halved: of implicit Euler ``tau^2 u''/2``, of
-schemes of order two ``tau^3 u'''/12`` (Milne's device).  It is measured twice, and the larger part counts:
+schemes of order two ``tau^3 u'''/12`` (Milne's device), or up to six times that where the acceleration that is known
+lags behind, as it does without mass.  It is measured twice, and the larger part counts:
 
 * in the energy norm, against the largest energy norm so far: deformations and velocities;
 * at the contact points, root mean square, against the largest displacement since the start: a body that slides or
