@@ -150,3 +150,22 @@ def test_adaptive_steps_without_mass_are_few(scheme: Scheme) -> None:
     history, place, _ = crept(scheme, AdaptiveStep(1e-3))
     assert len(history.times) < 90
     assert np.abs(history["penetration"] - place).max() < 1e-3 * place[-1]
+
+
+def test_a_body_that_jumps_at_the_start_is_marched_all_the_same() -> None:
+    """Nothing slows its rigid motion down, so that no step is short enough: steps that could not be solved ended it."""
+    springs = hv.Contact(hv.Compliance(1000.0))
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.5), (4, 2)),
+        material=hv.Material.lame(100.0, 100.0, viscosity=(1.0, 1.0)),
+        contact={"bottom": springs},
+        supports={"left": hv.Fixed(x=0.0)},
+        tractions={"top": (0.0, -2.0)},
+    )
+    history = march(Evolution(problem), 0.05, step=AdaptiveStep(1e-2))
+    assert history.finished, history.messages
+    (message,) = history.messages
+    assert message.startswith("the tolerance of steps was missed first in the step to t = ")
+    assert "no step is short enough" in message
+    fixed = march(Evolution(problem), 0.05, step=5e-4).frames[-1].displacement
+    np.testing.assert_allclose(history.frames[-1].displacement, fixed, atol=0.01 * np.abs(fixed).max())

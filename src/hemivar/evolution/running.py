@@ -28,6 +28,7 @@ from hemivar.evolution.plan import March
 from hemivar.evolution.save import Frames, probed
 from hemivar.evolution.schemes import GeneralizedAlpha, Midpoint, Newmark, Scheme
 from hemivar.evolution.step_error import step_error
+from hemivar.evolution.steps import Pace
 from hemivar.evolution.thermal_advance import advance_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
 from hemivar.solvers import Controls, Solver, Status
@@ -161,6 +162,7 @@ class Run:
         """
         goal = next(end for end in self.ends if end > self.moment.time)
         whole = True
+        rejected: tuple[Taken, Pace, float | None] | None = None  # solved, but not as exact as was asked for
         while True:
             length, reached = _fitted(self.pace.step, self.moment.time, goal)
             taken = self.advance.take(self.moment, length, reached, Jump(self.plan.jump))
@@ -169,7 +171,10 @@ class Run:
                 smaller = None if outside else self.stepping.smaller(self.pace)
                 while smaller is not None and smaller.step >= length:  # as long a step was tried
                     smaller = self.stepping.smaller(smaller)
-                if smaller is None:
+                if smaller is not None:
+                    self.pace, whole = smaller, True
+                    continue
+                if outside or rejected is None:
                     if taken.status is not Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
                         remedy = taken.status.remedy
                         if length < _SHORT * self.pace.step:
@@ -180,25 +185,30 @@ class Run:
                         when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
                         self.messages.append(f"the step {when} could not be solved: {remedy}")
                     return None, (taken.status.value,), True
-                self.pace, whole = smaller, True
-                continue
-            error = None
-            if self.stepping.estimates:
-                found = step_error(self.advance, taken, self.origin)
-                self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
-                error = found.relative(self.largest, self.farthest)
-            stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
-            if not stands:
-                self.pace = following
-                continue
+                taken, self.pace, error = rejected  # none that is shorter can be solved
+                following = self.pace
+            else:
+                error = None
+                if self.stepping.estimates:
+                    found = step_error(self.advance, taken, self.origin)
+                    self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
+                    error = found.relative(self.largest, self.farthest)
+                stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
+                if not stands:
+                    rejected, self.pace = (taken, self.pace, error), following
+                    continue
             if self.plan.jump is Jump.STOP and not self.advance.resists and self.margins.margin(taken) <= 0.0:
                 where = f"at t = {taken.moment.time:g} a step may have several solutions"
                 self.messages.append(f"{where}; the march stops before it, as asked")
                 return None, ("margin lost",), True
             if self.stepping.missed(error) and not any(message.startswith(_MISSED) for message in self.messages):
+                first = f"{_MISSED} first in the step to t = {taken.moment.time:g}"
+                worth = f"its error is about {error:.2g} of the whole"
                 self.messages.append(
-                    f"{_MISSED} first in the step to t = {reached:g}, which cannot be shorter: its error is about "
-                    f"{error:.2g} of the whole; allow shorter steps"
+                    f"{first}, which cannot be shorter: {worth}; allow shorter steps"
+                    if rejected is None or taken is not rejected[0]
+                    else f"{first}: {worth}, and shorter ones cannot be solved; where a load or a support jumps and "
+                    "nothing slows the body down, no step is short enough"
                 )
             taken, happened, stop = self._located(taken)
             if whole and taken.step >= self.pace.step * (1.0 - 1e-6):
