@@ -95,3 +95,26 @@ def test_a_manufactured_motion() -> None:
         nodes = hv.discretize(problem.at_time(0.0)).field.nodes  # type: ignore[union-attr]
         off = float(np.abs(ends[-1] - np.sin(1.0) * shape(nodes)).max())
         assert off < 1.5 * 1e-4  # of the mesh, and of the smallest step
+
+
+def _damped(time: float) -> float:
+    """Where a mass of 1 comes to on a spring of 100 and a damper of 4, from 0 at the velocity .5."""
+    swing = np.sqrt(100.0 - 4.0)
+    return float(0.5 / swing * np.exp(-2.0 * time) * np.sin(swing * time))
+
+
+@pytest.mark.parametrize("scheme", [hv.Newmark(), hv.GeneralizedAlpha(0.8), hv.GeneralizedAlpha(0.0)], ids=repr)
+@pytest.mark.parametrize("rubs", [False, True])
+def test_the_first_acceleration_knows_damping_and_friction(scheme: Scheme, rubs: bool) -> None:
+    """A stiff block hits a damped spring, or is braked on one side by ``.5``: without it, errors are of order one."""
+    mesh, stiff = hv.rectangle((1.0, 1.0), 1), hv.Material.lame(0.0, 5e5, density=1.0)
+    sides = {"left": hv.Roller(), "right": hv.Roller()}
+    damped = hv.Contact(hv.Compliance(100.0), damping=hv.Compliance(4.0))
+    contact = {"right": hv.Contact(hv.NoContact(), hv.Tresca(0.5))} if rubs else {"bottom": damped}
+    known = 0.5 * 0.1 - 0.5 * 0.1**2 / 2.0 if rubs else _damped(0.1)
+    problem = hv.ContactProblem(
+        mesh, stiff, contact=contact, supports={"left": hv.Roller(), "top": hv.Fixed(x=0.0)} if rubs else sides
+    )
+    evolution = Evolution(problem, inertia=True, velocity=(0.0, -0.5))
+    history = march(evolution, 0.1, step=0.1 / 20, scheme=scheme, save=hv.Save(probes={"middle": (0.5, 0.5)}))
+    assert -history["middle.u_y"][-1] == pytest.approx(known, abs=6e-6 if rubs else 2e-5)

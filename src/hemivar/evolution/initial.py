@@ -11,7 +11,10 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
-from hemivar.evolution.step_laws import StepLaw, initial_memory
+from hemivar.evolution.schemes import ImplicitEuler
+from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
+from hemivar.laws import ContactLaw
+from hemivar.laws.neighbourhood import polar
 
 __all__ = ["initial_moment"]
 
@@ -19,6 +22,8 @@ __all__ = ["initial_moment"]
 _NEAR = 1e-2
 #: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
 _JUMPS = 1.2
+#: Part of the velocity of the body that is slip, and not rounding.
+_SLIPS = 1e-6
 
 
 def initial_moment(advance: Advance, step: float | None = None) -> Moment:
@@ -81,7 +86,8 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
         initial_memory(discrete, acting.law, local),
     )
     if discrete.mass is not None:
-        acceleration = _acceleration(advance, moment, acting.load, moving[0].acceleration)
+        rubbed = replace(moment, multiplier=_rubbed(advance, moment, acting.law, step))
+        acceleration = _acceleration(advance, rubbed, acting.load, moving[0].acceleration)
         pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape) - moving[1].acceleration
         moment = replace(
             moment,
@@ -114,6 +120,34 @@ def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
     velocity = (4.0 * one - two) / (2.0 * span)
     smooth = np.abs((4.0 * half - one) / span) <= _JUMPS * np.abs(velocity)
     return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, (two - 2.0 * one) / span**2, 0.0))
+
+
+def _rubbed(advance: Advance, moment: Moment, stated: ContactLaw, step: float | None) -> Array:
+    """Pressure and friction (m, c) at the start with those of the velocity that it has; without it, none of the two.
+
+    Schemes that hand accelerations on are of second order only if the first one is right.
+    """
+    lam, local = moment.multiplier.copy(), moment.local
+    fast = advance.discrete.vectors.largest(
+        float(np.abs(moment.body.velocity).max(initial=0.0)), float(np.abs(local.velocity).max(initial=0.0))
+    ).max()
+    if not (lam.size and local.velocity.any()):
+        return lam
+    span = _NEAR * _NEAR * (1.0 if step is None else step)
+    guess = span * local.velocity
+    guess[:, 0] = local.place[:, 0]
+    (rule,) = ImplicitEuler().rules(span)
+    law = stage_law(advance.discrete, stated, moment, rule, span, guess, lam)
+    for block in law.blocks:
+        if block.damping is not None:
+            felt = block.damping.subdifferential(local.velocity[block.index, 0])
+            lam[block.index, 0] += np.clip(0.0, felt.lower, felt.upper)
+    if lam.shape[1] > 1:
+        size, direction = polar(guess[:, 1:])
+        pull = law.law.frozen(guess, lam).tangential.subdifferential(size)
+        slips = size > _SLIPS * span * fast
+        lam[:, 1:] = np.where(slips, np.clip(0.0, pull.lower, pull.upper), 0.0)[:, None] * direction
+    return lam
 
 
 def _acceleration(advance: Advance, moment: Moment, load: Array, held: Array) -> Array:
