@@ -118,3 +118,14 @@ def test_the_first_acceleration_knows_damping_and_friction(scheme: Scheme, rubs:
     evolution = Evolution(problem, inertia=True, velocity=(0.0, -0.5))
     history = march(evolution, 0.1, step=0.1 / 20, scheme=scheme, save=hv.Save(probes={"middle": (0.5, 0.5)}))
     assert -history["middle.u_y"][-1] == pytest.approx(known, abs=6e-6 if rubs else 2e-5)
+
+
+@pytest.mark.parametrize("side", ["bottom", "top"])
+def test_redistributed_mass_is_the_whole_mass(side: str) -> None:
+    """Whichever way the normal of the contact boundary looks."""
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 2), hv.Material.lame(0.0, 5.0, density=1.0), contact={side: hv.Contact(hv.Signorini())},
+        supports={"left": hv.Roller(), "right": hv.Roller()},
+    )  # fmt: skip
+    evolution = Evolution(problem, inertia=True, velocity=(0.0, -0.2 if side == "top" else 0.2), mass="redistributed")
+    assert march(evolution, 1e-3, step=1e-3)["kinetic"][0] == pytest.approx(0.02, rel=1e-12)

@@ -220,9 +220,11 @@ def _redistributed(mass: Operator, problem: DiscreteProblem) -> Operator:
     inside = ~massless[rows] & ~massless[M.indices]
     kept = np.where(inside, M.data, 0.0)
     # What a row of the kept ones loses to massless columns, and these rows themselves, are given to the diagonal.
-    lost = np.bincount(rows[~inside & ~massless[rows]], M.data[~inside & ~massless[rows]], minlength=n)
-    own = np.bincount(rows[massless[rows]], M.data[massless[rows]], minlength=n)
-    share = sp.csr_array((np.where(inside | massless[rows], 0.0, np.abs(M.data)), M.indices, M.indptr), shape=M.shape)
+    # Contact unknowns point along normals, which may look the other way than those beside them: signs are no mass.
+    size = np.abs(M.data)
+    lost = np.bincount(rows[~inside & ~massless[rows]], size[~inside & ~massless[rows]], minlength=n)
+    own = np.bincount(rows[massless[rows]], size[massless[rows]], minlength=n)
+    share = sp.csr_array((np.where(inside | massless[rows], 0.0, size), M.indices, M.indptr), shape=M.shape)
     weight = np.asarray(share.sum(axis=0)).ravel()  # of each massless unknown, over its neighbours with mass
     given = share @ np.where(weight > 0.0, own / np.where(weight > 0.0, weight, 1.0), 0.0)
     diagonal = rows == M.indices
