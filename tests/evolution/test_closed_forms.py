@@ -124,7 +124,8 @@ def test_the_first_acceleration_knows_damping_and_friction(scheme: Scheme, rubs:
 def test_redistributed_mass_is_the_whole_mass(side: str) -> None:
     """Whichever way the normal of the contact boundary looks."""
     problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 2), hv.Material.lame(0.0, 5.0, density=1.0), contact={side: hv.Contact(hv.Signorini())},
+        hv.rectangle((1.0, 1.0), 2), hv.Material.lame(0.0, 5.0, density=1.0),
+        contact={side: hv.Contact(hv.Signorini())},
         supports={"left": hv.Roller(), "right": hv.Roller()},
     )  # fmt: skip
     evolution = Evolution(problem, inertia=True, velocity=(0.0, -0.2 if side == "top" else 0.2), mass="redistributed")
