@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, Scheme, march
+from hemivar.evolution.discrete import discretize_evolution
 
 
 @pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.SDIRK2()], ids=lambda s: s.name)
@@ -120,13 +124,33 @@ def test_the_first_acceleration_knows_damping_and_friction(scheme: Scheme, rubs:
     assert -history["middle.u_y"][-1] == pytest.approx(known, abs=6e-6 if rubs else 2e-5)
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("side", ["bottom", "top"])
-def test_redistributed_mass_is_the_whole_mass(side: str) -> None:
-    """Whichever way the normal of the contact boundary looks."""
+def test_redistributed_mass_is_the_whole_mass(side: str, dim: int, angle: float) -> None:
+    """Whichever way the normal of the contact boundary looks: both move the same."""
+    square = hv.rectangle((1.0, 1.0), 2) if dim == 2 else hv.box((1.0, 1.0, 1.0), 2)
+    turn = np.eye(dim)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
     problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 2), hv.Material.lame(0.0, 5.0, density=1.0),
-        contact={side: hv.Contact(hv.Signorini())},
-        supports={"left": hv.Roller(), "right": hv.Roller()},
-    )  # fmt: skip
-    evolution = Evolution(problem, inertia=True, velocity=(0.0, -0.2 if side == "top" else 0.2), mass="redistributed")
-    assert march(evolution, 1e-3, step=1e-3)["kinetic"][0] == pytest.approx(0.02, rel=1e-12)
+        replace(square, parent=None, points=square.points @ turn.T),
+        hv.Material.lame(0.0, 5.0, density=1.0),
+        contact={side: hv.Contact(hv.Signorini(), gap=1.0)},
+    )
+    discrete = discretize_evolution(Evolution(problem, inertia=True, mass="redistributed"))
+    assert discrete.mass is not None
+    for way in np.eye(dim):
+        there = discrete.restrict(np.tile(way, (len(discrete.field.nodes), 1)), np.zeros(0))
+        assert discrete.mass.energy(there) == pytest.approx(0.5, rel=1e-12)
+
+
+def test_restitution_asks_for_mass_at_contact_points() -> None:
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1),
+        hv.Material.lame(0.0, 5.0, density=1.0),
+        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.1)},
+    )
+    evolution = Evolution(problem, inertia=True, velocity=(0.0, -1.0), mass="redistributed")
+    with pytest.raises(ProblemError, match="take mass = 'consistent' or restitution = 0"):
+        march(evolution, 0.1, step=0.01, scheme=hv.MoreauJean(0.5))
+    assert march(evolution, 0.1, step=0.01, scheme=hv.MoreauJean()).finished

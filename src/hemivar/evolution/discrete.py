@@ -211,20 +211,31 @@ def _heat(evolution: Evolution, stated: Statement, problem: DiscreteProblem, mov
 
 
 def _redistributed(mass: Operator, problem: DiscreteProblem) -> Operator:
-    """The mass without that of contact unknowns, which goes to the unknowns that they share cells with."""
-    M = mass.inner
+    """The mass without that of contact unknowns, which goes to the unknowns that they share cells with.
+
+    What an unknown shares with a node is a length: that of its entries with all components there, for those of contact
+    points are turned along their normals.
+    """
+    M, field = mass.inner, problem.field
+    assert field is not None
     n = M.shape[0]
     massless = np.zeros(n, dtype=bool)
     massless[problem.contact.trace.indices] = True
     rows = np.repeat(np.arange(n), np.diff(M.indptr))
     inside = ~massless[rows] & ~massless[M.indices]
     kept = np.where(inside, M.data, 0.0)
+    basis = sp.csc_array(field.basis)
+    node = basis.indices[basis.indptr[:-1]] // field.components
+    squares = sp.csr_array((M.data**2, node[M.indices], M.indptr.copy()), shape=(n, int(node.max(initial=0)) + 1))
+    squares.sum_duplicates()
+    size, of = np.sqrt(squares.data), np.repeat(np.arange(n), np.diff(squares.indptr))
+    bare = np.zeros(squares.shape[1], dtype=bool)
+    bare[node[massless]] = True
     # What a row of the kept ones loses to massless columns, and these rows themselves, are given to the diagonal.
-    # Contact unknowns point along normals, which may look the other way than those beside them: signs are no mass.
-    size = np.abs(M.data)
-    lost = np.bincount(rows[~inside & ~massless[rows]], size[~inside & ~massless[rows]], minlength=n)
-    own = np.bincount(rows[massless[rows]], size[massless[rows]], minlength=n)
-    share = sp.csr_array((np.where(inside | massless[rows], 0.0, size), M.indices, M.indptr), shape=M.shape)
+    gone = ~massless[of] & bare[squares.indices]
+    lost = np.bincount(of[gone], size[gone], minlength=n)
+    own = np.bincount(of[massless[of]], size[massless[of]], minlength=n)
+    share = sp.csr_array((np.where(inside | massless[rows], 0.0, np.abs(M.data)), M.indices, M.indptr), shape=M.shape)
     weight = np.asarray(share.sum(axis=0)).ravel()  # of each massless unknown, over its neighbours with mass
     given = share @ np.where(weight > 0.0, own / np.where(weight > 0.0, weight, 1.0), 0.0)
     diagonal = rows == M.indices

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from hemivar.basics.arguments import expect, number
 from hemivar.errors import ProblemError
-from hemivar.evolution.evolution_problem import Evolution
+from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.evolution.happenings import Event
 from hemivar.evolution.jumps import Jump
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.save import Save
-from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.evolution.schemes import ImplicitEuler, MoreauJean, Scheme
 from hemivar.evolution.steps import FixedStep, Stepping
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.solvers import Controls, Solver
@@ -126,6 +126,11 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
     if stated.inertia and not scheme.takes_mass:
         raise ProblemError(
             f"the scheme {scheme.name} is one for bodies without mass; take {ImplicitEuler.name} or generalized-alpha"
+        )
+    if isinstance(scheme, MoreauJean) and scheme.restitution > 0.0 and stated.mass is Mass.REDISTRIBUTED:
+        raise ProblemError(
+            f"restitution = {scheme.restitution:g} asks for mass at contact points, which redistributed mass leaves "
+            "without any; take mass = 'consistent' or restitution = 0"
         )
     if stated.heat is not None and len(scheme.rules(1.0)) > 1:
         raise ProblemError(
