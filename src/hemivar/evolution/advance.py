@@ -168,7 +168,6 @@ class Advance:
         self._steady = not discrete.evolution.problem.time_dependent
         self._law: tuple[ContactLaw, float, StepLaw] | None = None
         self._grounds: OrderedDict[float, tuple[Ground, ...]] = OrderedDict()
-        self._loads: tuple[Array, float] = np.zeros(0), 0.0
         self._asked: tuple[object, object, float] = None, None, 0.0
         self._pieces: OrderedDict[int, tuple[object, Pieces]] = OrderedDict()
         self._foundations = Foundations(discrete)
@@ -456,9 +455,8 @@ class Advance:
         """Tolerances: a load that is left where all balances already is no measure."""
         contact, n, lam = self.discrete.problem.contact, stage.problem.unknowns, stage.before.multiplier
         if self.discrete.vectors.alone:
-            if self._loads[0] is not stage.load:
-                self._loads = stage.load, norm(stage.load[:n])
-            scale = self._loads[1] + norm(contact.pressed(contact.weights[:, None] * lam))
+            load = self.products.norm(stage.load) if stage.held else norm(stage.load[:n])
+            scale = load + norm(contact.pressed(contact.weights[:, None] * lam))
         else:
             scale = float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
         return self.controls.within(self.controls.rtol * scale)
