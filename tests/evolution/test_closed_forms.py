@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import hemivar as hv
 from hemivar import gallery
@@ -122,6 +123,75 @@ def test_the_first_acceleration_knows_damping_and_friction(scheme: Scheme, rubs:
     evolution = Evolution(problem, inertia=True, velocity=(0.0, -0.5))
     history = march(evolution, 0.1, step=0.1 / 20, scheme=scheme, save=hv.Save(probes={"middle": (0.5, 0.5)}))
     assert -history["middle.u_y"][-1] == pytest.approx(known, abs=6e-6 if rubs else 2e-5)
+
+
+HOLDS = {
+    "friction on springs": hv.Contact(hv.Compliance(4000.0), hv.Tresca(30.0)),
+    "friction by pressure": hv.Contact(hv.Compliance(4000.0), hv.Tresca(hv.CoulombBound(0.5))),
+    "friction by a rigid obstacle": hv.Contact(hv.Signorini(), hv.Tresca(hv.CoulombBound(0.5))),
+    "glued": hv.Contact(hv.Bilateral(), hv.Tresca(30.0)),
+}
+
+
+@pytest.mark.parametrize("name", HOLDS)
+@pytest.mark.parametrize("scheme", [hv.Newmark(), hv.GeneralizedAlpha(0.8), hv.Midpoint()], ids=lambda s: s.name)
+def test_a_body_in_equilibrium_stays_there(scheme: Scheme, name: str) -> None:
+    """Statics under load and friction is where dynamics begins: without what holds it, Newmark rings for ever."""
+    problem = hv.ContactProblem(
+        hv.rectangle((2.0, 1.0), (4, 2)),
+        hv.Material.lame(400.0, 400.0, density=1.0),
+        contact={"bottom": HOLDS[name]},
+        supports={"left": hv.Clamped()},
+        tractions={"top": (3.0, -20.0)},
+    )
+    still = hv.solve(problem, controls=hv.Controls(rtol=1e-13))
+    place = np.asarray(still.displacement)
+    history = march(Evolution(problem, inertia=True, displacement=place), 0.1, step=0.02, scheme=scheme)
+    assert np.abs(still.multiplier[:, 1]).max() > 1.0  # friction holds it
+    assert history["friction_force"][1:] == pytest.approx(np.full(5, history["friction_force"][1]), rel=1e-8)
+    assert history["kinetic"].max() < 1e-18
+    np.testing.assert_allclose(history.frames[-1].displacement, place, atol=1e-8 * np.abs(place).max())
+
+
+def test_a_foundation_that_falls_away_pulls_what_is_glued_to_it_from_the_start() -> None:
+    """By ``.5 a t^2`` from rest: Newmark's pull is of second order from the first step on, against DOP853."""
+    a, end = 3.0, 0.2
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1),
+        hv.Material.lame(0.0, 50.0, density=1.0),
+        contact={"bottom": hv.Contact(hv.Bilateral(), gap=lambda x, t: np.full(len(x), 0.5 * a * t**2))},
+        supports={"left": hv.Roller(), "right": hv.Roller()},
+    )
+    evolution = Evolution(problem, inertia=True)
+    discrete = discretize_evolution(evolution)
+    assert discrete.mass is not None
+    K, M = discrete.stiffness.inner.toarray(), discrete.mass.inner.toarray()
+    held = np.unique(discrete.problem.contact.trace.indices)
+    free = np.setdiff1d(np.arange(4), held)
+
+    def pushed(t: float, u: Array) -> Array:
+        load = M[:, held].sum(axis=1) * a + K[:, held].sum(axis=1) * 0.5 * a * t**2 + K[:, free] @ u
+        return np.asarray(np.linalg.solve(M[np.ix_(free, free)], -load[free]))
+
+    def pull(t: float, u: Array) -> float:
+        return float(-(M[held].sum(axis=0) @ whole(a, pushed(t, u)) + K[held].sum(axis=0) @ whole(0.5 * a * t**2, u)))
+
+    def whole(there: float, u: Array) -> Array:
+        out = np.full(4, there)
+        out[free] = u
+        return out
+
+    known = solve_ivp(
+        lambda t, y: np.concatenate([y[2:], pushed(t, y[:2])]), (0.0, end), np.zeros(4), method="DOP853",
+        rtol=1e-10, atol=1e-12, dense_output=True,
+    ).sol  # fmt: skip
+    errors = []
+    for count in (10, 20, 40):
+        history = march(evolution, end, step=end / count, scheme=hv.Newmark())
+        exact = [pull(t, known(t)[:2]) for t in history["time"][1:]]
+        errors.append(float(np.abs(history["normal_force"][1:] - exact).max()))
+    assert errors[-1] < 0.02
+    assert min(np.log2(errors[0] / errors[1]), np.log2(errors[1] / errors[2])) > 1.8
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.5, 2.0])

@@ -438,8 +438,8 @@ def test_steps_beyond_the_range_of_numbers_are_refused(unit: float) -> None:
 
 
 @pytest.mark.parametrize("scheme", [hv.Newmark(), hv.Midpoint(), hv.GeneralizedAlpha(0.8), hv.ImplicitEuler()])
-def test_pressures_that_ring_from_the_start_are_told(scheme: Scheme) -> None:
-    """And those of which nothing is told do not: from one step to the next they bend less than they change."""
+def test_pressures_of_what_is_held_do_not_ring_from_the_start(scheme: Scheme) -> None:
+    """From one step to the next they bend less than they change, and nothing is told."""
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 2),
         material=hv.Material.lame(40.0, 40.0, density=1.0),
@@ -449,6 +449,5 @@ def test_pressures_that_ring_from_the_start_are_told(scheme: Scheme) -> None:
     )
     history = march(Evolution(problem, inertia=True), 0.2, step=0.01, scheme=scheme)
     force = history["normal_force"][1:]
-    bends = np.abs(np.diff(force, 2)).max() > 0.5 * np.abs(force).max()
-    assert bends == isinstance(scheme, hv.Newmark)
-    assert any("pressures ring" in message for message in history.messages) == bends
+    assert np.abs(np.diff(force, 2)).max() < 0.5 * np.abs(force).max()
+    assert not history.messages

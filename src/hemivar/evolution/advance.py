@@ -22,7 +22,7 @@ from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.operators import Operator
 from hemivar.evolution.products import Products
-from hemivar.evolution.schemes import Rule, Scheme
+from hemivar.evolution.schemes import ImplicitEuler, Rule, Scheme
 from hemivar.evolution.stage import (
     Force,
     Ground,
@@ -223,6 +223,26 @@ class Advance:
         """A moment at which gaps begin to change at the rate (m, c) that they have in the whole step."""
         traced = self.discrete.problem.contact.traced(before.body.velocity[: self.discrete.unknowns])
         return replace(before, local=replace(before.local, velocity=traced - rate))
+
+    def reaction(self, before: Moment, span: float, start: Acting, end: Acting) -> Array | None:
+        """Pressure and friction (m, c) in a short step of implicit Euler; None if it cannot be solved.
+
+        Parameters
+        ----------
+        before : Moment
+        span : float
+            Its length.
+        start, end : Acting
+            What acts at its beginning and at its end.
+        """
+        (rule,) = ImplicitEuler().rules(span)
+        kept, self.workspace = self.workspace, Workspace()  # its factors are given back
+        try:
+            ground = ground_of(self.discrete, self.bodies, rule, span)
+            solution = self._stage(before, ground, end, end, start, Jump.LOCAL).solution
+        finally:
+            self.workspace = kept
+        return solution.multiplier if solution.status is Status.CONVERGED else None
 
     def _rules(self, step: float) -> tuple[Rule, ...]:
         scheme = self.scheme

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance
+from hemivar.evolution.discrete import Acting
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.schemes import ImplicitEuler
@@ -22,8 +23,12 @@ __all__ = ["initial_moment"]
 _NEAR = 1e-2
 #: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
 _JUMPS = 1.2
-#: Part of the velocity of the body that is slip, and not rounding.
-_SLIPS = 1e-6
+#: Part of what an acceleration makes of a rate in a span that is no jump of it.
+_BENDS = 0.05
+#: Part of the velocity of the body that is slip, and not rounding; and of displacements that is a gap.
+_SLIPS, _TOUCHES = 1e-6, 1e-12
+#: Part of the first step that tells what holds the body at the start: short, and long enough for rounding.
+_BRIEF = 1e-3
 
 
 def initial_moment(advance: Advance, step: float | None = None) -> Moment:
@@ -86,8 +91,8 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
         initial_memory(discrete, acting.law, local),
     )
     if discrete.mass is not None:
-        rubbed = replace(moment, multiplier=_rubbed(advance, moment, acting.law, step))
-        acceleration = _acceleration(advance, rubbed, acting.load, moving[0].acceleration)
+        pressed = replace(moment, multiplier=_pressed(advance, moment, acting, moving, 1.0 if step is None else step))
+        acceleration = _acceleration(advance, pressed, acting.load, moving[0].acceleration)
         pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape) - moving[1].acceleration
         moment = replace(
             moment,
@@ -118,36 +123,68 @@ def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
     """Motion at the start of what is in other places after half a span, one and two of them."""
     half, one, two = (there - place for there in soon)
     velocity = (4.0 * one - two) / (2.0 * span)
-    smooth = np.abs((4.0 * half - one) / span) <= _JUMPS * np.abs(velocity)
-    return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, (two - 2.0 * one) / span**2, 0.0))
+    acceleration = (8.0 * (one - 2.0 * half) - (two - 2.0 * one)) / span**2
+    # A path may set out at rest, so that its rate is nothing but rounding.
+    smooth = np.abs((4.0 * half - one) / span) <= _JUMPS * np.abs(velocity) + _BENDS * span * np.abs(acceleration)
+    return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0))
 
 
-def _rubbed(advance: Advance, moment: Moment, stated: ContactLaw, step: float | None) -> Array:
-    """Pressure and friction (m, c) at the start with those of the velocity that it has; without it, none of the two.
+def _pressed(advance: Advance, moment: Moment, acting: Acting, moving: tuple[Motion, Motion], step: float) -> Array:
+    """Pressure and friction (m, c) at the start; schemes that hand accelerations on need the first one to be right.
 
-    Schemes that hand accelerations on are of second order only if the first one is right.
+    They are those of the velocity that the body has.  Where law and velocity leave them open, as where a point sticks
+    or rests on something rigid, they are those of a very short step of implicit Euler, unless the body is thrown
+    against an obstacle, which answers by an impulse.
     """
-    lam, local = moment.multiplier.copy(), moment.local
-    fast = advance.discrete.vectors.largest(
-        float(np.abs(moment.body.velocity).max(initial=0.0)), float(np.abs(local.velocity).max(initial=0.0))
-    ).max()
-    if not (lam.size and local.velocity.any()):
+    vectors, place, rate = advance.discrete.vectors, moment.local.place, moment.local.velocity
+    fast, far = vectors.largest(
+        max(float(np.abs(velocity).max(initial=0.0)) for velocity in (moment.body.velocity, rate)),
+        max(float(np.abs(here).max(initial=0.0)) for here in (moment.body.place, place)),
+    ).tolist()
+    lam, held = _rubbed(advance, moment, acting.law, _SLIPS * fast, step)
+    ends, near = acting.law.normal.domain, _TOUCHES * far
+    down = (place[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
+    up = (place[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
+    holds, thrown = vectors.largest(float(held.any()), float((down | up).any())).tolist()
+    if not holds or thrown or not advance.scheme.hands_on(step):
         return lam
-    span = _NEAR * _NEAR * (1.0 if step is None else step)
+    span, soon = _BRIEF * step, acting
+    if any(motion.velocity.any() or motion.acceleration.any() for motion in moving):
+        # Where implicit Euler finds the accelerations that they have.
+        there = (motion.place + span * (motion.velocity + span * motion.acceleration) for motion in moving)
+        soon = replace(acting, prescribed=next(there), offset=next(there))
+    found = advance.reaction(moment, span, acting, soon)
+    return lam if found is None else np.where(held, found, lam)
+
+
+def _rubbed(advance: Advance, moment: Moment, stated: ContactLaw, slow: float, step: float) -> tuple[Array, BoolArray]:
+    """Pressure and friction (m, c) at the start with those of the velocity that it has, and which of them it leaves
+    open; points that are no faster than ``slow`` do not slip."""
+    lam, local = moment.multiplier.copy(), moment.local
+    held = np.zeros(lam.shape, dtype=bool)
+    if not lam.size:
+        return lam, held
+    span = _NEAR * _NEAR * step
     guess = span * local.velocity
     guess[:, 0] = local.place[:, 0]
     (rule,) = ImplicitEuler().rules(span)
     law = stage_law(advance.discrete, stated, moment, rule, span, guess, lam)
+    ends = stated.normal.domain
+    stored = stated.normal.subdifferential(np.clip(local.place[:, 0], ends.lower, ends.upper))
+    opened = stored.upper > stored.lower
     for block in law.blocks:
         if block.damping is not None:
             felt = block.damping.subdifferential(local.velocity[block.index, 0])
             lam[block.index, 0] += np.clip(0.0, felt.lower, felt.upper)
+            opened[block.index] |= felt.upper > felt.lower
+    held |= opened[:, None]
     if lam.shape[1] > 1:
         size, direction = polar(guess[:, 1:])
         pull = law.law.frozen(guess, lam).tangential.subdifferential(size)
-        slips = size > _SLIPS * span * fast
+        slips = size > span * slow
         lam[:, 1:] = np.where(slips, np.clip(0.0, pull.lower, pull.upper), 0.0)[:, None] * direction
-    return lam
+        held[:, 1:] |= (~slips & (pull.upper > 0.0))[:, None]
+    return lam, held
 
 
 def _acceleration(advance: Advance, moment: Moment, load: Array, held: Array) -> Array:

@@ -336,24 +336,13 @@ def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
     if discrete.mass is None or not isinstance(scheme, Midpoint | Newmark | GeneralizedAlpha):
         return ()
     ends, points = discrete.problem.law.normal.domain, discrete.problem.contact_points > 0
-    rigid, held = discrete.vectors.largest(
-        float(points and bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any())),
-        float(points and bool((ends.lower == ends.upper).any())),
-    )
-    if discrete.evolution.mass is Mass.REDISTRIBUTED:
+    hits = points and bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any())
+    if not discrete.vectors.largest(float(hits))[0] or discrete.evolution.mass is Mass.REDISTRIBUTED:
         return ()
-    found = []
-    if rigid:
-        found.append(
-            f"an obstacle is rigid: where the body hits it the scheme {scheme.name} rings and may gain energy; take "
-            "moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation"
-        )
-    if held and isinstance(scheme, Newmark):
-        found.append(
-            "a foundation holds the body: newmark does not know its reaction at the start, and pressures ring; take "
-            "midpoint, generalized-alpha or implicit-euler, or mass = 'redistributed'"
-        )
-    return tuple(found)
+    return (
+        f"an obstacle is rigid: where the body hits it the scheme {scheme.name} rings and may gain energy; take "
+        "moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",
+    )
 
 
 def _ends(plan: March, start: float, kinks: tuple[float, ...]) -> list[float]:

@@ -119,6 +119,10 @@ class Scheme(ABC):
         """The same of a body without mass, whose velocity at the end of a step no step needs: it is only told."""
         return self.rules(step)
 
+    def hands_on(self, step: float) -> bool:
+        """Whether a step needs the acceleration of its beginning."""
+        return any(rule.rate.acceleration or rule.acceleration.acceleration for rule in self.rules(step))
+
     @property
     def factors(self) -> int:
         """Number of different matrices in a step."""
