@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.branches import find_solutions
 from hemivar.certify.smallness import Smallness, smallness
 from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import residual
 from hemivar.evolution.descent import downhill, resistance_against
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
 from hemivar.evolution.expectation import expected_contact
@@ -61,6 +62,8 @@ _ROUNDING = 16.0 * float(np.finfo(float).eps)
 _UNSETTLED = (Status.INACCURATE, Status.MAX_STEPS, Status.STALLED, Status.CYCLING)
 #: Part of load and contact forces to which the forces of a short step must be known.
 _KNOWN = 1e-5
+#: Steps of a method after which it is clear that rounding keeps it from its tolerance.
+_FEW = 30
 #: Contact components up to which small matrices are dense ones.
 _DENSE = 4000
 #: Bodies and laws whose constants are kept.
@@ -400,8 +403,8 @@ class Advance:
         found = self._sought(stage, initial, jump, controls)
         if found[0].status in _UNSETTLED and controls.rtol > 0.0:
             # In so short a step forces may not be known to the tolerance, for displacements are not.
-            known, scale = _rounding(stage), controls.atol / controls.rtol
-            if controls.atol < known <= _KNOWN * scale:
+            known = _rounding(stage)
+            if _hides(known, controls):
                 found = self._sought(stage, initial, jump, controls.within(known))
         return found
 
@@ -413,8 +416,12 @@ class Advance:
         excess = self.excess(problem)
         if excess < 0.0:
             near = self._nearby(stage, initial, controls)
+            if near is None:
+                near = _at_rest(problem)
             if near is not None:
                 return near, 0.0
+            if _hides(_rounding(stage), controls):  # it is looked for again, to what is known
+                controls = replace(controls, max_steps=min(controls.max_steps or _FEW, _FEW))
         start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
         if excess < 0.0:
             method = _as_accurate(self.solver, controls)
@@ -644,6 +651,22 @@ def _rounding(stage: Stage) -> float:
     sums, n = stage.problem.linear.row_sums, stage.problem.unknowns
     size = norm(sums * stage.place[:n]) + float(sums.max(initial=0.0)) * norm(stage.offset)
     return 0.5 * float(np.finfo(float).eps) * size
+
+
+def _at_rest(problem: DiscreteProblem) -> Solution | None:
+    """No displacement and no force, if nothing acts and that is the exact solution: no method finds better."""
+    if problem.linear.load.any():
+        return None
+    u, lam = np.zeros(problem.unknowns), np.zeros(problem.contact.offset.shape)
+    found = residual(problem, u, lam)
+    if found.total or found.noise:
+        return None
+    return Solution(problem, u, lam, Status.CONVERGED, found, NonsmoothNewton.name, 0)
+
+
+def _hides(known: float, controls: Controls) -> bool:
+    """Whether forces are not known to the tolerance, and yet to enough of load and contact forces."""
+    return controls.rtol > 0.0 and controls.atol < known <= _KNOWN * controls.atol / controls.rtol
 
 
 def _as_accurate(solver: Solver, controls: Controls) -> Solver:
