@@ -6,20 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, Superpotential
 from hemivar.laws.neighbourhood import polar
 
 __all__ = ["initial_moment"]
 
 #: Part of the first step over which supports and gaps are looked at for the rates with which they begin.
 _NEAR = 1e-2
+#: Part of the first step in which nothing but rates is felt.
+_AT_ONCE = 1e-8
 #: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
 _JUMPS = 1.2
 #: Part of the velocity of the body that is slip, and not rounding.
@@ -69,24 +71,21 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
             f"at the start {which} is {deepest:.3g} beyond what its law allows; change the initial displacement or the "
             "gap"
         )
-    lam = np.zeros(local.shape)
-    if local.size:
-        inside = local.copy()
-        inside[:, 0] = np.clip(inside[:, 0], ends.lower, ends.upper)
-        interval = acting.law.normal.subdifferential(inside[:, 0])
-        lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
     still = np.zeros_like(place)
     moment = Moment(
         evolution.start,
         0,
         Motion(place, velocity, still),
         Motion(local, rate, np.zeros_like(local)),
-        lam,
+        np.zeros(local.shape),
         tuple(np.zeros_like(place) for _ in discrete.branches),
         initial_memory(discrete, acting.law, local),
     )
+    span = _AT_ONCE * (1.0 if step is None else step)
+    law = _law_of_rates(advance, moment, acting.law, span)
+    moment = replace(moment, multiplier=_pressure(moment, law, local[:, 0]))
     if discrete.mass is not None:
-        rubbed = replace(moment, multiplier=_rubbed(advance, moment, acting.law, step))
+        rubbed = replace(moment, multiplier=_rubbed(advance, moment, law, span))
         acceleration = _acceleration(advance, rubbed, acting.load, moving[0].acceleration)
         pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape) - moving[1].acceleration
         moment = replace(
@@ -94,7 +93,7 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
             body=replace(moment.body, acceleration=acceleration),
             local=replace(moment.local, acceleration=pushed),
         )
-    energies = advance.energies(moment, StepLaw(acting.law))
+    energies = advance.energies(moment, law)
     return advance.started(replace(moment, ledger=Ledger(start=sum(energies.values()), **energies)))
 
 
@@ -122,27 +121,46 @@ def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
     return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, (two - 2.0 * one) / span**2, 0.0))
 
 
-def _rubbed(advance: Advance, moment: Moment, stated: ContactLaw, step: float | None) -> Array:
+def _law_of_rates(advance: Advance, moment: Moment, stated: ContactLaw, span: float) -> StepLaw:
+    """The law of a step of implicit Euler so short that it sees the velocities at the start, and what is remembered."""
+    guess = span * moment.local.velocity
+    guess[:, 0] = moment.local.place[:, 0]
+    (rule,) = ImplicitEuler().rules(span)
+    return stage_law(advance.discrete, stated, moment, rule, span, guess, moment.multiplier)
+
+
+def _pressure(moment: Moment, law: StepLaw, penetration: Array) -> Array:
+    """Pressure (m, c), the least, of laws and memories where the penetration (m,) is reached in the step of a law."""
+    lam = np.zeros(moment.local.place.shape)
+    blocks: list[tuple[IntArray | slice, Superpotential]] = [(b.index, b.undamped.normal) for b in law.blocks]
+    for index, normal in blocks or [(slice(None), law.stored.normal)]:
+        if lam[index].size:
+            ends = normal.domain
+            interval = normal.subdifferential(np.clip(penetration[index], ends.lower, ends.upper))
+            lam[index, 0] = np.clip(0.0, interval.lower, interval.upper)
+    return lam
+
+
+def _rubbed(advance: Advance, moment: Moment, law: StepLaw, span: float) -> Array:
     """Pressure and friction (m, c) at the start with those of the velocity that it has; without it, none of the two.
 
     Schemes that hand accelerations on are of second order only if the first one is right.
     """
-    lam, local = moment.multiplier.copy(), moment.local
+    lam, local = moment.multiplier, moment.local
     fast = advance.discrete.vectors.largest(
         float(np.abs(moment.body.velocity).max(initial=0.0)), float(np.abs(local.velocity).max(initial=0.0))
     ).max()
     if not (lam.size and local.velocity.any()):
         return lam
-    span = _NEAR * _NEAR * (1.0 if step is None else step)
     guess = span * local.velocity
-    guess[:, 0] = local.place[:, 0]
-    (rule,) = ImplicitEuler().rules(span)
-    law = stage_law(advance.discrete, stated, moment, rule, span, guess, lam)
+    if law.blocks:  # a damper of the foundation acts as soon as it is reached
+        lam = _pressure(moment, law, local.place[:, 0] + guess[:, 0])
     for block in law.blocks:
         if block.damping is not None:
             felt = block.damping.subdifferential(local.velocity[block.index, 0])
             lam[block.index, 0] += np.clip(0.0, felt.lower, felt.upper)
     if lam.shape[1] > 1:
+        guess[:, 0] = local.place[:, 0]
         size, direction = polar(guess[:, 1:])
         pull = law.law.frozen(guess, lam).tangential.subdifferential(size)
         slips = size > _SLIPS * span * fast

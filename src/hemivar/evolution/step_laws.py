@@ -17,7 +17,7 @@ from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
 
-__all__ = ["BlockLaw", "Foundations", "StepLaw", "stage_law"]
+__all__ = ["BlockLaw", "Foundations", "StepLaw", "seen_place", "stage_law"]
 
 #: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
 _TOUCHES = 1e-12
@@ -252,6 +252,16 @@ def initial_memory(discrete: DiscreteEvolution, law: ContactLaw, local: Array) -
             memory, _ = _foundation(discrete, name, index)
             found[name] = memory.start(law.take(index), local[index])
     return found
+
+
+def seen_place(discrete: DiscreteEvolution, moment: Moment) -> Array:
+    """Local displacements (m, c) that laws see: less what has been worn off, or what a foundation has crept."""
+    place = moment.local.place
+    for name, index in discrete.blocks:
+        if name in moment.memory:
+            place = place.copy() if place is moment.local.place else place
+            place[index] = Chain(discrete.contacts[name].memory).seen(moment.memory[name], place[index])
+    return place
 
 
 def _foundation(discrete: DiscreteEvolution, name: str, index: IntArray) -> tuple[Memory, Superpotential | None]:
