@@ -191,3 +191,24 @@ def test_a_damper_of_no_size_loses_nothing(scheme: Scheme) -> None:
     history = march(on_the_ground(contact, 1.0, inertia=True, velocity=(0.0, -0.1)), 1.0, step=0.05, scheme=scheme)
     assert history.ledger["work"] > 1e-3
     assert abs(history["memory"]).max() < 1e-9 * history.ledger["work"]
+
+
+def test_a_damping_that_changes_with_time_is_that_of_the_time() -> None:
+    """``3 r + (0.6 + 1 + 100 t) r' = 3``: ``r = 1 - (1 + 100 t/1.6)^(-3/100)``."""
+    errors = []
+    for count in (20, 40):
+        contact = hv.Contact(hv.NoContact(), damping=hv.Compliance(lambda x, t: 1.0 + 100.0 * t + 0.0 * x[:, 0]))
+        problem = on_the_ground(contact).body
+        pushed = hv.ContactProblem(
+            problem.mesh, problem.material, problem.contact, problem.supports, tractions={"bottom": (0.0, -3.0)}
+        )
+        history = march(Evolution(pushed), 1.0, step=1.0 / count)
+        assert "laws change" in history.time_error.why
+        errors.append(abs(history["penetration"][-1] - 1.0 + (1.0 + 100.0 / 1.6) ** -0.03))
+    assert errors[1] < 0.65 * errors[0] < 0.02
+
+
+def test_what_points_remember_does_not_change_with_time() -> None:
+    for memory in (hv.Wear(lambda x, t: t + 0.0 * x[:, 0]), hv.DampedContact(hv.Compliance(lambda x, t: t + x[:, 0]))):
+        with pytest.raises(hv.ProblemError, match="depends on time, which it cannot"):
+            hv.Contact(hv.Compliance(SPRING), memory=(memory,))
