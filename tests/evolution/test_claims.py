@@ -198,7 +198,7 @@ def test_the_largest_step_is_that_of_heat_too() -> None:
 
 
 def test_the_largest_step_under_a_law_that_changes_is_that_of_each_step() -> None:
-    """Glue that falls by 4 until t = 0.5, and by 20 from then on: no step may lead beyond it, then none be above 0.6/17."""
+    """Glue that falls by 4 until t = 0.5, by 20 from then on: no step may lead beyond it, then none exceed 0.6/17."""
 
     def falls(x: np.ndarray, t: float) -> np.ndarray:
         return np.full(len(x), 4.0 if t < 0.5 else 20.0)
