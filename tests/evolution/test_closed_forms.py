@@ -156,3 +156,30 @@ def test_the_law_of_impact_asks_for_mass_at_contact_points(restitution: float) -
     with pytest.raises(ProblemError, match="take mass = 'consistent', or the scheme newmark"):
         march(evolution, 0.1, step=0.01, scheme=hv.MoreauJean(restitution))
     assert march(replace(evolution, mass="consistent"), 0.1, step=0.01, scheme=hv.MoreauJean(restitution)).finished
+
+
+@pytest.mark.parametrize("support", ["top", "left", "slides"])
+def test_redistributed_mass_goes_to_moved_supports_as_well(support: str) -> None:
+    """Beside them, and where they end at contact points: kinetic energy was negative where contact nodes had none."""
+    wave = np.array([0.1, 0.05])
+    if support == "slides":
+        supports: dict[str, object] = {"left": hv.Fixed(x=lambda x, t: t + 0.0 * x[:, 0])}
+    else:
+        supports = {support: hv.Prescribed(lambda x, t: t * wave + 0.0 * x)}
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1 if support == "top" else 2),
+        hv.Material.lame(0.0, 5.0, density=1.0),
+        supports=supports,  # type: ignore[arg-type]
+        contact={"bottom": hv.Contact(hv.Signorini(), gap=1.0)},
+    )
+    discrete = discretize_evolution(Evolution(problem, inertia=True, mass="redistributed"))
+    mass, nodes = discrete.mass, len(discrete.field.nodes)
+    assert mass is not None
+    for way in np.eye(2):
+        there = np.tile(way, nodes)
+        moving = discrete.restrict(there.reshape(-1, 2), there[discrete.moved])
+        assert mass.energy(moving) == pytest.approx(0.5, rel=1e-12)
+    whole = np.block(
+        [[mass.inner.toarray(), mass.coupling.toarray()], [mass.coupling.toarray().T, mass.held.toarray()]]
+    )
+    assert np.linalg.eigvalsh(whole)[0] > -1e-12
