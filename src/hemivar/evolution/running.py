@@ -351,8 +351,8 @@ def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
     found = []
     if rigid and discrete.mass is None:
         found.append(
-            f"an obstacle is rigid: once the body touches it velocities of the scheme {scheme.name} ring, and so does all "
-            "that is lost by them; take sdirk2 or implicit-euler, or a compliant foundation"
+            f"an obstacle is rigid: once the body touches it velocities of the scheme {scheme.name} ring, and so does "
+            "all that is lost by them; take sdirk2 or implicit-euler, or a compliant foundation"
         )
     elif rigid:
         found.append(
