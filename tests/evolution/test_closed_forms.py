@@ -108,12 +108,15 @@ def _damped(time: float) -> float:
 
 
 @pytest.mark.parametrize("scheme", [hv.Newmark(), hv.GeneralizedAlpha(0.8), hv.GeneralizedAlpha(0.0)], ids=repr)
-@pytest.mark.parametrize("rubs", [False, True])
-def test_the_first_acceleration_knows_damping_and_friction(scheme: Scheme, rubs: bool) -> None:
+@pytest.mark.parametrize("what", ["damping", "damping in contact", "friction"])
+def test_the_first_acceleration_knows_damping_and_friction(scheme: Scheme, what: str) -> None:
     """A stiff block hits a damped spring, or is braked on one side by ``.5``: without it, errors are of order one."""
     mesh, stiff = hv.rectangle((1.0, 1.0), 1), hv.Material.lame(0.0, 5e5, density=1.0)
     sides = {"left": hv.Roller(), "right": hv.Roller()}
-    damped = hv.Contact(hv.Compliance(100.0), damping=hv.Compliance(4.0))
+    rubs, damper = what == "friction", hv.Compliance(4.0)
+    damped = hv.Contact(hv.Compliance(100.0), damping=damper)
+    if what == "damping in contact":
+        damped = hv.Contact(hv.Compliance(100.0), memory=(hv.DampedContact(damper),))
     contact = {"right": hv.Contact(hv.NoContact(), hv.Tresca(0.5))} if rubs else {"bottom": damped}
     known = 0.5 * 0.1 - 0.5 * 0.1**2 / 2.0 if rubs else _damped(0.1)
     problem = hv.ContactProblem(
