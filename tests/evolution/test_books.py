@@ -118,3 +118,97 @@ def test_every_term_is_what_it_is_called(scheme: Scheme, inertia: bool, at: floa
     kept = sum(ledger[name] for name in ("elastic", "kinetic", "branches", "contact"))
     gone = sum(ledger[name] for name in ("viscous", "branch_loss", "damping", "friction", "numerical"))
     assert put_in == pytest.approx(kept + gone, rel=1e-12)
+
+
+LINEAR = hv.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
+GLUE = hv.Softening(SPRING, 0.02, 5.0)
+
+
+def on_the_ground(contact: hv.Contact, load: float = 0.0, **more: object) -> Evolution:
+    """A unit square between rollers, modulus 3, viscosity 0.6, pushed down at its bottom by ``load t``."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3), density=1.0 if more else None),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        tractions={"bottom": lambda x, t: np.array([0.0, -load * t])},
+        contact={"bottom": contact},
+    )
+    return Evolution(problem, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("memory", "stored", "force"),
+    [(hv.Bonding(50.0, 0.05, 0.2), 0.5 * 50.0 * 0.05**2, -50.0 * 0.05), (hv.Secant(), 0.5 * 5.0 * 0.05**2, -0.25)],
+    ids=["bond", "secant"],
+)
+def test_a_foundation_that_is_stretched_at_the_start_stores_energy_and_pulls(
+    memory: hv.Memory, stored: float, force: float
+) -> None:
+    """A bond at an opening of 0.05; glue whose tension has fallen to 0.25 there, and unloads along the secant."""
+    glue = hv.PiecewiseQuadratic([-0.1, -0.02, 0.0], [0.0, -5.0, 20.0, 0.0], [0.0, 0.0, 0.0])
+    contact = hv.Contact(glue if isinstance(memory, hv.Secant) else hv.Compliance(SPRING), gap=0.05, memory=(memory,))
+    evolution = on_the_ground(contact)
+    history = march(evolution, 1e-5, step=1e-5)
+    assert history["contact"][0] == pytest.approx(stored, rel=1e-9)
+    assert history["normal_force"][0] == pytest.approx(force, rel=1e-6)
+    assert history["contact"][1] == pytest.approx(stored, rel=1e-2)
+    assert abs(history.ledger["numerical"]) < 1e-3 * stored
+
+
+def test_a_foundation_that_creeps_beside_a_damper_feels_its_own_pressure_only() -> None:
+    """``3 r + 0.6 r' + 20 (r - w) + 2 r' = t`` with ``5 w' = 20 (r - w)``: two linear equations."""
+    contact = hv.Contact(
+        LINEAR, damping=hv.PiecewiseQuadratic([0.0], [2.0, 2.0], [0.0]), memory=(hv.ViscousFoundation(5.0),)
+    )
+    A = np.array([[-23.0 / 2.6, 20.0 / 2.6], [4.0, -4.0]])
+    rest = np.linalg.solve(A, [-1.0 / 2.6, 0.0])  # y' = A y + (1/2.6, 0) t has y = rest t + slope
+    slope = np.linalg.solve(A, rest)
+    values, modes = np.linalg.eig(A)
+    exact = (modes * np.exp(values)) @ np.linalg.solve(modes, -slope) + slope + rest
+    errors, lost = [], []
+    for count in (20, 40):
+        history = march(on_the_ground(contact, 1.0), 1.0, step=1.0 / count)
+        found = [history["penetration"][-1], history.moment.memory["bottom"]["0.depth"][0]]
+        errors.append(np.abs(found - exact).max())
+        lost.append(history.ledger["numerical"] / history.ledger["work"])
+    assert errors[0] < 0.04 * exact[0]
+    assert 1.8 < errors[0] / errors[1] < 2.2
+    assert 0.0 < lost[1] < 0.55 * lost[0] < 0.02
+
+
+def test_springs_that_end_store_what_is_left_of_them_on_a_foundation_that_creeps() -> None:
+    """Pressed to the end of its springs, 0.02, the foundation creeps away: what they store stays ``5 0.02^2/2``."""
+    contact = hv.Contact(hv.FinitePenetration(5.0, 0.02), memory=(hv.ViscousFoundation(2.0),))
+    history = march(on_the_ground(contact, 4.0), 1.0, step=0.05)
+    assert history["penetration"][-1] > 0.1
+    assert history["contact"][-1] == pytest.approx(0.5 * 5.0 * 0.02**2)
+
+
+@pytest.mark.parametrize("scheme", [Midpoint(), hv.GeneralizedAlpha(1.0)], ids=lambda scheme: scheme.name)
+def test_a_damper_of_no_size_loses_nothing(scheme: Scheme) -> None:
+    nothing = hv.DampedContact(hv.PiecewiseQuadratic([0.0], [0.0, 0.0], [0.0]))
+    contact = hv.Contact(hv.Compliance(SPRING), memory=(nothing,))
+    history = march(on_the_ground(contact, 1.0, inertia=True, velocity=(0.0, -0.1)), 1.0, step=0.05, scheme=scheme)
+    assert history.ledger["work"] > 1e-3
+    assert abs(history["memory"]).max() < 1e-9 * history.ledger["work"]
+
+
+def test_a_damping_that_changes_with_time_is_that_of_the_time() -> None:
+    """``3 r + (0.6 + 1 + 100 t) r' = 3``: ``r = 1 - (1 + 100 t/1.6)^(-3/100)``."""
+    errors = []
+    for count in (20, 40):
+        contact = hv.Contact(hv.NoContact(), damping=hv.Compliance(lambda x, t: 1.0 + 100.0 * t + 0.0 * x[:, 0]))
+        problem = on_the_ground(contact).body
+        pushed = hv.ContactProblem(
+            problem.mesh, problem.material, problem.contact, problem.supports, tractions={"bottom": (0.0, -3.0)}
+        )
+        history = march(Evolution(pushed), 1.0, step=1.0 / count)
+        assert "laws change" in history.time_error.why
+        errors.append(abs(history["penetration"][-1] - 1.0 + (1.0 + 100.0 / 1.6) ** -0.03))
+    assert errors[1] < 0.65 * errors[0] < 0.02
+
+
+def test_what_points_remember_does_not_change_with_time() -> None:
+    for memory in (hv.Wear(lambda x, t: t + 0.0 * x[:, 0]), hv.DampedContact(hv.Compliance(lambda x, t: t + x[:, 0]))):
+        with pytest.raises(hv.ProblemError, match="depends on time, which it cannot"):
+            hv.Contact(hv.Compliance(SPRING), memory=(memory,))

@@ -195,3 +195,14 @@ def test_the_largest_step_is_that_of_heat_too() -> None:
     limit = (3.0 - math.sqrt(2.0)) / 24.0 / 4.5
     assert 0.98 * limit < found[0] <= limit
     assert 0.98 * limit < found[1] <= limit
+
+
+def test_the_largest_step_under_a_law_that_changes_is_that_of_each_step() -> None:
+    """Glue that falls by 4 until t = 0.5, by 20 from then on: no step may lead beyond it, then none exceed 0.6/17."""
+
+    def falls(x: np.ndarray, t: float) -> np.ndarray:
+        return np.full(len(x), 4.0 if t < 0.5 else 20.0)
+
+    found = march(block(hv.Contact(hv.Softening(10.0, 0.1, falls))), 0.75, step=0.15)["largest_step"]
+    for k, exact in enumerate([0.5, 0.35, 0.2, 0.05, 0.6 / 17.0]):
+        assert 0.98 * exact < found[k + 1] <= exact

@@ -114,3 +114,25 @@ def test_events_are_counted_once_and_every_one_that_happens() -> None:
     # After an event the steps are as long as before.
     assert np.diff(history.times).max() == pytest.approx(0.2)
     assert np.sum(np.diff(history.times) > 0.1999) >= 6
+
+
+def test_a_worn_foundation_is_left_where_it_is_worn_to() -> None:
+    """Rubbed and then lifted by 0.1 t: it is left when nothing presses any more, not when the wear is undone."""
+
+    def moved(x: Array, t: float) -> Array:
+        lifted = 0.1 * max(t - 1.0, 0.0) - 0.05
+        return np.stack([np.full(len(x), min(t, 1.0)), np.full(len(x), lifted)], axis=1)
+
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 6.0),
+        supports={"top": hv.Prescribed(moved)},
+        contact={"bottom": hv.Contact(hv.Compliance(50.0), hv.Tresca(1e-3), memory=(hv.Wear(0.3),))},
+    )
+    history = march(Evolution(problem), 1.6, step=0.25, stops=(1.0,), events=[Release("stop")])
+    worn = history.moment.memory["bottom"]["0.depth"]
+    assert history.ended == "event: release"
+    assert worn.min() > 0.03
+    assert history.times[-1] < 1.3  # what is worn would be undone at t = 1.5
+    assert history["normal_force"][-2] > 0.0
+    assert history["penetration"][-1] == pytest.approx(worn.max(), abs=1e-6)

@@ -451,3 +451,43 @@ def test_pressures_of_what_is_held_do_not_ring_from_the_start(scheme: Scheme) ->
     force = history["normal_force"][1:]
     assert np.abs(np.diff(force, 2)).max() < 0.5 * np.abs(force).max()
     assert not history.messages
+
+
+@pytest.mark.parametrize(
+    "scheme", [hv.Midpoint(), hv.GeneralizedAlpha(0.5), hv.Newmark(), hv.ImplicitEuler()], ids=repr
+)
+def test_nodes_without_mass_swing_where_forces_balance_within_a_step(scheme: Scheme) -> None:
+    """Half a block of mass 1/2 and a side without any, which its weight takes to ``w`` at once, swings as is told."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), (1, 1)),
+        material=hv.Material.lame(0.0, 5.0, density=1.0),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        tractions={"bottom": (0.0, -1.0)},
+        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.2)},
+    )
+    evolution = Evolution(problem, inertia=True, mass=Mass.REDISTRIBUTED)
+    history = march(evolution, 0.06, step=0.01, scheme=scheme)
+    place = -0.2 - history["penetration"]
+    rest, told = -0.1, [message for message in history.messages if "swing about" in message]
+    ratio = {"midpoint": 1.0, "generalized-alpha": 0.5}.get(scheme.name, 0.0)
+    np.testing.assert_allclose(place - rest, 0.1 * (-ratio) ** np.arange(7), atol=1e-9)
+    assert [f"{ratio:.3g} times as far" in message for message in told] == [True] * (ratio > 0.0)
+
+
+@pytest.mark.parametrize(("scheme", "told"), [(hv.Midpoint(), True), (hv.SDIRK2(), False), (hv.ImplicitEuler(), False)])
+def test_a_body_without_mass_rings_on_a_rigid_obstacle_with_the_midpoint_rule(scheme: Scheme, told: bool) -> None:
+    """Pushed onto it by ``t``, it rests from then on; with the midpoint rule it goes to and fro, as the march says."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3)),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+        tractions={"bottom": lambda x, t: np.array([0.0, -t])},
+        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.053)},
+    )
+    lost = []
+    for count in (20, 40):
+        history = march(Evolution(problem), 1.0, step=1.0 / count, scheme=scheme)
+        ground = np.flatnonzero(history["normal_force"] > 0.0)
+        lost.append(history["viscous"][-1] - history["viscous"][ground[0]])
+        assert ["an obstacle is rigid" in message for message in history.messages] == [True] * told
+    assert (min(lost) > 1e-5) == told

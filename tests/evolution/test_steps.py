@@ -87,6 +87,8 @@ def test_first_steps() -> None:
     assert AdaptiveStep(1e-3).first(2.0) == Pace(2e-3)
     assert AdaptiveStep(1e-3, most=1e-3).first(2.0) == Pace(1e-3)
     assert AdaptiveStep(1e-3, first_step=0.3).first(2.0) == Pace(0.3)
+    assert AdaptiveStep(1e-3, least=0.01).first(2.0) == Pace(0.01)
+    assert AdaptiveStep(1e-3, least=3.0).first(2.0) == Pace(2.0)
     assert AdaptiveStep(1e-3, first_step=3.0).first(2.0) == Pace(2.0)
     assert FixedStep(0.5).first(0.5) == Pace(0.5)
     with pytest.raises(ProblemError, match="longer than the whole"):

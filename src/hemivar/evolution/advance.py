@@ -126,6 +126,7 @@ class _Solved:
     solution: Solution
     reached: _Reached
     local: Motion  # r*, the slip whole
+    own: Array  # pressure and friction without the laws of the rate of the penetration
     resistance: float  # in units of the stiffness
     leaps: tuple[Leap, ...] = ()
 
@@ -357,6 +358,8 @@ class Advance:
             else:
                 solution, resistance = self._solution(stage, initial, jump)
             local = stage.local(solution)
+            point = stage.motion(local, base.local)
+            own = _undamped(law, point, solution.multiplier)
             again = law.iterates and solution.status is Status.CONVERGED
             if not (again if vectors.alone else vectors.largest(float(again))[0]):
                 break
@@ -365,16 +368,16 @@ class Advance:
             change, size, pressed, level = vectors.largest(
                 float(np.abs(found - guess).max(initial=0.0)),
                 float(np.abs(local).max(initial=0.0)),
-                float(np.abs(solution.multiplier - multiplier).max(initial=0.0)),
-                float(np.abs(solution.multiplier).max(initial=0.0)),
+                float(np.abs(own - multiplier).max(initial=0.0)),
+                float(np.abs(own).max(initial=0.0)),
             ).tolist()
             if change <= _STANDS * size and pressed <= _STANDS * level:
                 break
-            guess, multiplier, initial = found, solution.multiplier, solution
+            guess, multiplier, initial = found, own, solution
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
         reached = self._reached_by(stage, solution.unknowns)
-        return _Solved(stage, solution, reached, stage.motion(local, base.local), resistance, leaps)
+        return _Solved(stage, solution, reached, point, own, resistance, leaps)
 
     def _reached_by(self, stage: Stage, unknowns: Array) -> _Reached:
         """Motion and forces of unknowns (n,) of a stage; the last are known again."""
@@ -522,7 +525,7 @@ class Advance:
                     before.memory[block.name],
                     _whole(block, rule, step),
                     _since(point.place, before, block.index),
-                    last.solution.multiplier[block.index],
+                    last.own[block.index],
                 )
         moment = Moment(
             time, before.index + 1, body, point, last.solution.multiplier, branches, memory, before.ledger, before.heat
@@ -545,9 +548,11 @@ class Advance:
             if law.blocks:
                 for block in law.blocks:
                     w, r = weights[block.index], moment.local.place[block.index]
-                    ends = block.base.normal.domain
-                    r = np.column_stack([np.clip(r[:, 0], ends.lower, ends.upper), r[:, 1:]])
-                    contact += float(w @ block.memory.stored(block.base, moment.memory.get(block.name, {}), r))
+                    ends, state = block.base.normal.domain, moment.memory.get(block.name, {})
+                    seen = block.memory.seen(state, r)[:, 0]
+                    beyond = seen - np.clip(seen, ends.lower, ends.upper)
+                    r = np.column_stack([r[:, 0] - beyond, r[:, 1:]])
+                    contact += float(w @ block.memory.stored(block.base, state, r))
             else:
                 stored = law.stored.normal
                 ends = stored.domain
@@ -593,7 +598,8 @@ class Advance:
                 moved -= float((pressed * shifted).sum())
             normal += float(pressed[:, 0] @ dr[:, 0])
             friction += float((pressed * dr)[:, 1:].sum())
-            damping += _damped(stage, part, dr, weights[:, 0])
+            if part.own is not lam:
+                damping += float(weights[:, 0] @ ((lam - part.own) * dr)[:, 0])
         law = solved[-1].stage.law
         now = self.energies(moment, law)
         lost = sum(
@@ -604,7 +610,7 @@ class Advance:
         for block in law.blocks:
             if block.name in before.memory:
                 here = _since(moment.local.place, before, block.index)
-                pressed = solved[-1].solution.multiplier[block.index]
+                pressed = solved[-1].own[block.index]
                 old_state, new_state = before.memory[block.name], moment.memory[block.name]
                 local = _whole(block, solved[-1].stage.rule, step)
                 memory += float(
@@ -687,25 +693,27 @@ def _whole(block: BlockLaw, rule: Rule, step: float) -> LocalStep:
     """The whole step as contact points see it whose law holds at a stage within it, along a straight line."""
     if rule.at == 1.0:
         return block.local
-    return LocalStep(step, 1.0 / step, block.local.before)
+    return LocalStep(step, 1.0 / step, block.local.before, at=1.0 / rule.reach)
 
 
-def _damped(stage: Stage, part: _Solved, dr: Array, weights: Array) -> float:
-    """Work of laws of the rate along the normal."""
-    total = 0.0
-    for block in stage.law.blocks:
+def _undamped(law: StepLaw, point: Motion, multiplier: Array) -> Array:
+    """Pressure and friction (m, c) without what laws of the rate of the penetration exert: that of laws and memories.
+
+    Of the splits of the pressure between both the one nearest to the slope of the law of the rate.
+    """
+    own = multiplier
+    for block in law.blocks:
         if block.damping is None:
             continue
-        rate = part.local.velocity[block.index, 0]
-        lam = part.solution.multiplier[block.index, 0]
-        stored = block.undamped.normal.subdifferential(part.local.place[block.index, 0])
-        felt = block.damping.subdifferential(rate)
-        # Of the splits of the pressure between both laws the one nearest to the slope of the law of the rate.
-        share = np.clip(
-            np.clip(block.damping.derivative(rate), felt.lower, felt.upper), lam - stored.upper, lam - stored.lower
+        own = multiplier.copy() if own is multiplier else own
+        rate, lam = point.velocity[block.index, 0], multiplier[block.index, 0]
+        stored, felt = (
+            block.undamped.normal.subdifferential(point.place[block.index, 0]),
+            block.damping.subdifferential(rate),
         )
-        total += float(weights[block.index] @ (share * dr[block.index, 0]))
-    return total
+        slope = np.clip(block.damping.derivative(rate), felt.lower, felt.upper)
+        own[block.index, 0] -= np.clip(slope, lam - stored.upper, lam - stored.lower)
+    return own
 
 
 def _branch_loss(branch: Operator, h: Array, rate: Array, period: float, step: float) -> float:

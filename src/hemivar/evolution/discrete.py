@@ -179,7 +179,7 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
         for name, part in (("stiffness", matrices.stiffness), ("viscosity", matrices.viscosity), ("mass", mass))
     }
     if operators["mass"] is not None and evolution.mass is Mass.REDISTRIBUTED:
-        operators["mass"] = _redistributed(operators["mass"], problem)
+        operators["mass"] = _redistributed(operators["mass"], problem, matrices.moved)
     branches = tuple((time, Operator(part.matrix, part.coupling, part.held)) for time, part in matrices.branches)
     contact = problem.contact
     blocks = tuple((name, contact.on(name)) for name in contact.names if contact.on(name).size)
@@ -210,38 +210,49 @@ def _heat(evolution: Evolution, stated: Statement, problem: DiscreteProblem, mov
     return coupled_heat(stated, evolution.heat, problem, moved, discretize_evolution(evolution.conduction))
 
 
-def _redistributed(mass: Operator, problem: DiscreteProblem) -> Operator:
-    """The mass without that of contact unknowns, which goes to the unknowns that they share cells with.
+def _redistributed(mass: Operator, problem: DiscreteProblem, moved: IntArray) -> Operator:
+    """The mass without that of contact unknowns, which goes to what they share cells with, moved supports as well.
 
     What an unknown shares with a node is a length: that of its entries with all components there, for those of contact
     points are turned along their normals.
     """
-    M, field = mass.inner, problem.field
+    field, n = problem.field, mass.unknowns
     assert field is not None
-    n = M.shape[0]
-    massless = np.zeros(n, dtype=bool)
+    whole = (
+        sp.csr_array(sp.block_array([[mass.inner, mass.coupling], [mass.coupling.T, mass.held]]))
+        if moved.size
+        else mass.inner
+    )
+    massless = np.zeros(whole.shape[0], dtype=bool)
     massless[problem.contact.trace.indices] = True
+    basis = sp.csc_array(field.basis)
+    node = np.concatenate([basis.indices[basis.indptr[:-1]], moved]) // field.components
+    spread = _spread(whole, massless, node)
+    if not moved.size:
+        return Operator(spread, mass.coupling, mass.held)
+    return Operator(spread[:n, :n], spread[:n, n:], spread[n:, n:])
+
+
+def _spread(M: sp.csr_array, massless: Array, node: IntArray) -> sp.csr_array:
+    """A mass matrix without some of its rows, whose mass goes to the others; ``node`` is that of each row."""
+    n = M.shape[0]
     rows = np.repeat(np.arange(n), np.diff(M.indptr))
     inside = ~massless[rows] & ~massless[M.indices]
     kept = np.where(inside, M.data, 0.0)
-    basis = sp.csc_array(field.basis)
-    node = basis.indices[basis.indptr[:-1]] // field.components
-    squares = sp.csr_array((M.data**2, node[M.indices], M.indptr.copy()), shape=(n, int(node.max(initial=0)) + 1))
+    squares = sp.csr_array(
+        (np.where(inside, 0.0, M.data**2), node[M.indices], M.indptr.copy()), shape=(n, int(node.max(initial=0)) + 1)
+    )
     squares.sum_duplicates()
     size, of = np.sqrt(squares.data), np.repeat(np.arange(n), np.diff(squares.indptr))
-    bare = np.zeros(squares.shape[1], dtype=bool)
-    bare[node[massless]] = True
     # What a row of the kept ones loses to massless columns, and these rows themselves, are given to the diagonal.
-    gone = ~massless[of] & bare[squares.indices]
-    lost = np.bincount(of[gone], size[gone], minlength=n)
-    own = np.bincount(of[massless[of]], size[massless[of]], minlength=n)
+    own = np.bincount(of, np.where(massless[of], size, 0.0), minlength=n)
+    lost = np.bincount(of, np.where(massless[of], 0.0, size), minlength=n)
     share = sp.csr_array((np.where(inside | massless[rows], 0.0, np.abs(M.data)), M.indices, M.indptr), shape=M.shape)
     weight = np.asarray(share.sum(axis=0)).ravel()  # of each massless unknown, over its neighbours with mass
     given = share @ np.where(weight > 0.0, own / np.where(weight > 0.0, weight, 1.0), 0.0)
     diagonal = rows == M.indices
     kept[diagonal] += np.where(massless, 0.0, lost + given)[rows[diagonal]]
-    inner = sp.csr_array((kept, M.indices, M.indptr), shape=M.shape)
-    return Operator(inner, mass.coupling, mass.held)
+    return sp.csr_array((kept, M.indices, M.indptr), shape=M.shape)
 
 
 class Bodies:

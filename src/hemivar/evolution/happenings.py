@@ -14,6 +14,7 @@ from hemivar.basics.arguments import expect
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.moment import Moment
+from hemivar.evolution.step_laws import seen_place
 
 __all__ = ["BondBroken", "Event", "MarginLost", "OnEvent", "Release", "Slip", "Touch", "When"]
 
@@ -218,5 +219,6 @@ class When(Event):
 
 
 def _deepest(discrete: DiscreteEvolution, moment: Moment, points: np.ndarray) -> float:  # type: ignore[type-arg]
-    """Largest penetration of some contact points."""
-    return float(discrete.vectors.largest(float(moment.local.place[points, 0].max(initial=-np.inf)))[0])
+    """Largest penetration of some contact points, into what is left of a foundation that is worn or has crept."""
+    place = seen_place(discrete, moment)
+    return float(discrete.vectors.largest(float(place[points, 0].max(initial=-np.inf)))[0])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import Acting
@@ -14,13 +15,16 @@ from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, Superpotential
 from hemivar.laws.neighbourhood import polar
+from hemivar.laws.superpotential import Interval
 
 __all__ = ["initial_moment"]
 
 #: Part of the first step over which supports and gaps are looked at for the rates with which they begin.
 _NEAR = 1e-2
+#: Part of the first step in which nothing but rates is felt.
+_AT_ONCE = 1e-8
 #: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
 _JUMPS = 1.2
 #: Part of what an acceleration makes of a rate in a span that is no jump of it.
@@ -74,24 +78,21 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
             f"at the start {which} is {deepest:.3g} beyond what its law allows; change the initial displacement or the "
             "gap"
         )
-    lam = np.zeros(local.shape)
-    if local.size:
-        inside = local.copy()
-        inside[:, 0] = np.clip(inside[:, 0], ends.lower, ends.upper)
-        interval = acting.law.normal.subdifferential(inside[:, 0])
-        lam[:, 0] = np.clip(0.0, interval.lower, interval.upper)
     still = np.zeros_like(place)
     moment = Moment(
         evolution.start,
         0,
         Motion(place, velocity, still),
         Motion(local, rate, np.zeros_like(local)),
-        lam,
+        np.zeros(local.shape),
         tuple(np.zeros_like(place) for _ in discrete.branches),
         initial_memory(discrete, acting.law, local),
     )
+    first = 1.0 if step is None else step
+    law = _law_of_rates(advance, moment, acting.law, _AT_ONCE * first)
+    moment = replace(moment, multiplier=_pressure(moment, law, local[:, 0]))
     if discrete.mass is not None:
-        pressed = replace(moment, multiplier=_pressed(advance, moment, acting, moving, 1.0 if step is None else step))
+        pressed = replace(moment, multiplier=_pressed(advance, moment, acting, moving, law, first))
         acceleration = _acceleration(advance, pressed, acting.load, moving[0].acceleration)
         pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape) - moving[1].acceleration
         moment = replace(
@@ -99,7 +100,7 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
             body=replace(moment.body, acceleration=acceleration),
             local=replace(moment.local, acceleration=pushed),
         )
-    energies = advance.energies(moment, StepLaw(acting.law))
+    energies = advance.energies(moment, law)
     return advance.started(replace(moment, ledger=Ledger(start=sum(energies.values()), **energies)))
 
 
@@ -129,7 +130,34 @@ def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
     return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0))
 
 
-def _pressed(advance: Advance, moment: Moment, acting: Acting, moving: tuple[Motion, Motion], step: float) -> Array:
+def _law_of_rates(advance: Advance, moment: Moment, stated: ContactLaw, span: float) -> StepLaw:
+    """The law of a step of implicit Euler so short that it sees the velocities at the start, and what is remembered."""
+    guess = span * moment.local.velocity
+    guess[:, 0] = moment.local.place[:, 0]
+    (rule,) = ImplicitEuler().rules(span)
+    return stage_law(advance.discrete, stated, moment, rule, span, guess, moment.multiplier)
+
+
+def _felt(law: StepLaw, penetration: Array) -> Iterator[tuple[IntArray | slice, Interval]]:
+    """Pressures of laws and memories, without damping, where the penetration (m,) is reached in the step of a law."""
+    blocks: list[tuple[IntArray | slice, Superpotential]] = [(b.index, b.undamped.normal) for b in law.blocks]
+    for index, normal in blocks or [(slice(None), law.stored.normal)]:
+        if penetration[index].size:
+            ends = normal.domain
+            yield index, normal.subdifferential(np.clip(penetration[index], ends.lower, ends.upper))
+
+
+def _pressure(moment: Moment, law: StepLaw, penetration: Array) -> Array:
+    """The least of these pressures (m, c)."""
+    lam = np.zeros(moment.local.place.shape)
+    for index, felt in _felt(law, penetration):
+        lam[index, 0] = np.clip(0.0, felt.lower, felt.upper)
+    return lam
+
+
+def _pressed(
+    advance: Advance, moment: Moment, acting: Acting, moving: tuple[Motion, Motion], law: StepLaw, step: float
+) -> Array:
     """Pressure and friction (m, c) at the start; schemes that hand accelerations on need the first one to be right.
 
     They are those of the velocity that the body has.  Where law and velocity leave them open, as where a point sticks
@@ -141,7 +169,7 @@ def _pressed(advance: Advance, moment: Moment, acting: Acting, moving: tuple[Mot
         max(float(np.abs(velocity).max(initial=0.0)) for velocity in (moment.body.velocity, rate)),
         max(float(np.abs(here).max(initial=0.0)) for here in (moment.body.place, place)),
     ).tolist()
-    lam, held = _rubbed(advance, moment, acting.law, _SLIPS * fast, step)
+    lam, held = _rubbed(moment, law, _SLIPS * fast, _AT_ONCE * step)
     ends, near = acting.law.normal.domain, _TOUCHES * far
     down = (place[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
     up = (place[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
@@ -157,28 +185,25 @@ def _pressed(advance: Advance, moment: Moment, acting: Acting, moving: tuple[Mot
     return lam if found is None else np.where(held, found, lam)
 
 
-def _rubbed(advance: Advance, moment: Moment, stated: ContactLaw, slow: float, step: float) -> tuple[Array, BoolArray]:
+def _rubbed(moment: Moment, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
     """Pressure and friction (m, c) at the start with those of the velocity that it has, and which of them it leaves
     open; points that are no faster than ``slow`` do not slip."""
     lam, local = moment.multiplier.copy(), moment.local
     held = np.zeros(lam.shape, dtype=bool)
     if not lam.size:
         return lam, held
-    span = _NEAR * _NEAR * step
+    for index, stored in _felt(law, local.place[:, 0]):
+        held[index] |= (stored.upper > stored.lower)[:, None]
     guess = span * local.velocity
-    guess[:, 0] = local.place[:, 0]
-    (rule,) = ImplicitEuler().rules(span)
-    law = stage_law(advance.discrete, stated, moment, rule, span, guess, lam)
-    ends = stated.normal.domain
-    stored = stated.normal.subdifferential(np.clip(local.place[:, 0], ends.lower, ends.upper))
-    opened = stored.upper > stored.lower
+    if law.blocks:  # a damper of the foundation acts as soon as it is reached
+        lam = _pressure(moment, law, local.place[:, 0] + guess[:, 0])
     for block in law.blocks:
         if block.damping is not None:
             felt = block.damping.subdifferential(local.velocity[block.index, 0])
             lam[block.index, 0] += np.clip(0.0, felt.lower, felt.upper)
-            opened[block.index] |= felt.upper > felt.lower
-    held |= opened[:, None]
+            held[block.index] |= (felt.upper > felt.lower)[:, None]
     if lam.shape[1] > 1:
+        guess[:, 0] = local.place[:, 0]
         size, direction = polar(guess[:, 1:])
         pull = law.law.frozen(guess, lam).tangential.subdifferential(size)
         slips = size > span * slow

@@ -87,7 +87,9 @@ class Margins:
             return math.inf
         if problem.unknowns > _SMALL or problem.law.state_dependent:
             return math.nan
-        key = b"".join(alpha.tobytes() for alpha in (np.array(taken.step), *alphas))
+        changes = "law" in self.advance.discrete.evolution.problem.time_dependent  # and is another in longer steps
+        told = np.array([taken.step, taken.before.time if changes else 0.0])
+        key = b"".join(alpha.tobytes() for alpha in (told, *alphas))
         if key != self._largest[0]:
             self._largest = key, self._sought(taken)
         return self._largest[1]

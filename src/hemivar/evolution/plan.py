@@ -127,10 +127,10 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
         raise ProblemError(
             f"the scheme {scheme.name} is one for bodies without mass; take {ImplicitEuler.name} or generalized-alpha"
         )
-    if isinstance(scheme, MoreauJean) and scheme.restitution > 0.0 and stated.mass is Mass.REDISTRIBUTED:
+    if isinstance(scheme, MoreauJean) and stated.mass is Mass.REDISTRIBUTED:
         raise ProblemError(
-            f"restitution = {scheme.restitution:g} asks for mass at contact points, which redistributed mass leaves "
-            "without any; take mass = 'consistent' or restitution = 0"
+            f"the law of impact of {scheme.name} is one of the velocities of contact points, which redistributed mass "
+            "leaves undetermined: bodies pass through obstacles; take mass = 'consistent', or the scheme newmark"
         )
     if stated.heat is not None and len(scheme.rules(1.0)) > 1:
         raise ProblemError(

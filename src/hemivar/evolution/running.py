@@ -332,13 +332,26 @@ class Run:
 
 
 def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
-    """That a scheme which is made for springs has a mass hit something rigid, if so."""
-    if discrete.mass is None or not isinstance(scheme, Midpoint | Newmark | GeneralizedAlpha):
+    """That a scheme which is made for springs has a body hit something rigid, or nodes without mass swing, if so."""
+    if not isinstance(scheme, Midpoint | Newmark | GeneralizedAlpha):
         return ()
     ends, points = discrete.problem.law.normal.domain, discrete.problem.contact_points > 0
-    hits = points and bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any())
-    if not discrete.vectors.largest(float(hits))[0] or discrete.evolution.mass is Mass.REDISTRIBUTED:
+    if discrete.mass is not None and discrete.evolution.mass is Mass.REDISTRIBUTED:
+        (rule,) = scheme.rules(1.0)
+        swing = (
+            "contact nodes without mass are where forces balance within a step: at its end they swing about that "
+            f"place, into an obstacle, too, in each step {rule.reach - 1.0:.3g} times as far; take newmark or "
+            "implicit-euler"
+        )
+        return (swing,) if points and rule.reach > 1.0 else ()
+    rigid = points and bool((np.isfinite(ends.upper) & (ends.lower < ends.upper)).any())
+    if not discrete.vectors.largest(float(rigid))[0]:
         return ()
+    if discrete.mass is None:
+        return (
+            f"an obstacle is rigid: once the body touches it velocities of the scheme {scheme.name} ring, and so does "
+            "all that is lost by them; take sdirk2 or implicit-euler, or a compliant foundation",
+        )
     return (
         f"an obstacle is rigid: where the body hits it the scheme {scheme.name} rings and may gain energy; take "
         "moreau-jean or implicit-euler, mass = 'redistributed', or a compliant foundation",

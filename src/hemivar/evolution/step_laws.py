@@ -16,8 +16,9 @@ from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential
 from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
+from hemivar.mechanics.instants import law_at_time
 
-__all__ = ["BlockLaw", "Foundations", "StepLaw", "stage_law"]
+__all__ = ["BlockLaw", "Foundations", "StepLaw", "seen_place", "stage_law"]
 
 #: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
 _TOUCHES = 1e-12
@@ -113,11 +114,11 @@ class Foundations:
         self._made: dict[str, tuple[_Foundation, float, Mapping[str, Array], ContactLaw]] = {}
         self._joined: tuple[list[tuple[ContactLaw, int]], ContactLaw] | None = None
 
-    def of(self, name: str, index: IntArray, stated: ContactLaw, rate: float) -> _Foundation:
-        """Those of a boundary under a law that acts and a factor of the displacement in the rate."""
+    def of(self, name: str, index: IntArray, stated: ContactLaw, rate: float, time: float) -> _Foundation:
+        """Those of a boundary under a law that acts at a time and a factor of the displacement in the rate."""
         found = self._known.get(name)
         if found is None or found.stated is not stated or found.rate != rate:
-            memory, damping = _foundation(self._discrete, name, index)
+            memory, damping = _foundation(self._discrete, name, index, time)
             base = stated.take(index)
             given = base if memory.of_slip else in_increments(base, rate)
             found = self._known[name] = _Foundation(stated, rate, memory, damping, base, given)
@@ -182,7 +183,7 @@ def stage_law(
     for name, index in discrete.blocks:
         if not index.size:
             continue
-        found = foundations.of(name, index, stated, rate)
+        found = foundations.of(name, index, stated, rate, before.time + rule.at * step)
         memory, damping, base, given, motion = found.memory, found.damping, found.base, found.given, before.local
         drift = rule.rate.velocity * motion.velocity[index] + rule.rate.acceleration * motion.acceleration[index]
         local = LocalStep(rule.at * step, rate, motion.place[index], guess[index], guess_multiplier[index], drift)
@@ -249,13 +250,26 @@ def initial_memory(discrete: DiscreteEvolution, law: ContactLaw, local: Array) -
     found = {}
     for name, index in discrete.blocks:
         if index.size and discrete.contacts[name].memory:
-            memory, _ = _foundation(discrete, name, index)
+            memory, _ = _foundation(discrete, name, index, discrete.evolution.start)
             found[name] = memory.start(law.take(index), local[index])
     return found
 
 
-def _foundation(discrete: DiscreteEvolution, name: str, index: IntArray) -> tuple[Memory, Superpotential | None]:
-    """Memory and damping of a boundary, at its contact points."""
+def seen_place(discrete: DiscreteEvolution, moment: Moment) -> Array:
+    """Local displacements (m, c) that laws see: less what has been worn off, or what a foundation has crept."""
+    place = moment.local.place
+    for name, index in discrete.blocks:
+        if name in moment.memory:
+            place = place.copy() if place is moment.local.place else place
+            place[index] = Chain(discrete.contacts[name].memory).seen(moment.memory[name], place[index])
+    return place
+
+
+def _foundation(
+    discrete: DiscreteEvolution, name: str, index: IntArray, time: float
+) -> tuple[Memory, Superpotential | None]:
+    """Memory and damping of a boundary at a time, at its contact points."""
     contact, points = discrete.contacts[name], discrete.problem.contact.points
     here = None if points is None else points[index]
-    return Chain(contact.memory).at(here), None if contact.damping is None else contact.damping.at(here)
+    damping = None if contact.damping is None else law_at_time(contact.damping, time).at(here)
+    return Chain(contact.memory).at(here), damping

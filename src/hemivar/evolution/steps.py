@@ -129,7 +129,7 @@ class AdaptiveStep(Stepping):
 
     def first(self, span: float) -> Pace:
         step = self.first_step if self.first_step is not None else 1e-3 * span
-        return Pace(min(step, self.most or step, span))
+        return Pace(min(max(step, self.least or step), self.most or math.inf, span))
 
     def after(self, pace: Pace, error: float | None, order: int) -> tuple[bool, Pace]:
         assert error is not None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import get_args
@@ -118,6 +118,12 @@ class Contact(Portable):
                     f"memory holds {described(one)}; give what contact points may remember, a list of Secant(), "
                     "Wear(...) and the like"
                 )
+            for part in fields(one):  # type: ignore[arg-type]
+                if law_depends_on_time(getattr(one, part.name)) or depends_on_time(getattr(one, part.name)):
+                    raise ProblemError(
+                        f"{part.name} of memory '{one.name}' depends on time, which it cannot; of a foundation that "
+                        "changes with time state the law, the damping or the gap so"
+                    )
         object.__setattr__(self, "memory", tuple(memory))
 
     def _check_obstacle(self) -> None:

@@ -53,6 +53,8 @@ class LocalStep(Portable):
         Multiplier of the last iterate; zero by default.
     drift : array (m, c), optional
         The part of the rate that does not depend on the unknown displacement; zero by default.
+    at : float
+        Where the law holds, as a part of the way from the beginning to the end of the step; 1, its end, by default.
     """
 
     tau: float
@@ -61,6 +63,7 @@ class LocalStep(Portable):
     guess: Array | None = None
     guess_multiplier: Array | None = None
     drift: Array | None = None
+    at: float = 1.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.tau) and self.tau > 0.0):
@@ -150,7 +153,8 @@ class Memory(Portable, ABC):
         law : ContactLaw
             The law without this memory, as in :meth:`law`.
         r, lam : arrays (m, c)
-            Local displacement, of which the slip is the increment of the step, and multiplier.
+            Local displacement, of which the slip is the increment of the step, and multiplier, without what a damping
+            beside the memory exerts.
         """
 
     def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:

@@ -59,5 +59,6 @@ class DampedContact(Memory):
         self, law: ContactLaw, old: MemoryState, new: MemoryState, step: LocalStep, r: Array, lam: Array
     ) -> Array:
         """The work of what the law does not give; when the damper is cut off, springs that relax by themselves lose."""
-        bound = law.normal.subdifferential(np.clip(r[:, 0], law.normal.domain.lower, law.normal.domain.upper))
-        return np.asarray((lam[:, 0] - np.clip(lam[:, 0], bound.lower, bound.upper)) * (r[:, 0] - step.before[:, 0]))
+        ends, way = law.normal.domain, r[:, 0] - step.before[:, 0]
+        bound = law.normal.subdifferential(np.clip(step.before[:, 0] + step.at * way, ends.lower, ends.upper))
+        return np.asarray((lam[:, 0] - np.clip(lam[:, 0], bound.lower, bound.upper)) * way)
