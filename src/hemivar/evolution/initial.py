@@ -9,11 +9,11 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance
+from hemivar.evolution.discrete import Acting
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
-from hemivar.laws import ContactLaw
 from hemivar.laws.neighbourhood import polar
 
 __all__ = ["initial_moment"]
@@ -86,7 +86,7 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
         initial_memory(discrete, acting.law, local),
     )
     if discrete.mass is not None:
-        rubbed = replace(moment, multiplier=_rubbed(advance, moment, acting.law, step))
+        rubbed = replace(moment, multiplier=_rubbed(advance, moment, acting, step))
         acceleration = _acceleration(advance, rubbed, acting.load, moving[0].acceleration)
         pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape) - moving[1].acceleration
         moment = replace(
@@ -122,7 +122,7 @@ def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
     return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, (two - 2.0 * one) / span**2, 0.0))
 
 
-def _rubbed(advance: Advance, moment: Moment, stated: ContactLaw, step: float | None) -> Array:
+def _rubbed(advance: Advance, moment: Moment, acting: Acting, step: float | None) -> Array:
     """Pressure and friction (m, c) at the start with those of the velocity that it has; without it, none of the two.
 
     Schemes that hand accelerations on are of second order only if the first one is right.
@@ -137,7 +137,7 @@ def _rubbed(advance: Advance, moment: Moment, stated: ContactLaw, step: float | 
     guess = span * local.velocity
     guess[:, 0] = local.place[:, 0]
     (rule,) = ImplicitEuler().rules(span)
-    law = stage_law(advance.discrete, stated, moment, rule, span, guess, lam)
+    law = stage_law(advance.discrete, acting, moment, rule, span, guess, lam)
     for block in law.blocks:
         if block.damping is not None:
             felt = block.damping.subdifferential(local.velocity[block.index, 0])
