@@ -193,7 +193,7 @@ class Run:
             else:
                 error = None
                 if self.stepping.estimates:
-                    found = step_error(self.advance, taken, self.origin)
+                    found = step_error(self.advance, taken, self.origin, self._after_kink)
                     self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
                     error = found.relative(self.largest, self.farthest)
                 stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
@@ -211,12 +211,18 @@ class Run:
                     f"{first}, which cannot be shorter: {worth}; allow shorter steps"
                     if rejected is None or taken is not rejected[0]
                     else f"{first}: {worth}, and shorter ones cannot be solved; where a load or a support jumps and "
-                    "nothing slows the body down, no step is short enough"
+                    "nothing slows the body down, no step is short enough: name its time as a stop, and take "
+                    "implicit-euler"
                 )
             taken, happened, stop = self._located(taken)
             if whole and taken.step >= self.pace.step * (1.0 - 1e-6):
                 self.pace = following
             return taken, happened, stop
+
+    @property
+    def _after_kink(self) -> bool:
+        """Whether the next step is the first or the second after a stop or a kink."""
+        return any(row.time in self.ends for row in self.rows[-2:])
 
     def accept(self, taken: Taken, happened: tuple[str, ...]) -> Stepped:
         """Book a step."""
