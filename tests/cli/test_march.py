@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +15,8 @@ import pytest
 
 from hemivar import cli
 from hemivar.cli import main
+from hemivar.errors import FileError
+from hemivar.evolution import Checkpoint
 from hemivar.files import read_film, read_history_table
 
 STATIC = """\
@@ -163,6 +166,101 @@ def test_ctrl_c_ends_after_the_step_with_everything_written(folder: Path) -> Non
     assert (folder / "a.ckpt").exists()
 
 
+def test_what_is_refused_on_the_way_leaves_what_was_computed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A load that is no number from t = 0.52 on: table, frames and checkpoint end at 0.5, one line says why."""
+    (folder / "timed.toml").write_text((STATIC + TIMED).replace("body = [0.3,", 'body = ["sqrt(0.52 - t)",'))
+    assert main(["march", "timed.toml", "--checkpoint", "a.ckpt"]) == 2
+    out, err = capsys.readouterr()
+    assert "refused at t = 0.5 after 10 steps" in out
+    assert err.startswith("hemivar: error: timed.toml: after t = 0.5: [loads] body: formula 'sqrt(0.52 - t)' is nan")
+    assert err.count("\n") == 1
+    assert read_history_table(folder / "run.csv")["time"][-1] == pytest.approx(0.5)
+    assert read_film(folder / "run.pvd").times == pytest.approx([0.0, 0.25, 0.5])
+    assert main(["march", "timed.toml", "--checkpoint", "a.ckpt", "--resume"]) == 2
+    assert capsys.readouterr().out.count("note  ") == 1
+
+
+def test_a_refusal_before_the_first_step_prints_no_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ("contact.bottom.gap=-0.1", 'contact.bottom.normal="signorini"', "supports.left={ x = 0.0 }")
+    overlapping = [word for change in given for word in ("--set", change)]
+    for arguments, says in ((["--until", "-1"], "let it end later"), (overlapping, "beyond what its law allows")):
+        assert main(["march", "timed.toml", *arguments]) == 2
+        out, err = capsys.readouterr()
+        assert "residual" not in out
+        assert says in err
+        assert err.count("\n") == 1
+
+
+def test_a_march_outlives_a_checkpoint_that_cannot_be_written(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that is full from the third step on takes the checkpoint, and not the march."""
+    writes = []
+
+    def write(self: Checkpoint, *_: object) -> None:
+        writes.append(self.file)
+        if len(writes) > 2:
+            raise FileError(f"cannot write {self.file}: no space left on device")
+
+    monkeypatch.setattr(Checkpoint, "write", write)
+    assert main(["march", "timed.toml", "--checkpoint", "a.ckpt", "--minutes", "0"]) == 2
+    out, err = capsys.readouterr()
+    assert len(writes) == 21  # of 20 steps, and of the end
+    assert out.count("cannot write a.ckpt: no space left on device") == 1
+    assert "finished at t = 1 after 20 steps" in out
+    assert err == "hemivar: error: --checkpoint: cannot write a.ckpt: no space left on device\n"
+    assert len(read_history_table(folder / "run.csv")["time"]) == 21
+
+
+def test_frames_that_were_begun_by_a_march_that_was_killed_are_removed(folder: Path) -> None:
+    (folder / "run").mkdir()
+    begun = [folder / "run" / f".run_000005{part}-0123456789ab.vtu" for part in ("", "_contact")]
+    other = folder / "run" / ".notes-0123456789ab.vtu"
+    for path in (*begun, other):
+        path.touch()
+    assert main(["march", "timed.toml", "-q"]) == 0
+    assert [path.exists() for path in (*begun, other)] == [False, False, True]
+
+
+def test_antiplane_friction_in_time_has_frames(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its contact points have two components, and yet no file of their own."""
+    (folder / "sheared.toml").write_text(
+        'kind = "antiplane"\n[mesh]\nrectangle = [1.0, 1.0]\ncells = [4, 4]\n[material]\nshear_modulus = 2.0\n'
+        '[supports]\ntop = "0.1*t"\n[contact.bottom]\nfriction = { law = "tresca", bound = 0.05 }\n'
+        "[time]\nuntil = 1.0\nstep = 0.5\n"
+    )
+    assert main(["march", "sheared.toml", "--out", "a", "-q"]) == 0
+    assert "written           a.csv, a.pvd\n" in capsys.readouterr().out
+    assert len(read_film(folder / "a.pvd").times) == 3
+    assert not (folder / "a_contact.pvd").exists()
+
+
+def test_what_was_put_in_is_told_whole(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is stored at the start and what thermal stress does are part of the balance."""
+    heated = "[heat]\nconductivity = 1.0\ncapacity = 1.0\nthermal_stress = 0.5\ntemperature = 1.0\n"
+    start = "initial = { velocity = [0.0, 0.5] }\n[output]"
+    (folder / "timed.toml").write_text(STATIC + heated + TIMED.replace("[output]", start))
+    assert main(["march", "timed.toml", "-q", "--scheme", "implicit-euler"]) == 0
+    lines = {line[:18].strip(): line[18:] for line in capsys.readouterr().out.splitlines()}
+    put, stored, lost = (
+        sum(float(word) for word in re.findall(r"-?\d[\d.e-]*", lines[name])) for name in ("put in", "stored", "lost")
+    )
+    assert "by thermal stress" in lines["put in"]
+    assert "at the start" in lines["put in"]
+    assert put == pytest.approx(stored + lost, rel=1e-4)
+
+
+def test_columns_that_are_infinite_are_listed_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A margin of -inf is the least there is; nan was not looked for."""
+    (folder / "a.csv").write_text(
+        "time,step,margin,largest_step\n0,0,nan,nan\n1,1,-inf,nan\n2,1,0.5,inf\n3,1,0.7,nan\n"
+    )
+    assert main(["history", "a.csv"]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["margin", "-inf", "0.7", "0.7"] in rows
+    assert ["largest_step", "inf", "inf"] in rows
+
+
 def test_history(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["march", "timed.toml", "-q"]) == 0
     capsys.readouterr()
@@ -179,6 +277,7 @@ def test_history(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--kind", "map", "--plot", "m.png"], "--kind map: it is not known"),
         (["--columns", "tip.u_z"], "did you mean 'tip.u_"),
         (["--plot", "run.csv"], "the name must end in"),
+        (["--plot", "f.png", "--kind", "forces", "--columns", "kinetic"], "--columns goes with --kind columns or loop"),
     ):
         assert main(["history", "run.csv", *arguments]) == 2
         assert says in capsys.readouterr().err

@@ -14,6 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
+from hemivar.formula import Formula
 
 
 @pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.SDIRK2()], ids=lambda s: s.name)
@@ -67,6 +68,24 @@ def test_a_damper_that_cannot_pull() -> None:
     assert up == pytest.approx(known.exact(known.until), rel=2e-3)
     touching = history["normal_force"] > 0.0
     assert touching.sum() * 5e-4 == pytest.approx(duration, abs=2e-3)
+
+
+def test_a_damper_that_stiffens_with_time() -> None:
+    """At the end of each step the pressure is ``c(t) max(r', 0)`` with the c of that time."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), (2, 2)),
+        material=hv.Material.lame(40.0, 40.0, density=1.0),
+        body_force=lambda x, t: np.array([0.0, -np.cos(6.0 * t)]) + 0.0 * x,
+        contact={"bottom": hv.Contact(hv.NoContact(), damping=hv.Compliance(Formula("3 + 40*t")))},
+    )
+    history = march(Evolution(problem, inertia=True), 0.5, step=0.05, save=hv.Save(every=0.05))
+    frames = [frame for frame in history.frames if frame.multiplier.any()]
+    assert len(frames) > 3
+    for frame in frames:
+        expected = (3.0 + 40.0 * frame.time) * np.maximum(frame.rate[:, 0], 0.0)
+        np.testing.assert_allclose(frame.multiplier[:, 0], expected, rtol=1e-7, atol=1e-9)
+    assert history["damping"][-1] > 0.0
+    assert np.abs(history["gap"]).max() < 1e-9 * history["damping"][-1]
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import SDIRK2, AdaptiveStep, Evolution, FixedStep, History, Midpoint, Scheme, march
 from hemivar.evolution.steps import Pace
+from hemivar.formula import Formula
 
 
 def paced(control: AdaptiveStep, constant: float, order: int, count: int) -> tuple[list[float], list[float]]:
@@ -152,6 +153,25 @@ def test_adaptive_steps_without_mass_are_few(scheme: Scheme) -> None:
     history, place, _ = crept(scheme, AdaptiveStep(1e-3))
     assert len(history.times) < 90
     assert np.abs(history["penetration"] - place).max() < 1e-3 * place[-1]
+
+
+def test_adaptive_steps_go_on_after_a_support_that_stops_at_once() -> None:
+    """Velocities jump there, whatever the step: steps became shorter until none could be solved."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.5), (2, 1)),
+        material=hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.2, 0.2)),
+        contact={"bottom": hv.Contact(hv.Compliance(20.0))},
+        supports={"top": hv.Fixed(y=Formula("-0.1*min(t, 0.1)"))},
+        body_force=(0.2, 0.0),
+    )
+    evolution = Evolution(problem, inertia=True, velocity=lambda x: np.array([0.0, -0.1]) + 0.0 * x)
+    history = march(evolution, 0.2, step=AdaptiveStep(2e-3))
+    assert history.finished, history.messages
+    assert history.messages == ()
+    assert 0.1 in history.times
+    assert len(history.times) < 200
+    fine = march(evolution, 0.2, step=1e-3).frames[-1].displacement
+    np.testing.assert_allclose(history.frames[-1].displacement, fine, atol=0.03 * np.abs(fine).max())
 
 
 def test_a_body_that_jumps_at_the_start_is_marched_all_the_same() -> None:

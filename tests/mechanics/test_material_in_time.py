@@ -188,6 +188,7 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: Branch(lame=(1, 1), time=0.0),
         "relaxation time of a branch is 0.0; it must be a positive number",
     ),
+    "time too long": (lambda: Branch(lame=(1, 1), time=1e300), r"is 1e\+300; it must lie between 1e-100 and 1e\+100"),
     "time negative": (lambda: Branch(lame=(1, 1), time=-1), "must be a positive number"),
     "time infinite": (lambda: Branch(lame=(1, 1), time=math.inf), "must be a positive number"),
     "branch of nothing": (lambda: Branch(time=1.0), "a branch is given by nothing"),

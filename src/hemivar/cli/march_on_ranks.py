@@ -119,16 +119,18 @@ class _Run:
         writer, outputs = self.writer, self.outputs
         if self.first:
             print_history(history, plain=True)
+            if history.unkept:
+                writer.failed.append(f"--checkpoint: {history.unkept}")
             writer.write("--table", outputs["--table"], history.write)
             writer.write("--json", outputs["--json"], history.to_json)
         if outputs["--fields"] is not None:
             self._last_frames(outputs["--fields"], history, series)
-        code = Exit.CONVERGED if history.finished else Exit.NOT_CONVERGED
+        code: Exit = Exit.NOT_CONVERGED
         if self.first:
             writer.write("--plot", outputs["--plot"], lambda file: self._plot(history, file), picture=True)
             self._film()
             writer.tell()
-            code = Exit(writer.ended(code_of(history)))
+            code = Exit(writer.ended(code_of(history, self.stated.name)))
         return end_of_all(self.ranks, code)
 
     def _last_frames(self, path: Path, history: History, series: Series | None) -> None:

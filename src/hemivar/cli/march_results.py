@@ -50,6 +50,8 @@ def history(
     kind = kind or ("ledger" if columns is None else "columns")
     if kind not in known:
         raise ProblemError(f"--kind {kind}: it is not known{suggest(kind, known)}")
+    if columns is not None and kind not in ("columns", "loop"):
+        raise ProblemError(f"--columns goes with --kind columns or loop; the figure '{kind}' has its own columns")
     found = read_history_table(table)
     chosen = [] if columns is None else [name.strip() for name in columns.split(",")]
     for name in chosen:
@@ -81,7 +83,7 @@ def _units(names: str | None) -> Units:
 
 
 def _list_columns(found: Mapping[str, Array], names: list[str]) -> None:
-    """Least, greatest and last value of columns."""
+    """Least, greatest and last value of columns; what was not looked for (nan) is neither."""
     import numpy as np
 
     from hemivar.report.tables import Table
@@ -90,10 +92,11 @@ def _list_columns(found: Mapping[str, Array], names: list[str]) -> None:
     print(f"rows              {len(times)}, t = {times[0]:g} to {times[-1]:g}")
 
     def row(name: str) -> tuple[object, ...]:
-        values = found[name][np.isfinite(found[name])]
+        values = found[name][~np.isnan(found[name])]
         if not values.size:
             return name, "", "", ""
-        return name, f"{values.min():.6g}", f"{values.max():.6g}", f"{values[-1]:.6g}"
+        last = found[name][-1]
+        return name, f"{values.min():.6g}", f"{values.max():.6g}", "" if np.isnan(last) else f"{last:.6g}"
 
     print_table(console(), Table(("column", "least", "greatest", "last"), tuple(map(row, names))))
 

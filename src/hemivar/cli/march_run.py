@@ -190,10 +190,12 @@ class MarchRun:
                 raise naming_file(error, session.stated.name) from error
         self.found = found
         print_history(found)
+        if found.unkept:
+            writer.failed.append(f"--checkpoint: {found.unkept}")
         if write:
             self._write(found, view.series, quiet)
             writer.tell()
-        code = code_of(found)
+        code = code_of(found, session.stated.name)
         return writer.ended(code) if write else code
 
     def _series(self, discrete: DiscreteEvolution) -> Series | None:

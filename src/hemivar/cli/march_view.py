@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import shown
 from hemivar.cli.options import Exit
+from hemivar.cli.outputs import one_line
 from hemivar.cli.show import console, unread
 from hemivar.errors import FileError
 
@@ -58,6 +59,7 @@ class MarchView:
         self._head, self._begin_series = head, begin
         self._bar = Bar(quiet or plain, "t")
         self._told = -math.inf
+        self._warned = False
 
     def __enter__(self) -> MarchView:
         return self
@@ -81,9 +83,6 @@ class MarchView:
     def _begin(self, discrete: DiscreteEvolution) -> None:
         self._head(discrete)
         self.series = self._begin_series(discrete)
-        if not self.quiet and not self._bar.drawn:
-            head = f"\n{'step':>7}  {'time':>11}  {'length':>9}  {'residual':>9}  {'margin':>8}  {'normal force':>13}"
-            print(f"{head}  left", flush=True)
 
     def _frames(self, event: Taken) -> None:
         """Write a frame at once, so that a march that is killed leaves what it had."""
@@ -100,11 +99,17 @@ class MarchView:
 
     def _step(self, event: Taken) -> None:
         row, done = event.stepped.row, event.stepped.done
+        if event.stepped.unkept and not self._warned:
+            self._warned = True
+            self._bar.say(f"the march goes on without its checkpoint, which is tried again: {event.stepped.unkept}")
         left = _duration(event.left)
         what = f"{row.time:.6g}   length {row.step:.3g}   residual {row.residual:.1e}   left {left}"
         if self._bar.drawn:
             self._bar.show(done, what)
         elif done - self._told >= _APART or event.stepped.happened or row.jumped or done >= 1.0:
+            if self._told < 0.0:
+                head = f"{'step':>7}  {'time':>11}  {'length':>9}  {'residual':>9}  {'margin':>8}  {'normal force':>13}"
+                print(f"\n{head}  left")
             self._told = done
             force = row.values["normal_force"]
             line = f"{event.stepped.moment.index:>7}  {row.time:>11.6g}  {row.step:>9.3g}  {row.residual:>9.2e}"
@@ -133,6 +138,13 @@ class Bar(contextlib.AbstractContextManager["Bar"]):
             self._bar = self._context.enter_context(Progress(*columns, console=self._console, transient=True))
             self._bar.add_task("", total=1.0)
         self._bar.update(TaskID(0), description=f"{self._what} {text}", completed=done)
+
+    def say(self, text: str) -> None:
+        """A line above the bar, or where none is drawn."""
+        if self._bar is None:
+            print(text, flush=True)
+        else:
+            self._bar.console.print(text, markup=False)
 
     def close(self) -> None:
         """Take it away."""
@@ -166,7 +178,10 @@ def print_history(found: History, plain: bool = False) -> None:
     print(f"worst residual    {found.residual:.1e}")
     print(f"least margin      {found.margin:.6g}{'; ' if found.margin <= 0.0 else ', '}{found.uniqueness}")
     ledger = found.ledger
-    print(f"put in            {ledger['work']:.6g} by loads, {ledger['moved']:.6g} by moved supports")
+    given = [f"{ledger['work']:.6g} by loads", f"{ledger['moved']:.6g} by moved supports"]
+    given += [f"{ledger['thermal']:.6g} by thermal stress"] if ledger.get("thermal") else []
+    given += [f"{found.moment.ledger.start:.6g} at the start"] if found.moment.ledger.start else []
+    print(f"put in            {', '.join(given)}")
     kinds = {
         "stored": ("elastic", "branches", "contact", "kinetic"),
         "lost": ("viscous", "branch_loss", "friction", "damping", "memory", "numerical", "jumps"),
@@ -187,12 +202,16 @@ def print_history(found: History, plain: bool = False) -> None:
     sys.stdout.flush()
 
 
-def code_of(found: History) -> Exit:
-    """The exit code of a march; says on standard error where it ended too early."""
+def code_of(found: History, name: str) -> Exit:
+    """The exit code of a march of a problem file; says on standard error where and why it ended too early."""
     if found.finished:
         return Exit.CONVERGED
     if found.ended == "interrupted":
         return Exit.INTERRUPTED
     sys.stdout.flush()
+    if found.ended == "refused":
+        why = found.messages[-1].removeprefix(f"{name}: ")
+        sys.stderr.write(f"hemivar: error: {one_line(f'{name}: after t = {found.moment.time:g}: {why}')}\n")
+        return Exit.BAD_INPUT
     sys.stderr.write(f"hemivar: not finished: {found.ended} at t = {found.moment.time:g}\n")
     return Exit.NOT_CONVERGED

@@ -333,13 +333,12 @@ class Advance:
         The state of ``before`` stands for what the stages would find.
         """
         found = []
-        stated = self.discrete.problem.law
         guess = np.zeros(before.local.place.shape)
         guess[:, 0] = before.local.place[:, 0]
         for rule in self._rules(step):
-            if "law" in self.discrete.evolution.problem.time_dependent:
-                stated = self.acting(before.time + rule.at * step).law
-            law = stage_law(self.discrete, stated, before, rule, step, guess, before.multiplier)
+            timed = "law" in self.discrete.evolution.problem.time_dependent
+            acting = self.acting(before.time + (rule.at * step if timed else 0.0))
+            law = stage_law(self.discrete, acting, before, rule, step, guess, before.multiplier)
             found.append((body_factors(self.discrete, rule, step), law.law))
         return found
 
@@ -395,7 +394,7 @@ class Advance:
         known, rate = self._law, rule.rate.difference
         if known is not None and known[0] is at.law and known[1] == rate:
             return known[2]
-        law = stage_law(self.discrete, at.law, base, rule, step, guess, multiplier, self._foundations)
+        law = stage_law(self.discrete, at, base, rule, step, guess, multiplier, self._foundations)
         if not law.blocks and rule.restitution is None and not rule.conserving:
             self._law = at.law, rate, law
         return law

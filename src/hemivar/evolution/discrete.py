@@ -24,12 +24,12 @@ from hemivar.fem.discretize import discretize
 from hemivar.fem.dynamics import body_matrices
 from hemivar.fem.scalar_dynamics import scalar_acting, scalar_matrices
 from hemivar.fem.unknowns import nodal_conditions
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, Superpotential
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Statement
 from hemivar.mechanics.statement import Contact, ContactProblem
 
-__all__ = ["Acting", "Bodies", "DiscreteEvolution", "discretize_evolution"]
+__all__ = ["Acting", "Bodies", "DiscreteEvolution", "dampings", "discretize_evolution"]
 
 #: Matrices of different steps that are kept.
 _KEPT = 6
@@ -48,12 +48,15 @@ class Acting(Portable):
     offset : array (m, c)
         Gap, less what supports prescribe, and slip that is there already.
     law : ContactLaw
+    damping : mapping of boundary to Superpotential
+        Laws of the normal rate, where there are some.
     """
 
     load: Array
     prescribed: Array
     offset: Array
     law: ContactLaw
+    damping: Mapping[str, Superpotential] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +153,15 @@ class DiscreteEvolution(Portable):
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
             contact = self.problem.contact
-            return Acting(load, self.field.prescribed[self.moved], contact.offset, self.problem.law)
+            return Acting(load, self.field.prescribed[self.moved], contact.offset, self.problem.law, dampings(bound))
         conditions = nodal_conditions(bound)
         contact, law, _ = conditions.contact()
-        return Acting(load, conditions.prescribed[self.moved], contact.offset, law)
+        return Acting(load, conditions.prescribed[self.moved], contact.offset, law, dampings(bound))
+
+
+def dampings(bound: ContactProblem) -> dict[str, Superpotential]:
+    """Laws of the normal rate of a problem at one time, by boundary, where there are some."""
+    return {name: contact.damping for name, contact in bound.contact.items() if contact.damping is not None}
 
 
 def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:

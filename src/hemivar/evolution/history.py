@@ -34,7 +34,7 @@ class Row:
     ----------
     time, step : float
     solver_steps : int
-        Steps of the method in all stages.
+        Steps of the method in all stages; those of the last round where a step iterates wear, heat and the like.
     residual : float
         Relative residual.
     margin : float
@@ -99,12 +99,15 @@ class History(Portable, Displayed):
     moment : Moment
         Where it ended.
     ended : str
-        ``"finished"``, or what ended it before.
+        ``"finished"``, or what ended it before: the status of a step that could not be solved, ``"refused"`` where the
+        statement makes no sense from there on, ``"max_time"``, ``"interrupted"``, ``"margin lost"``, ``"event: NAME"``.
     events : tuple of (time, name)
     messages : tuple of str
         What the numbers do not show by themselves.
     time_error : TimeError
         How far the end is from the solution that is continuous in time, where a theorem says it.
+    unkept : str
+        Why the checkpoint could not be written in the end; empty if it was, and if none was asked for.
     """
 
     discrete: DiscreteEvolution
@@ -115,6 +118,7 @@ class History(Portable, Displayed):
     events: tuple[tuple[float, str], ...] = ()
     messages: tuple[str, ...] = ()
     time_error: TimeError = field(default_factory=lambda: TimeError("", math.nan, "not looked for"))
+    unkept: str = ""
 
     def __repr__(self) -> str:
         steps = len(self.rows) - 1

@@ -15,7 +15,7 @@ from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
-from hemivar.laws import ContactLaw, Superpotential
+from hemivar.laws import Superpotential
 from hemivar.laws.neighbourhood import polar
 from hemivar.laws.superpotential import Interval
 
@@ -89,7 +89,7 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
         initial_memory(discrete, acting.law, local),
     )
     first = 1.0 if step is None else step
-    law = _law_of_rates(advance, moment, acting.law, _AT_ONCE * first)
+    law = _law_of_rates(advance, moment, acting, _AT_ONCE * first)
     moment = replace(moment, multiplier=_pressure(moment, law, local[:, 0]))
     if discrete.mass is not None:
         pressed = replace(moment, multiplier=_pressed(advance, moment, acting, moving, law, first))
@@ -130,12 +130,12 @@ def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
     return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0))
 
 
-def _law_of_rates(advance: Advance, moment: Moment, stated: ContactLaw, span: float) -> StepLaw:
+def _law_of_rates(advance: Advance, moment: Moment, acting: Acting, span: float) -> StepLaw:
     """The law of a step of implicit Euler so short that it sees the velocities at the start, and what is remembered."""
     guess = span * moment.local.velocity
     guess[:, 0] = moment.local.place[:, 0]
     (rule,) = ImplicitEuler().rules(span)
-    return stage_law(advance.discrete, stated, moment, rule, span, guess, moment.multiplier)
+    return stage_law(advance.discrete, acting, moment, rule, span, guess, moment.multiplier)
 
 
 def _felt(law: StepLaw, penetration: Array) -> Iterator[tuple[IntArray | slice, Interval]]:

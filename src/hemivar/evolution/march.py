@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Generator
+from dataclasses import replace
 from typing import Any
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.deadline import Budget
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import KnownStatement
+from hemivar.errors import FileError, HemivarError
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
 from hemivar.evolution.evolution_problem import Evolution
 from hemivar.evolution.history import History
@@ -50,7 +52,8 @@ def march(
     Raises
     ------
     ProblemError
-        The evolution cannot be computed as stated.
+        The evolution cannot be computed as stated. What is found out later, such as a load that is no number from some
+        time on, ends the march there: ``history.ended`` is ``"refused"``, and the last of its messages says why.
     FileError
         The checkpoint is that of another evolution.
     """
@@ -96,26 +99,46 @@ def marching(
     kept = plan.checkpoint
     assert kept is None or isinstance(kept, Checkpoint)
     budget, written = Budget(plan.max_time - (clock.perf_counter() - began)), clock.perf_counter()
-    ended = "finished"
+    ended, unkept = "finished", ""
     while run.moment.time < plan.until:
         try:
             taken, happened, stop = run.step()
         except KeyboardInterrupt:
             ended = "interrupted"
             break
+        except HemivarError as error:  # what was computed until then is not given up
+            if len(run.rows) == 1 or not _of_all(error, discrete):
+                raise
+            run.tell(str(error))
+            ended = "refused"
+            break
         if taken is None:
             ended = happened[0]
             break
-        told = yield run.accept(taken, happened)
+        told = yield replace(run.accept(taken, happened), unkept=unkept)
         late = kept is not None and clock.perf_counter() - written >= 60.0 * kept.minutes
         # What the clock says differs between processes: the largest holds for all.
         told, due, late = discrete.vectors.largest(float(bool(told)), budget.due(), float(late)).tolist()
         if late and kept is not None:
-            kept.write(run.state(), run.identity)
+            unkept = _keep(kept, run)
             written = clock.perf_counter()
         if stop or told or due:
             ended = f"event: {happened[-1]}" if stop else "interrupted" if told else "max_time"
             break
-    if kept is not None:
+    return run.history(ended, "" if kept is None else _keep(kept, run))
+
+
+def _keep(kept: Checkpoint, run: Run) -> str:
+    """Write a checkpoint; if it cannot be written, the march is worth more than that: returns why."""
+    try:
         kept.write(run.state(), run.identity)
-    return run.history(ended)
+    except FileError as error:
+        if not _of_all(error, run.discrete):
+            raise
+        return str(error)
+    return ""
+
+
+def _of_all(error: HemivarError, discrete: DiscreteEvolution) -> bool:
+    """Whether all processes have this error, so that they can go on together."""
+    return discrete.vectors.alone or getattr(error, "shared", False)

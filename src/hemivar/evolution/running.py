@@ -65,6 +65,8 @@ class Stepped:
         Events at its end.
     earlier : tuple of (int, Frame)
         With the first step only: what was saved before it, the initial state at least, with the numbers of its steps.
+    unkept : str
+        Why the last checkpoint that was due could not be written; empty if it was.
     """
 
     row: Row
@@ -73,6 +75,7 @@ class Stepped:
     done: float
     happened: tuple[str, ...] = ()
     earlier: tuple[tuple[int, Frame], ...] = ()
+    unkept: str = ""
 
 
 @dataclass(frozen=True)
@@ -183,14 +186,14 @@ class Run:
                                 "displacements do not tell; move the stop, the kink of a load or the end that makes it"
                             )
                         when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
-                        self.messages.append(f"the step {when} could not be solved: {remedy}")
+                        self.tell(f"the step {when} could not be solved: {remedy}")
                     return None, (taken.status.value,), True
                 taken, self.pace, error = rejected  # none that is shorter can be solved
                 following = self.pace
             else:
                 error = None
                 if self.stepping.estimates:
-                    found = step_error(self.advance, taken, self.origin)
+                    found = step_error(self.advance, taken, self.origin, self._after_kink)
                     self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
                     error = found.relative(self.largest, self.farthest)
                 stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
@@ -199,21 +202,27 @@ class Run:
                     continue
             if self.plan.jump is Jump.STOP and not self.advance.resists and self.margins.margin(taken) <= 0.0:
                 where = f"at t = {taken.moment.time:g} a step may have several solutions"
-                self.messages.append(f"{where}; the march stops before it, as asked")
+                self.tell(f"{where}; the march stops before it, as asked")
                 return None, ("margin lost",), True
             if self.stepping.missed(error) and not any(message.startswith(_MISSED) for message in self.messages):
                 first = f"{_MISSED} first in the step to t = {taken.moment.time:g}"
                 worth = f"its error is about {error:.2g} of the whole"
-                self.messages.append(
+                self.tell(
                     f"{first}, which cannot be shorter: {worth}; allow shorter steps"
                     if rejected is None or taken is not rejected[0]
                     else f"{first}: {worth}, and shorter ones cannot be solved; where a load or a support jumps and "
-                    "nothing slows the body down, no step is short enough"
+                    "nothing slows the body down, no step is short enough: name its time as a stop, and take "
+                    "implicit-euler"
                 )
             taken, happened, stop = self._located(taken)
             if whole and taken.step >= self.pace.step * (1.0 - 1e-6):
                 self.pace = following
             return taken, happened, stop
+
+    @property
+    def _after_kink(self) -> bool:
+        """Whether the next step is the first or the second after a stop or a kink."""
+        return any(row.time in self.ends for row in self.rows[-2:])
 
     def accept(self, taken: Taken, happened: tuple[str, ...]) -> Stepped:
         """Book a step."""
@@ -229,7 +238,7 @@ class Run:
             taken = replace(taken, moment=replace(taken.moment, ledger=ledger))
         if jumped and not any(message.startswith("the body jumped") for message in self.messages):
             when = taken.moment.time if not taken.leaps else taken.before.time + taken.leaps[0].part * taken.step
-            self.messages.append(
+            self.tell(
                 f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
                 f"and nothing viscous chooses one; jump = '{self.plan.jump}' did"
             )
@@ -266,7 +275,12 @@ class Run:
             self.bound.straight,
         )
 
-    def history(self, ended: str) -> History:
+    def tell(self, message: str) -> None:
+        """Say something in the end, once: a march that goes on may meet the same again."""
+        if message not in self.messages:
+            self.messages.append(message)
+
+    def history(self, ended: str, unkept: str) -> History:
         """What there is."""
         if self.frames.kept[-1].time != self.moment.time:
             self.frames.offer(self.discrete, self.moment, last=True)
@@ -279,6 +293,7 @@ class Run:
             tuple(self.events),
             tuple(self.messages),
             self.bound.now,
+            unkept,
         )
 
     # ---- events ----------------------------------------------------------------------------------------------

@@ -9,14 +9,13 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.discrete import Acting, DiscreteEvolution
 from hemivar.evolution.moment import Moment
 from hemivar.evolution.schemes import Rule, Scheme
 from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential
 from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
-from hemivar.mechanics.instants import law_at_time
 
 __all__ = ["BlockLaw", "Foundations", "StepLaw", "seen_place", "stage_law"]
 
@@ -93,6 +92,7 @@ class _Foundation:
     """What a boundary is given at its contact points, whatever they remember; see :class:`BlockLaw`."""
 
     stated: ContactLaw
+    damped: Superpotential | None
     rate: float
     memory: Memory
     damping: Superpotential | None
@@ -114,14 +114,15 @@ class Foundations:
         self._made: dict[str, tuple[_Foundation, float, Mapping[str, Array], ContactLaw]] = {}
         self._joined: tuple[list[tuple[ContactLaw, int]], ContactLaw] | None = None
 
-    def of(self, name: str, index: IntArray, stated: ContactLaw, rate: float, time: float) -> _Foundation:
-        """Those of a boundary under a law that acts at a time and a factor of the displacement in the rate."""
-        found = self._known.get(name)
-        if found is None or found.stated is not stated or found.rate != rate:
-            memory, damping = _foundation(self._discrete, name, index, time)
+    def of(self, name: str, index: IntArray, acting: Acting, rate: float) -> _Foundation:
+        """Those of a boundary under the laws that act and a factor of the displacement in the rate."""
+        found, stated, damping = self._known.get(name), acting.law, acting.damping.get(name)
+        if found is None or found.stated is not stated or found.damped is not damping or found.rate != rate:
+            memory = _memory(self._discrete, name, index)
             base = stated.take(index)
             given = base if memory.of_slip else in_increments(base, rate)
-            found = self._known[name] = _Foundation(stated, rate, memory, damping, base, given)
+            damper = None if damping is None else damping.at(_places(self._discrete, index))
+            found = self._known[name] = _Foundation(stated, damping, rate, memory, damper, base, given)
         return found
 
     def law(self, name: str, found: _Foundation, state: Mapping[str, Array], local: LocalStep) -> ContactLaw:
@@ -143,7 +144,7 @@ class Foundations:
 
 def stage_law(
     discrete: DiscreteEvolution,
-    stated: ContactLaw,
+    acting: Acting,
     before: Moment,
     rule: Rule,
     step: float,
@@ -156,8 +157,8 @@ def stage_law(
     Parameters
     ----------
     discrete : DiscreteEvolution
-    stated : ContactLaw
-        As it acts at the time of the stage.
+    acting : Acting
+        At the time of the stage.
     before : Moment
     rule : Rule
     step : float
@@ -166,7 +167,7 @@ def stage_law(
     known : Foundations, optional
         Of the evolution, where many stages follow.
     """
-    rate = rule.rate.difference
+    rate, stated = rule.rate.difference, acting.law
     contact = discrete.contacts
     plain = all(not contact[name].memory and contact[name].damping is None for name, _ in discrete.blocks)
     if rule.restitution is not None:
@@ -183,7 +184,7 @@ def stage_law(
     for name, index in discrete.blocks:
         if not index.size:
             continue
-        found = foundations.of(name, index, stated, rate, before.time + rule.at * step)
+        found = foundations.of(name, index, acting, rate)
         memory, damping, base, given, motion = found.memory, found.damping, found.base, found.given, before.local
         drift = rule.rate.velocity * motion.velocity[index] + rule.rate.acceleration * motion.acceleration[index]
         local = LocalStep(rule.at * step, rate, motion.place[index], guess[index], guess_multiplier[index], drift)
@@ -250,8 +251,7 @@ def initial_memory(discrete: DiscreteEvolution, law: ContactLaw, local: Array) -
     found = {}
     for name, index in discrete.blocks:
         if index.size and discrete.contacts[name].memory:
-            memory, _ = _foundation(discrete, name, index, discrete.evolution.start)
-            found[name] = memory.start(law.take(index), local[index])
+            found[name] = _memory(discrete, name, index).start(law.take(index), local[index])
     return found
 
 
@@ -265,11 +265,12 @@ def seen_place(discrete: DiscreteEvolution, moment: Moment) -> Array:
     return place
 
 
-def _foundation(
-    discrete: DiscreteEvolution, name: str, index: IntArray, time: float
-) -> tuple[Memory, Superpotential | None]:
-    """Memory and damping of a boundary at a time, at its contact points."""
-    contact, points = discrete.contacts[name], discrete.problem.contact.points
-    here = None if points is None else points[index]
-    damping = None if contact.damping is None else law_at_time(contact.damping, time).at(here)
-    return Chain(contact.memory).at(here), damping
+def _memory(discrete: DiscreteEvolution, name: str, index: IntArray) -> Memory:
+    """What a boundary remembers, at its contact points."""
+    return Chain(discrete.contacts[name].memory).at(_places(discrete, index))
+
+
+def _places(discrete: DiscreteEvolution, index: IntArray) -> Array | None:
+    """Contact points (p, d), where they lie somewhere."""
+    points = discrete.problem.contact.points
+    return None if points is None else points[index]

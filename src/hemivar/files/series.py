@@ -43,11 +43,10 @@ class Series:
         self._written: dict[int, tuple[float, tuple[Path, ...]]] = {}
 
     @property
-    def contact_path(self) -> Path | None:
-        """The list of the contact boundaries; None without them, and for one component."""
-        if not self.discrete.blocks or self.discrete.problem.contact.components == 1:
-            return None
-        return self.path.with_name(f"{self.path.stem}_contact.pvd")
+    def lists(self) -> tuple[Path, ...]:
+        """The list of the bodies, and that of the contact boundaries where frames have files of them."""
+        both = self.path, self.path.with_name(f"{self.path.stem}_contact.pvd")
+        return both[: max((len(files) for _, files in self._written.values()), default=1)]
 
     def add(self, frames: Iterable[tuple[int, Frame]]) -> None:
         """Write frames, each with the number of its step, and then the lists.
@@ -74,7 +73,7 @@ class Series:
         self._written = {step: entry for step, entry in self._written.items() if step in kept}
         self.add(missing)
         self._clear({name for _, files in self._written.values() for file in files for name in self._parts(file)})
-        return tuple(path for path in (self.path, self.contact_path) if path is not None)
+        return self.lists
 
     # ---- what is different where many processes write ------------------------------------------------------------
 
@@ -91,16 +90,16 @@ class Series:
 
     def _clear(self, named: set[str]) -> None:
         """Remove frames, and pieces of frames, but those that are named."""
-        own = re.compile(re.escape(self.path.stem) + r"_\d{6,}(_contact)?(_\d+)?\.p?vtu")
+        stem = re.escape(self.path.stem)
+        own = re.compile(stem + r"_\d{6,}(_contact)?(_\d+)?\.p?vtu")
+        begun = re.compile(r"\." + stem + r"_\d{6,}(_contact)?(_\d+)?-[0-9a-f]{12}\.p?vtu")  # by one that was killed
         for file in self.folder.iterdir():
-            if own.fullmatch(file.name) and file.name not in named:
+            if begun.fullmatch(file.name) or (own.fullmatch(file.name) and file.name not in named):
                 with contextlib.suppress(OSError):
                     file.unlink()
 
     def _list(self) -> None:
-        for number, path in enumerate((self.path, self.contact_path)):
-            if path is None:
-                continue
+        for number, path in enumerate(self.lists):
             lines = [
                 f'<DataSet timestep="{time!r}" group="" part="0" '
                 f"file={quoteattr(f'{self.folder.name}/{files[number].name}')}/>"

@@ -225,6 +225,11 @@ class Branch(Portable):
         time = self.time
         if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not 0.0 < time < np.inf:
             raise ProblemError(f"the relaxation time of a branch is {time!r}; it must be a positive number")
+        if not 1.0 / LARGEST <= time <= LARGEST:
+            raise ProblemError(
+                f"the relaxation time of a branch is {time:g}; it must lie between {1.0 / LARGEST:g} and {LARGEST:g}: "
+                "take another unit of time"
+            )
         object.__setattr__(self, "time", float(time))
         spring = self.moduli
         if self.tensor is not None:

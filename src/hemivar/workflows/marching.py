@@ -27,7 +27,7 @@ from hemivar.evolution import (
     marching,
 )
 from hemivar.evolution.discrete import DiscreteEvolution, discretize_evolution
-from hemivar.evolution.march import Tools
+from hemivar.evolution.march import Tools, refuse_plan
 from hemivar.solvers import Controls, Solver
 from hemivar.workflows.events import Notice, Warned, Work
 
@@ -234,6 +234,7 @@ def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Tools | 
     ProblemError, FileError
         As :func:`hemivar.march`.
     """
+    refuse_plan(evolution if isinstance(evolution, Evolution) else evolution.evolution, plan)
     discrete = discretize_evolution(evolution) if isinstance(evolution, Evolution) else evolution
     for warning in discrete.problem.warnings:
         yield Warned(warning)

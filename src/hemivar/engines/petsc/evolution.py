@@ -20,7 +20,7 @@ from hemivar.engines.petsc.step_body import StepBody
 from hemivar.engines.petsc.stiffness import applied
 from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, Mass
-from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
+from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution, dampings
 from hemivar.evolution.operators import Operator
 from hemivar.fem.assembly import EdgeBlocks, load_vector
 from hemivar.fem.dynamics import moved_components
@@ -243,7 +243,8 @@ class EvolutionOnRanks(DiscreteEvolution):
 
         load = self.frame.reduced(self._summed(ranks.agree(forces)))
         if not stated.time_dependent & {"supports", "gap", "law"}:
-            return Acting(load, self._prescribed(self.body.prescribed), self.problem.contact.offset, self.problem.law)
+            prescribed, contact = self._prescribed(self.body.prescribed), self.problem.contact
+            return Acting(load, prescribed, contact.offset, self.problem.law, dampings(stated))
 
         def conditions() -> tuple[ContactPoints, ContactLaw, Array]:
             nodal = nodal_conditions(_present(self.state(self.skin).body.at_time(time)))
@@ -253,7 +254,7 @@ class EvolutionOnRanks(DiscreteEvolution):
             return contact, law, nodal.supports.value[: self.body.owned.size]
 
         contact, law, prescribed = ranks.agree(conditions)
-        return Acting(load, self._prescribed(prescribed), contact.offset, law)
+        return Acting(load, self._prescribed(prescribed), contact.offset, law, dampings(stated.at_time(time)))
 
     def _prescribed(self, values: Array) -> Array:
         """What supports prescribe (N, d), where they may move their nodes."""
