@@ -237,3 +237,21 @@ def test_viscous_jumps_are_booked_by_schemes_whose_stages_lie_within_the_step(sc
     assert history.ledger["jumps"] > 0.0
     assert np.abs(history["gap"]).max() < 1e-12
     assert any("ring after a jump" in message for message in history.messages) == isinstance(scheme, hv.Midpoint)
+
+
+@pytest.mark.parametrize("jump", ["arc-length", "dynamic"])
+def test_leaving_rest_on_a_kink_of_the_law_is_no_jump(jump: str) -> None:
+    """Glue that is stiffer in compression: all branches end at rest, and the first load picks one."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.5), 1),
+        material=hv.Material.lame(1.0, 1.0, density=1.0),
+        supports={"top": hv.Prescribed(lambda x, t: 0.05 * t * (1.0 + x[:, :1]) * np.array([[1.0, 2.0]]))},
+        contact={"bottom": hv.Contact(hv.Adhesive(20.0, 0.5, 40.0, 30.0))},
+    )
+    history = march(Evolution(problem), 0.2, step=0.05, jump=jump)
+    assert history.finished
+    assert not history["jumped"].any()
+    assert not history.messages
+    force = history["normal_force"]
+    np.testing.assert_allclose(force, force[-1] * history.times / 0.2, rtol=1e-9)
+    assert history.ledger["jumps"] == 0.0
