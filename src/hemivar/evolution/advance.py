@@ -14,6 +14,7 @@ from hemivar.branches import find_solutions
 from hemivar.certify.smallness import Smallness, smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import residual
+from hemivar.errors import MethodError
 from hemivar.evolution.descent import downhill, resistance_against
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
 from hemivar.evolution.expectation import expected_contact
@@ -162,8 +163,8 @@ class Advance:
         self.controls = controls
         self.bodies = Bodies(discrete)
         self.workspace = Workspace() if workspace is None else workspace
-        #: Whether something viscous, or a mass, chooses among several solutions.
-        self.resists = discrete.mass is not None or discrete.viscosity is not None or bool(discrete.branches)
+        #: Whether viscosity or a mass chooses among several solutions; branches, which yield at once, do not.
+        self.resists = discrete.mass is not None or discrete.viscosity is not None
         #: What takes the steps of heat.
         self.beside: Advance | None = None
         self._smallness: OrderedDict[tuple[object, ...], tuple[object, Smallness]] = OrderedDict()
@@ -272,9 +273,17 @@ class Advance:
         return {}
 
     def excess(self, problem: DiscreteProblem) -> float:
-        """``c - 1`` of a problem: how much stiffer the body must be to leave one solution; negative if it is."""
-        if not problem.contact_points or problem.law.state_dependent:
+        """``c - 1`` of a problem: how much stiffer the body must be to leave one solution; negative if it is.
+
+        Bounds that depend on the solution are taken as they are before the step.
+        """
+        if not problem.contact_points:
             return -1.0
+        if problem.law.state_dependent:
+            law = problem.law.frozen_at(-problem.contact.offset)
+            if not any(np.any(alpha) for alpha in law.weak_convexity):
+                return -1.0
+            problem = problem.with_(law=law)
         return self.constant(problem) - 1.0
 
     def constant(self, problem: DiscreteProblem) -> float:
@@ -352,6 +361,7 @@ class Advance:
             stage = posed_stage(self.discrete, self.bodies, base, ground, at, end, start, law, self.products)
             leaps: tuple[Leap, ...] = ()
             if jump.follows and not self.resists and (excess := self.excess(stage.problem)) >= 0.0:
+                _refuse_without_energy(stage.problem, jump)
                 followed = self.paths.follow(stage, excess, jump, self.solver, self._controls(stage))
                 solution, resistance, leaps = followed.solution, 0.0, followed.leaps
             else:
@@ -431,6 +441,7 @@ class Advance:
                 start, method = self._foreseen(stage, start, method)
             return solve(problem, method, controls, initial=start, workspace=self.workspace), 0.0
         if jump is Jump.GLOBAL and not self.resists:
+            _refuse_without_energy(problem, jump)
             found = find_solutions(problem, workspace=self.workspace)
             if found.solutions:
                 return min(found.solutions, key=lambda solution: solution.energy), 0.0
@@ -584,8 +595,9 @@ class Advance:
             viscous += done.get("viscous", 0.0)
             inertial += done.get("inertial", 0.0)
             relaxing += done.get("relaxing", 0.0)
-            if part.resistance:
-                jumps += part.resistance * float(du[:n] @ (discrete.stiffness.inner @ du[:n]))
+            if part.resistance:  # the force that resisted
+                held_back = stage.problem.linear.stiffness @ part.solution.unknowns
+                jumps += part.resistance * float(du[:n] @ held_back)
             work += float(stage.load @ du)
             lam = part.solution.multiplier
             pressed = weights * lam
@@ -649,6 +661,20 @@ class Advance:
             thermal=old.thermal,
             **now,
         ).closed()
+
+
+def _refuse_without_energy(problem: DiscreteProblem, jump: Jump) -> None:
+    """Refuse choices among equilibria by their energy, or along paths of its minimisers, where there is none.
+
+    Raises
+    ------
+    MethodError
+    """
+    if problem.law.state_dependent:
+        raise MethodError(
+            f"jump = '{jump}' asks for an energy, which a body has not whose friction has a bound that depends on the "
+            "solution, such as Coulomb's; take jump = 'local', 'viscous' or 'stop'"
+        )
 
 
 def _rounding(stage: Stage) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
+from hemivar.branches.state_chain import state_chain_of
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import residual
 from hemivar.errors import ProblemError
@@ -113,7 +114,8 @@ def downhill(
             return replace(solution, problem=problem, residual=off)
         if chain is None and workspace.condenses(slow) and problem.contact.components <= 2:
             system = workspace.condensed(problem)
-            chain = chain_of(system) if system.free.size <= _LARGEST else None
+            laid_out = state_chain_of if problem.law.state_dependent else chain_of
+            chain = laid_out(system) if system.free.size <= _LARGEST else None
         if chain is not None:
             theta, segment = chain.nearest(solution.local, solution.multiplier)
             if last is not None and np.array_equal(segment, last):
@@ -121,6 +123,8 @@ def downhill(
                 if there is not None:
                     return there
             last = segment
+            continue
+        if problem.law.state_dependent:
             continue
         after = problem.local(u)
         smooth = problem.law.linearise(after)

@@ -150,7 +150,7 @@ class JumpPaths:
             part += beyond
             if landed.status is not Status.CONVERGED:
                 return Followed(landed, tuple(leaps))
-            leaps += _leap(part, here, u, landed)
+            leaps += fall.leap(part, here, u, landed)
             if part >= 1.0:
                 return Followed(landed, tuple(leaps))
             theta, segment = chain.nearest(landed.local, landed.multiplier)
@@ -176,16 +176,7 @@ def _ended(
     if at is not None:
         return Followed(at, tuple(leaps))
     solution = fall.down(problem, u)
-    return Followed(solution, (*leaps, *_leap(1.0, problem, u, solution)))
-
-
-def _leap(part: float, problem: DiscreteProblem, u: Array, landed: Solution) -> list[Leap]:
-    """The jump from a place to where it led, if it was one."""
-    before, after = problem.local(u), landed.local
-    size = max(float(np.abs(before).max(initial=0.0)), float(np.abs(after).max(initial=0.0)))
-    if not np.abs(after - before).max(initial=0.0) > _JUMPS * size:
-        return []
-    return [Leap(part, problem.energy(u) - problem.energy(landed.unknowns))]
+    return Followed(solution, (*leaps, *fall.leap(1.0, problem, u, solution)))
 
 
 def _branch(
@@ -227,6 +218,15 @@ class _Fall:
         slow = self.paths.bodies.slower(problem, resistance)
         return downhill(problem, slow, resistance, u, self.solver, self.controls, self.paths.workspace, self.chain)
 
+    def leap(self, part: float, problem: DiscreteProblem, u: Array, landed: Solution) -> list[Leap]:
+        """The jump from a place to where it led, if it was one."""
+        before, after = problem.local(u), landed.local
+        # Near rest all displacements are small: what typically moves is what a jump is held against.
+        size = max(float(np.abs(before).max(initial=0.0)), float(np.abs(after).max(initial=0.0)), self.chain.length)
+        if not np.abs(after - before).max(initial=0.0) > _JUMPS * size:
+            return []
+        return [Leap(part, problem.energy(u) - problem.energy(landed.unknowns))]
+
     def fall(self, problem: DiscreteProblem, u: Array) -> Solution:
         """To where the choice leads."""
         there = self.down(problem, u)
@@ -234,7 +234,7 @@ class _Fall:
             return there
         K, way = problem.linear.stiffness, there.unknowns - u
         size = _norm(K, way)
-        if not _leap(1.0, problem, u, there):
+        if not self.leap(1.0, problem, u, there):
             return there
         return self._swung(problem, u + _PUSH * way, size, size / _norm(self.paths.mass, way))
 

@@ -149,7 +149,7 @@ def _refuse_path(stated: Evolution, plan: March) -> None:
         resists = problem.viscosity is not None or problem.capacity is not None
         inert = problem.inert
     else:
-        resists = problem.material.viscous or bool(problem.material.relaxation_times)
+        resists = problem.material.viscous
         inert = problem.material.inert
     if resists or stated.inertia:
         return

@@ -131,7 +131,7 @@ class ByRegion(Material):
 
 @dataclass(frozen=True, eq=False)
 class Combination(Material):
-    """An elastic material that is made of the elasticity, the viscosity and the branches of another one.
+    """An elastic material made of the elasticity, the viscosity and the branches of another one, with its density.
 
     Its matrices are ``of_elasticity A + of_viscosity V + sum_i of_branches_i A_i``; see :meth:`Material.effective`.
 
@@ -171,6 +171,13 @@ class Combination(Material):
     def homogeneous(self) -> bool:
         elastic = self.material.homogeneous or not self.of_elasticity
         return elastic and self.material.homogeneous_in(bool(self.of_viscosity), self._numbers)
+
+    @property
+    def inert(self) -> bool:
+        return self.material.inert
+
+    def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
+        return self.material.density_at(points, regions)
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         at = points[:1] if self.homogeneous else points
