@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hemivar.basics.arrays import norm
+from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches import find_solutions
 from hemivar.certify.smallness import Smallness, smallness
@@ -667,9 +667,8 @@ def _damped(stage: Stage, part: _Solved, dr: Array, weights: Array) -> float:
 
 def _branch_loss(branch: Operator, h: Array, rate: Array, period: float, step: float) -> float:
     """``int h'Kh / T`` over a step in which the displacement changes at a constant rate, exactly."""
-    e, e2 = -math.expm1(-step / period), -math.expm1(-2.0 * step / period)
-    first = 0.5 * period * e2
-    mixed = period**2 * (e - 0.5 * e2)
-    second = period**2 * (step - 2.0 * period * e + 0.5 * period * e2)
+    kept, mixed, gone = squares_of_relaxation(step / period)
     pull, push = branch.times(h), branch.times(rate)
-    return (first * float(h @ pull) + 2.0 * mixed * float(h @ push) + second * float(rate @ push)) / period
+    return float(
+        kept * float(h @ pull) + 2.0 * mixed * period * float(h @ push) + gone * period**2 * float(rate @ push)
+    )
