@@ -15,6 +15,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.formula import Formula
+from hemivar.laws.memory import LocalStep
 
 
 @pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.SDIRK2()], ids=lambda s: s.name)
@@ -29,6 +30,26 @@ def test_relaxation(scheme: Scheme) -> None:
         assert abs(history.ledger["gap"]) < 1e-14
     assert errors[0] < 1e-4
     assert min(np.log2(errors[0] / errors[1]), np.log2(errors[1] / errors[2])) > 1.8  # exact for straight lines
+
+
+@pytest.mark.parametrize("ratio", [1e-14, 1e-9, 1e-3, 0.3, 5.0, 1e9])
+def test_what_long_memory_loses_is_no_rounding(ratio: float) -> None:
+    """``int h'h / T`` of a branch, and of a foundation that remembers, pulled evenly: ``T^2 (x - e - e^2/2)``."""
+    period, e = 1.0 / ratio, -np.expm1(-ratio)
+    exact = ratio - e - e**2 / 2.0 if ratio > 0.1 else sum(e**k / k for k in range(3, 20))
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1, "cross"),
+        hv.Material.lame(0.0, 1.0, branches=[hv.Branch(lame=(0.0, 0.5), time=period)]),
+        supports={"bottom": hv.Clamped(), "top": hv.Prescribed(lambda x, t: 0.1 * t * np.array([[0.0, 1.0]]) + 0 * x)},
+    )
+    lost = march(Evolution(problem), 1.0, step=0.1)["branch_loss"][-1]
+    assert lost == pytest.approx(0.01 * period**2 * exact, rel=1e-6)
+    memory, law = hv.PenetrationMemory(1.0, period), hv.ContactLaw(hv.NoContact())
+    r = np.array([[0.1]])
+    state = memory.start(law, 0.0 * r)
+    step = LocalStep(1.0, 1.0, 0.0 * r)
+    gained = -memory.dissipated(law, state, memory.advance(law, state, step, r, r), step, r, r)
+    assert gained == pytest.approx(0.01 * period**3 * exact, rel=1e-9)
 
 
 def test_memory_of_penetration() -> None:

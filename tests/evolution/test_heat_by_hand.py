@@ -8,6 +8,7 @@ import pytest
 import hemivar as hv
 from hemivar.evolution import Evolution, ImplicitEuler, Midpoint, Save, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
+from hemivar.formula import Formula
 from hemivar.mechanics.thermal import Heat, HeatContact, Touching
 
 KAPPA, VISCOUS, BETA, SOURCE, START = 3.0, 0.6, 2.0, 0.7, 0.2
@@ -99,3 +100,50 @@ def test_where_a_support_holds_the_body_heat_flows_as_beside_it() -> None:
         flow = law.normal.derivative(np.full(exchange.contact_points, 0.5))
         near = np.maximum(x[:, 0], 0.5)
         np.testing.assert_allclose(flow, np.where(np.isin(near, own[pressed, 0]), 5.0 * 0.5, 0.0))
+
+
+@pytest.mark.parametrize("conductivity", [1.0, 1e8])
+@pytest.mark.parametrize("scheme", [ImplicitEuler(), Midpoint(), hv.SDIRK2()], ids=lambda scheme: scheme.name)
+def test_a_body_of_one_temperature_waits_for_what_cools_it(scheme: Scheme, conductivity: float) -> None:
+    """Nothing flows before the surroundings are colder: nothing is there that a residual could be held against."""
+    problem = hv.ScalarProblem(
+        hv.rectangle((1.3, 0.7), 3),
+        conductivity,
+        kind="heat",
+        capacity=2.0,
+        contact={"bottom": hv.ScalarContact(hv.Compliance(5.0), level=Formula("400 - 150*t"))},
+    )
+    history = march(Evolution(problem, displacement=293.15), 1.0, step=0.05, scheme=scheme)
+    assert history.finished
+    warm = history.times < 106.85 / 150.0 - 0.05
+    assert not history["normal_force"][warm].any()
+    assert np.abs(history.at(0.65).displacement - 293.15).max() == 0.0
+    if conductivity > 1.0:  # 1.82 th' = -6.5 (th - level): the mean follows the surroundings
+        late, rate = 1.0 - 106.85 / 150.0, 5.0 / (0.7 * 2.0)
+        known = 250.0 + 150.0 / rate * -np.expm1(-rate * late)
+        assert history.frames[-1].displacement.mean() == pytest.approx(known, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "on"),
+    [
+        (Midpoint(), "penetration"),
+        (hv.Newmark(), "pressure"),
+        pytest.param(hv.GeneralizedAlpha(0.5), "pressure", marks=pytest.mark.slow),
+    ],
+    ids=["midpoint", "newmark", "alpha"],
+)
+def test_conductances_are_those_of_the_stage_of_heat(scheme: Scheme, on: str) -> None:
+    """A block is pressed on ground that it conducts to as it is pressed: of second order in the step."""
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1),
+        hv.Material.lame(0.0, 3.0, density=1.0, viscosity=(0.0, 0.3)),
+        contact={"bottom": hv.Contact(hv.Compliance(5.0))},
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
+        tractions={"bottom": lambda x, t: np.full(x.shape, (0.0, -3.0 * np.sin(2.0 * t) ** 2))},
+    )
+    law = {"penetration": lambda r, p: 5.0 * np.maximum(r, 0.0), "pressure": lambda r, p: np.maximum(p, 0.0)}[on]
+    heat = Heat(1.0, 2.0, temperature=1.0, contact={"bottom": HeatContact(law)})
+    evolution = Evolution(problem, heat=heat, inertia=scheme.needs_mass)
+    found = [march(evolution, 1.0, step=1.0 / n, scheme=scheme)["temperature.least"][-1] for n in (8, 16, 32)]
+    assert 3.0 < (found[0] - found[1]) / (found[1] - found[2]) < 6.0

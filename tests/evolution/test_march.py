@@ -242,6 +242,21 @@ def test_kinks_of_formulas_are_met_exactly() -> None:
     assert len(dense.times) == 3
 
 
+def test_kinks_of_what_warms_a_body_are_met_exactly() -> None:
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1),
+        hv.Material.lame(1.0, 1.0),
+        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
+        supports={"top": hv.Clamped()},
+    )
+    heat = hv.Heat(
+        1.0, 1.0, source=Formula("min(t, 0.17)"), supports={"top": Formula("min(t, 0.33)")},
+        fluxes={"left": Formula("max(t, 0.57)")}, contact={"bottom": hv.HeatContact(1.0, Formula("abs(t - 0.71)"))},
+    )  # fmt: skip
+    times = march(Evolution(problem, heat=heat), 1.0, step=0.25).times
+    assert all(np.abs(times - kink).min() < 1e-14 for kink in (0.17, 0.33, 0.57, 0.71))
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
 def test_adaptive_steps_see_a_body_that_slides_as_a_whole(unit: float) -> None:
     """It stops after v0^2/(2 mu g): its deceleration is constant, so that velocities and deformations have no error."""

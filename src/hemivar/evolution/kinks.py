@@ -24,7 +24,7 @@ def kinks_in_time(statement: object, start: float, until: float) -> tuple[tuple[
 
     Parameters
     ----------
-    statement : ContactProblem or the like
+    statement : ContactProblem or the like, or a tuple of some
         Formulas are looked for in its fields; functions in Python tell nothing.
     start, until : float
     """

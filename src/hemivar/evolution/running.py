@@ -124,7 +124,8 @@ class Run:
         self.advance = tools.advance(discrete, plan.scheme, plan.solver, plan.controls, workspace)
         self.margins = tools.margins(self.advance)
         self.bound = tools.bound(self.advance)
-        kinks, self.doubts = kinks_in_time(discrete.evolution.problem, self.start, plan.until)
+        stated = discrete.evolution.problem, discrete.evolution.heat
+        kinks, self.doubts = kinks_in_time(stated, self.start, plan.until)
         self.doubts += _rings(discrete, plan.scheme)
         self.ends = _ends(plan, self.start, kinks)
         self.identity = ""

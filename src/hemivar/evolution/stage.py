@@ -263,8 +263,8 @@ def posed_stage(
     if contact.count:
         from_place -= contact.traced(place[:n])
     force = force[:n] if force.size > n else force
-    flies = discrete.mass is not None and discrete.vectors.alone and not before.multiplier.any()
-    if flies and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
+    alone = discrete.vectors.alone and not before.multiplier.any()
+    if alone and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
         force = np.zeros(n)  # nothing is left that a residual could be held against
     problem = bodies.posed(ground.base, force, from_place, step_law.law)
     return Stage(

@@ -146,11 +146,22 @@ class ThermalAdvance(Advance):
         """The step of heat, with what a step of the body gives it."""
         assert before.heat is not None
         power = np.zeros(self.heat.conduction.field.basis.shape[0])
-        state = before if taken is None else taken.moment
         if taken is not None:
             power += (self.heat.rubbed(self._rubbed(taken)) + self._deformed(taken)) / step
-        self.flow.given(power, (state.local.place[:, 0], state.multiplier[:, 0]))
+        self.flow.given(power, self._met(before, taken, step))
         return self.flow.take(before.heat.moment, step, reached)
+
+    def _met(self, before: Moment, taken: Taken | None, step: float) -> tuple[Array, Array]:
+        """Penetration and pressure (m,) at the stage of heat; pressures are known at the stages of the motion."""
+        if taken is None:
+            return before.local.place[:, 0], before.multiplier[:, 0]
+        (flow,) = self.flow.scheme.rules(step)
+        part, at = flow.at, taken.stages[0].rule.at
+        way = taken.moment.local.place[:, 0] - before.local.place[:, 0]
+        change = taken.moment.multiplier[:, 0] - before.multiplier[:, 0]
+        if part < 1.0:  # the last pressure is as much older than the step as its stage lies before the end
+            change *= part + 1.0 - at if before.index else part / at
+        return before.local.place[:, 0] + part * way, before.multiplier[:, 0] + change
 
     def _rubbed(self, taken: Taken) -> Array:
         """Heat (m,) that friction makes in a step at each contact point: what the ledger books."""

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, Parameter
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
@@ -127,9 +128,8 @@ class PenetrationMemory(Memory):
         b, time, tau = v["stiffness"], v["time"], step.tau
         start = step.before[:, 0] - old["integral"] / time
         limit = time * (r[:, 0] - step.before[:, 0]) / tau
-        off, ratio = start - limit, tau / time
-        square = off**2 * -np.expm1(-2.0 * ratio) / 2.0 - 2.0 * off * limit * np.expm1(-ratio) + limit**2 * ratio
-        return np.asarray(-b * time * square)
+        kept, mixed, gone = squares_of_relaxation(tau / time)
+        return np.asarray(-b * time * (kept * start**2 + 2.0 * mixed * start * limit + gone * limit**2))
 
 
 def _spring(slope: Array, force: Array) -> Superpotential:
