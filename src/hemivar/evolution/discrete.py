@@ -255,7 +255,13 @@ def _spread(M: sp.csr_array, massless: Array, node: IntArray) -> sp.csr_array:
     # What a row of the kept ones loses to massless columns, and these rows themselves, are given to the diagonal.
     own = np.bincount(of, np.where(massless[of], size, 0.0), minlength=n)
     lost = np.bincount(of, np.where(massless[of], 0.0, size), minlength=n)
-    share = sp.csr_array((np.where(inside | massless[rows], 0.0, np.abs(M.data)), M.indices, M.indptr), shape=M.shape)
+    # What a kept row shares with an unknown: the part of its length to the node that lies along it.
+    shared, across = np.zeros(M.nnz), ~massless[rows] & massless[M.indices]
+    _, group = np.unique(rows[across] * squares.shape[1] + node[M.indices[across]], return_inverse=True)
+    length = np.sqrt(np.bincount(group, M.data[across] ** 2))[group]
+    np.divide(M.data[across] ** 2, length, out=length, where=length > 0.0)
+    shared[across] = length
+    share = sp.csr_array((shared, M.indices, M.indptr), shape=M.shape)
     weight = np.asarray(share.sum(axis=0)).ravel()  # of each massless unknown, over its neighbours with mass
     given = share @ np.where(weight > 0.0, own / np.where(weight > 0.0, weight, 1.0), 0.0)
     diagonal = rows == M.indices
