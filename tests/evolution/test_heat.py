@@ -173,6 +173,27 @@ def test_other_units_give_the_same() -> None:
     np.testing.assert_allclose(big.frames[-1].displacement, mm * small.frames[-1].displacement, rtol=1e-7, atol=1e-7)
 
 
+def test_degrees_may_be_counted_from_anywhere() -> None:
+    """Rounds end by what temperatures do to the body: from 300 degrees on a small warming was known to 1e-4 only."""
+
+    def warmed(start: float, rtol: float = 1e-9) -> np.ndarray[Any, Any]:
+        heat = Heat(1.0, 2.0, expansion=1e-3, coupling=300.0, stress_free=start, temperature=start, rtol=rtol)
+        pressed = hv.Fixed(y=lambda x, t: np.full(len(x), -1e-4 * np.sin(5.0 * t)))
+        problem = body(
+            material=hv.Material.lame(100.0, 100.0, density=1.0, viscosity=(1.0, 1.0)),
+            contact={"bottom": hv.Contact(hv.Compliance(1000.0))},
+            supports={"left": hv.Roller(), "top": pressed},
+        )
+        history = march(Evolution(problem, inertia=True, heat=heat), 0.5, step=0.1, scheme=hv.Midpoint())
+        assert history.finished
+        assert history.frames[-1].temperature is not None
+        return history.frames[-1].temperature - start
+
+    known = warmed(0.0, 1e-12)
+    for start in (0.0, 300.0):
+        np.testing.assert_allclose(warmed(start), known, rtol=0.0, atol=1e-8 * np.abs(known).max())
+
+
 def test_thermal_stress_of_materials() -> None:
     """By the matrices that isotropic materials have, and by regions."""
     lam, mu, points = 3.0, 2.0, np.array([[0.3, 0.4]])

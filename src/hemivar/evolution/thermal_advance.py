@@ -23,6 +23,8 @@ __all__ = ["ThermalAdvance", "advance_of"]
 
 #: Rounds of motion and heat within a step.
 _ROUNDS = 60
+#: Part of the change of a round that the next one leaves at most where more than rounding changes.
+_FALLS = 0.5
 
 
 def advance_of(
@@ -130,9 +132,11 @@ class ThermalAdvance(Advance):
             found = heat.temperature(flowed.moment.body.place)
             last, change = change, found - guess
             size = float(np.abs(change).max(initial=0.0))
-            scale = max(float(np.abs(found - heat.heat.stress_free).max(initial=0.0)), float(np.abs(found).max()))
+            strain = float(np.abs(found - heat.heat.stress_free).max(initial=0.0))
             ratio = size / rigid if rigid else 0.0
-            if size <= heat.heat.rtol * scale or not heat.heat.stresses:
+            # Whatever degrees are counted from; where rounding of what is counted keeps from it, no further.
+            still = size <= heat.heat.rtol * float(np.abs(found).max(initial=0.0)) and ratio >= _FALLS
+            if size <= heat.heat.rtol * strain or still or not heat.heat.stresses:
                 return self._accepted(before, taken, flowed, step, rounds, ratio)
             rigid = size
             if last.size:  # Aitken's weight: of a single mode it is the right one
