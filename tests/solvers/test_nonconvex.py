@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import hemivar as hv
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import discretize
@@ -265,3 +266,22 @@ def test_a_condensation_serves_other_loads_and_gaps() -> None:
         np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
         assert shared.constant == pytest.approx(fresh.constant)
         assert solve(other, workspace=Workspace.holding(shared)).energy == pytest.approx(solve(other).energy)
+
+
+@pytest.mark.parametrize(
+    ("down", "mu"), [(0.0616670468, 0.526166347), (0.3587170474755874, 0.26257230957936856), (0.120419864, 0.507610937)]
+)
+def test_a_potential_that_cancels_keeps_no_solution_from_its_tolerance(down: float, mu: float) -> None:
+    """Its differences are rounding where the residual is 1e-9 to 7e-8; forces know them."""
+    law = hv.FormulaLaw("piecewise((0, r < 0), (0.2 - (2*r + 0.2)*exp(-10*r), True))")
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1),
+        hv.Material.lame(0.0, mu),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=-down)},
+        contact={"bottom": hv.Contact(law)},
+    )
+    solution = hv.solve(problem, hv.NonsmoothNewton(), controls=hv.Controls(rtol=1e-9))
+    assert solution.status is hv.Status.CONVERGED
+    r = float(solution.local[0, 0])
+    pressed = 2.0 * mu * (down - r)  # a bar of the stiffness 2 mu, of force per area
+    assert 20.0 * r * np.exp(-10.0 * r) == pytest.approx(pressed, rel=1e-7)

@@ -28,6 +28,9 @@ from hemivar.systems.contact_moves import (
 
 __all__ = ["NonsmoothNewton", "Search", "escape_saddle", "lower_energy", "newton_matrix", "newton_system"]
 
+#: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
+_TINY = 1e-6
+
 
 @dataclass(frozen=True)
 class NonsmoothNewton(Solver):
@@ -217,11 +220,26 @@ def _polish(system: CondensedProblem, r: Array) -> Array:
             H, g = newton_system(system, start, index, system.out_of_balance(start))
             new.ravel()[index] += _descend(H, g)[0]
             new = np.where(moving, system.law.clamp(start, new), start)
-        if _gain(system, r, new, force, value) <= allowed:
+        if _gain(system, r, new, force, value) <= allowed or _goes_down(system, r, new):
             found = system.residual(new, system.multiplier(new)).total
             if found < lowest:
                 best, lowest = new, found
     return best
+
+
+def _goes_down(system: CondensedProblem, r: Array, new: Array) -> bool:
+    """Whether the forces on a tiny way within pieces say that the energy falls along it: potentials of formulas cancel,
+    and may know no difference there."""
+    way = new - r
+    if np.abs(way).max(initial=0.0) > _TINY * np.abs(r).max(initial=0.0):
+        return False
+    push = np.zeros(r.shape)
+    for at in (r, new):
+        line = system.law.linearise(at)
+        if way[~smooth_components(line, system.active)].any():
+            return False
+        push += system.out_of_balance(at) - system.weights[:, None] * line.gradient
+    return float((push * way).sum()) >= 0.0
 
 
 def lower_energy(system: CondensedProblem, r: Array, steps: int) -> Array:
