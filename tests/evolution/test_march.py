@@ -152,6 +152,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "probe in space": (lambda: march(_moving(), 1.0, save=Save(probes={"p": (0.0, 0.0, 0.0)})), "coordinates"),
     "save nothing": (lambda: Save(every=0.0), "time > 0"),
     "rtol": (lambda: hv.AdaptiveStep(2.0), "between 0 and 1"),
+    "rtol below rounding": (lambda: hv.AdaptiveStep(1e-300), "take at least 1e-14"),
     "limits": (lambda: hv.AdaptiveStep(1e-3, least=1.0, most=0.1), "larger than"),
     "a body that nothing holds": (lambda: march(Evolution(_loose()), 1.0), "move|rigid|held|support"),
     "a contradiction": (

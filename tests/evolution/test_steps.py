@@ -189,5 +189,7 @@ def test_a_body_that_jumps_at_the_start_is_marched_all_the_same() -> None:
     (message,) = history.messages
     assert message.startswith("the tolerance of steps was missed first in the step to t = ")
     assert "no step is short enough" in message
+    shortest = float(message.split("down to ")[1].split(",")[0])
+    assert 0.0 < shortest < history["step"][history["step"] > 0.0].min()
     fixed = march(Evolution(problem), 0.05, step=5e-4).frames[-1].displacement
     np.testing.assert_allclose(history.frames[-1].displacement, fixed, atol=0.01 * np.abs(fixed).max())

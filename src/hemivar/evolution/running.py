@@ -168,6 +168,7 @@ class Run:
         goal = next(end for end in self.ends if end > self.moment.time)
         whole = True
         rejected: tuple[Taken, Pace, float | None] | None = None  # solved, but not as exact as was asked for
+        unsolved = 0.0  # the shortest step that was tried instead
         while True:
             length, reached = _fitted(self.pace.step, self.moment.time, goal)
             taken = self.advance.take(self.moment, length, reached, Jump(self.plan.jump))
@@ -190,7 +191,8 @@ class Run:
                         when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
                         self.tell(f"the step {when} could not be solved: {remedy}")
                     return None, (taken.status.value,), True
-                taken, self.pace, error = rejected  # none that is shorter can be solved
+                taken, self.pace, error = rejected  # none of those tried that are shorter can be solved
+                unsolved = length
                 following = self.pace
             else:
                 error = None
@@ -212,9 +214,9 @@ class Run:
                 self.tell(
                     f"{first}, which cannot be shorter: {worth}; allow shorter steps"
                     if rejected is None or taken is not rejected[0]
-                    else f"{first}: {worth}, and shorter ones cannot be solved; where a load or a support jumps and "
-                    "nothing slows the body down, no step is short enough: name its time as a stop, and take "
-                    "implicit-euler"
+                    else f"{first}: {worth}, and those tried that are shorter, down to {unsolved:.3g}, cannot be "
+                    "solved; take a larger rtol; where a load or a support jumps and nothing slows the body down, no "
+                    "step is short enough: name its time as a stop, and take implicit-euler"
                 )
             taken, happened, stop = self._located(taken)
             if whole and taken.step >= self.pace.step * (1.0 - 1e-6):

@@ -13,6 +13,8 @@ __all__ = ["AdaptiveStep", "FixedStep", "Pace", "Stepping"]
 
 #: Steps are this many halvings below the first one at most, unless a least step is given.
 _HALVINGS = 30
+#: Smaller parts of the whole are rounding, which no step is short enough for.
+_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class AdaptiveStep(Stepping):
     ----------
     rtol : float
         Error of a step relative to the largest energy norm so far, that of steps which were tried and rejected too: of
-        a body that sets out from rest they are the only measure.
+        a body that sets out from rest they are the only measure.  At least 1e-14: less is rounding.
     first_step : float, optional
         A thousandth of the evolution by default.
     least, most : float, optional
@@ -120,6 +122,11 @@ class AdaptiveStep(Stepping):
     def __post_init__(self) -> None:
         if not 0.0 < number(self.rtol, "rtol of AdaptiveStep") < 1.0:
             raise ProblemError(f"AdaptiveStep(rtol={self.rtol:g}): rtol must lie between 0 and 1")
+        if self.rtol < _ROUNDING:
+            raise ProblemError(
+                f"AdaptiveStep(rtol={self.rtol:g}): rounding alone is more, so that no step is short enough; take at "
+                f"least {_ROUNDING:g}"
+            )
         for name in ("first_step", "least", "most"):
             value = getattr(self, name)
             if value is not None and not 0.0 < number(value, f"{name} of AdaptiveStep") < math.inf:
