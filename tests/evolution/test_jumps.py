@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution import Evolution, History, march
+from hemivar.evolution import Evolution, History, March, march, marching
+from hemivar.formula import Formula
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2.
 KAPPA, STIFF, DELTA, FALL = 1.0, 2.0, 0.1, 2.0
@@ -176,3 +179,31 @@ def test_what_the_ways_of_jumping_need_is_said_before() -> None:
         march(Evolution(still), 1.0, jump="dynamic")
     with pytest.raises(ProblemError, match="ends of steps"):
         march(Evolution(still), 1.0, jump="arc-length", scheme=hv.Midpoint())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("jump", "up", "down"), [("local", UP, DOWN), ("global", np.sqrt(UP * DOWN), np.sqrt(UP * DOWN))]
+)
+def test_adaptive_steps_go_through_jumps_and_go_on_bit_for_bit(
+    jump: str, up: float, down: float, tmp_path: Path
+) -> None:
+    """A step in which a body jumps is never short enough; what follows does not depend on what was computed before."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(0.0, 0.5 * KAPPA),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=Formula("-min(t, 0.8 - t)"))},
+        contact={"bottom": hv.Contact(LAW)},
+    )
+    file = hv.Checkpoint(tmp_path / "a.ckpt", 0.0)
+    plan = March(0.8, step=hv.AdaptiveStep(0.1), jump=jump, save=hv.Save(0.4), checkpoint=file)
+    steps = marching(Evolution(problem), plan)
+    done = [next(steps) for _ in range(12)]
+    steps.close()
+    assert done[-1].row.time < up
+    resumed = march(Evolution(problem), 0.8, step=plan.step, jump=jump, save=plan.save, checkpoint=file, resume=True)
+    whole = march(Evolution(problem), 0.8, step=plan.step, jump=jump, save=plan.save)
+    assert whole.finished, whole.messages
+    assert whole.times[whole["jumped"] > 0] == pytest.approx([up, 0.8 - down], abs=1e-6)
+    for name in whole.columns:
+        np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)

@@ -15,7 +15,7 @@ from hemivar.certify.smallness import Smallness, smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError
-from hemivar.evolution.descent import downhill, resistance_against
+from hemivar.evolution.descent import TIGHT, downhill, resistance_against
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
 from hemivar.evolution.expectation import expected_contact
 from hemivar.evolution.jump_paths import JumpPaths
@@ -324,6 +324,11 @@ class Advance:
             and problem.contact.offset.size <= _DENSE
         )
 
+    def _condense(self, problem: DiscreteProblem) -> None:
+        """Condense a body as steps with one solution do: answers must not depend on which steps were taken before."""
+        if self._condenses(problem):
+            self.workspace.condensed(problem, many=True)
+
     def smallness(self, problem: DiscreteProblem) -> Smallness:
         """The constants of a problem whose law depends on no state: those of stiffness and weak convexity alone."""
         stiffness = problem.linear.stiffness
@@ -362,6 +367,7 @@ class Advance:
             leaps: tuple[Leap, ...] = ()
             if jump.follows and not self.resists and (excess := self.excess(stage.problem)) >= 0.0:
                 _refuse_without_energy(stage.problem, jump)
+                self._condense(stage.problem)
                 followed = self.paths.follow(stage, excess, jump, self.solver, self._controls(stage))
                 solution, resistance, leaps = followed.solution, 0.0, followed.leaps
             else:
@@ -419,6 +425,9 @@ class Advance:
             known = _rounding(stage)
             if _hides(known, controls) or (self.discrete.stores and known > controls.atol):
                 found = self._sought(stage, initial, jump, controls.within(known))
+            elif controls.atol == 0.0:  # nothing acts yet that they could be held against, as before a jump
+                again = self._sought(stage, initial, jump, controls.within(known / TIGHT))
+                found = again if again[0].residual.relative <= _KNOWN else found
         return found
 
     def _sought(self, stage: Stage, initial: Solution | None, jump: Jump, controls: Controls) -> tuple[Solution, float]:
@@ -441,6 +450,7 @@ class Advance:
             if initial is None:
                 start, method = self._foreseen(stage, start, method)
             return solve(problem, method, controls, initial=start, workspace=self.workspace), 0.0
+        self._condense(problem)
         if jump is Jump.GLOBAL and not self.resists:
             _refuse_without_energy(problem, jump)
             found = find_solutions(problem, workspace=self.workspace)

@@ -285,7 +285,8 @@ class Bodies:
 
     def body(self, viscous: float, inert: float, *branches: float, keep: bool = True) -> DiscreteProblem:
         """The problem of a body with stiffness ``K + viscous C + inert M + sum branches_i K_i``, without load."""
-        key = (viscous, inert, *branches)
+        alone = self.discrete.viscosity is None and self.discrete.mass is None
+        key = branches if alone else (viscous, inert, *branches)  # an elastic body is the same in all steps
         found = self._made.get(key)
         if found is None:
             found = self._make(viscous, inert, branches)

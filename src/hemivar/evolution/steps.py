@@ -12,7 +12,7 @@ from hemivar.errors import ProblemError
 __all__ = ["AdaptiveStep", "FixedStep", "Pace", "Stepping"]
 
 #: Steps are this many halvings below the first one at most, unless a least step is given.
-_HALVINGS = 30
+_HALVINGS = 20
 #: Smaller parts of the whole are rounding, which no step is short enough for.
 _ROUNDING = 1e-14
 
@@ -109,7 +109,7 @@ class AdaptiveStep(Stepping):
     first_step : float, optional
         A thousandth of the evolution by default.
     least, most : float, optional
-        Limits.
+        Limits; by default no step is shorter than a millionth of the first one.
     """
 
     rtol: float = 1e-3
