@@ -80,8 +80,8 @@ def test_limits_of_adaptive_steps() -> None:
     # Down by fewer rungs where the least step does not allow more.
     assert AdaptiveStep(1e-3, least=0.2).after(Pace(1.0), 1e6, 1) == (False, Pace(0.25, -2, 2))
     deep = AdaptiveStep(1e-3, first_step=1.0)
-    assert deep.smaller(Pace(0.5**30, -30)) is None
-    assert deep.smaller(Pace(0.5**29, -29)) == Pace(0.5**30, -30, 2)
+    assert deep.smaller(Pace(0.5**20, -20)) is None
+    assert deep.smaller(Pace(0.5**19, -19)) == Pace(0.5**20, -20, 2)
 
 
 def test_first_steps() -> None:
@@ -189,7 +189,6 @@ def test_a_body_that_jumps_at_the_start_is_marched_all_the_same() -> None:
     (message,) = history.messages
     assert message.startswith("the tolerance of steps was missed first in the step to t = ")
     assert "no step is short enough" in message
-    shortest = float(message.split("down to ")[1].split(",")[0])
-    assert 0.0 < shortest < history["step"][history["step"] > 0.0].min()
+    assert history["step"][history["step"] > 0.0].min() == pytest.approx(5e-5 * 2.0**-20)
     fixed = march(Evolution(problem), 0.05, step=5e-4).frames[-1].displacement
     np.testing.assert_allclose(history.frames[-1].displacement, fixed, atol=0.01 * np.abs(fixed).max())

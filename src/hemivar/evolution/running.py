@@ -209,14 +209,14 @@ class Run:
                 self.tell(f"{where}; the march stops before it, as asked")
                 return None, ("margin lost",), True
             if self.stepping.missed(error) and not any(message.startswith(_MISSED) for message in self.messages):
-                first = f"{_MISSED} first in the step to t = {taken.moment.time:g}"
-                worth = f"its error is about {error:.2g} of the whole"
+                why, remedy = "which cannot be shorter", "allow shorter steps or take"
+                if rejected is not None and taken is rejected[0]:
+                    why, remedy = f"and those tried that are shorter, down to {unsolved:.3g}, cannot be solved", "take"
                 self.tell(
-                    f"{first}, which cannot be shorter: {worth}; allow shorter steps"
-                    if rejected is None or taken is not rejected[0]
-                    else f"{first}: {worth}, and those tried that are shorter, down to {unsolved:.3g}, cannot be "
-                    "solved; take a larger rtol; where a load or a support jumps and nothing slows the body down, no "
-                    "step is short enough: name its time as a stop, and take implicit-euler"
+                    f"{_MISSED} first in the step to t = {taken.moment.time:g}, {why}: its error is about {error:.2g} "
+                    f"of the whole; {remedy} a larger rtol; where a load or a support jumps and nothing slows the body "
+                    "down, or the body jumps, no step is short enough: name the time of a load's jump as a stop, and "
+                    "take implicit-euler"
                 )
             taken, happened, stop = self._located(taken)
             if whole and taken.step >= self.pace.step * (1.0 - 1e-6):
