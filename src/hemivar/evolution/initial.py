@@ -170,6 +170,8 @@ def _pressed(
         max(float(np.abs(here).max(initial=0.0)) for here in (moment.body.place, place)),
     ).tolist()
     lam, held = _rubbed(moment, law, _SLIPS * fast, _AT_ONCE * step)
+    # Where a support or another boundary has the component already, nothing is held.
+    held &= np.diff(advance.discrete.problem.contact.trace.indptr).reshape(held.shape) > 0
     ends, near = acting.law.normal.domain, _TOUCHES * far
     down = (place[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
     up = (place[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
