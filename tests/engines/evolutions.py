@@ -136,6 +136,29 @@ def _carried(mesh: Mesh) -> Evolution:
     )
 
 
+def _halted(x: Array, t: float) -> Array:
+    """A support that goes down and stops all at once."""
+    return np.stack([0.0 * x[:, 0], np.full(len(x), -0.05 * min(t, 0.16))], axis=1)
+
+
+def _braked(mesh: Mesh) -> Evolution:
+    """A body with mass and a branch, whose support stops, on a foundation that then begins to sink."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, density=1.0, branches=[hv.Branch(lame=(2.0, 1.0), time=0.3)]),
+            supports={"left": hv.Prescribed(_halted)},
+            contact={
+                "bottom": hv.Contact(
+                    hv.Compliance(20.0), hv.Tresca(0.003), gap=lambda x, t: -0.01 + np.full(len(x), max(0.0, t - 0.2))
+                )
+            },
+        ),
+        inertia=True,
+        velocity=(0.0, -0.05),
+    )
+
+
 def _cube(mesh: Mesh) -> Evolution:
     """A cube that is hit from the side and slides."""
     return Evolution(
@@ -228,6 +251,11 @@ CASES = {
         lambda times: hv.rectangle((2.0, 1.0), (8, 4)), _between, 0.4, SDIRK2(), options={"step": 0.1}
     ),
     "carried": Case(lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _carried, 0.4, Newmark(), options={"step": 0.04}),
+    # speeds of a support and of a foundation that jump
+    "braked": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _braked, 0.28, GeneralizedAlpha(0.8),
+        options={"step": 0.04, "stops": (0.16, 0.2)},
+    ),
     "midpoint": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _thrown, 0.12, Midpoint(), options={"step": 0.02}
     ),

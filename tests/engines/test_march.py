@@ -133,7 +133,7 @@ def test_matrices_and_cycles_outlive_their_step() -> None:
         assert said[name]["done"]["set up"] <= (len(said[name]["table"][0]) - 1) // 2
 
 
-@pytest.mark.parametrize(("name", "steps"), [("block", 4), ("thrown", 7), ("block, adaptive", 5)])
+@pytest.mark.parametrize(("name", "steps"), [("block", 4), ("thrown", 7), ("block, adaptive", 5), ("braked", 4)])
 def test_a_march_goes_on_bit_for_bit(name: str, steps: int, tmp_path: Path) -> None:
     file = tmp_path / "run.ckpt"
     whole = dict(_over_ranks(2, name)[name])

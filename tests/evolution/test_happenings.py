@@ -100,6 +100,14 @@ def test_the_margin_is_lost_where_the_law_softens_as_fast_as_the_body_is_stiff()
     assert history["margin"][1] == pytest.approx(1.0 - (1.0 + 4.0 * 0.3) / 3.0, rel=1e-6)  # claimed from below
 
 
+def test_a_margin_of_minus_infinity_is_lost_and_one_that_was_not_looked_for_is_not() -> None:
+    """As it is of a law that falls at once."""
+    evolution = block(hv.Contact(hv.Compliance(2.0)), (0.0, -0.1))
+    history = march(evolution, 1.0, step=1.0)
+    levels = [MarginLost().level(history.discrete, history.moment, m) for m in (-math.inf, math.nan, math.inf)]
+    assert [level > 0.0 for level in levels] == [True, False, False]
+
+
 def test_events_are_counted_once_and_every_one_that_happens() -> None:
     """Two at one time are both told; one that stays above zero is not told again, one that comes back is."""
     waves = When(function=lambda discrete, moment: math.sin(2.0 * math.pi * moment.time), label="wave")

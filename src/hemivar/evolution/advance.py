@@ -190,6 +190,10 @@ class Advance:
                 self._acting.popitem(last=False)
         return found
 
+    def acting_on(self, moment: Moment) -> Acting:
+        """What acts on the body at a moment, whatever step was taken before."""
+        return self.acting(moment.time)
+
     def take(self, before: Moment, step: float, end_time: float | None = None, jump: Jump = Jump.LOCAL) -> Taken:
         """One step; the moment before it stays as it is.
 

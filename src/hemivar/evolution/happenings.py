@@ -176,7 +176,7 @@ class MarginLost(Event):
     name: ClassVar[str] = "margin lost"
 
     def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
-        return -margin if np.isfinite(margin) else -1.0
+        return -1.0 if np.isnan(margin) else -margin
 
 
 @dataclass(frozen=True)

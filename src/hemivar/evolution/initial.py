@@ -14,21 +14,16 @@ from hemivar.evolution.discrete import Acting
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
 from hemivar.evolution.schemes import ImplicitEuler
+from hemivar.evolution.setting_out import setting_out
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
 from hemivar.laws import Superpotential
 from hemivar.laws.neighbourhood import polar
 from hemivar.laws.superpotential import Interval
 
-__all__ = ["initial_moment"]
+__all__ = ["accelerated", "initial_moment"]
 
-#: Part of the first step over which supports and gaps are looked at for the rates with which they begin.
-_NEAR = 1e-2
 #: Part of the first step in which nothing but rates is felt.
 _AT_ONCE = 1e-8
-#: A difference quotient that grows by more than this while its span is halved is that of a jump, which has no rate.
-_JUMPS = 1.2
-#: Part of what an acceleration makes of a rate in a span that is no jump of it.
-_BENDS = 0.05
 #: Part of the velocity of the body that is slip, and not rounding; and of displacements that is a gap.
 _SLIPS, _TOUCHES = 1e-6, 1e-12
 #: Part of the first step that tells what holds the body at the start: short, and long enough for rounding.
@@ -63,7 +58,7 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
     if evolution.displacement is not None and off > 1e-9 * size and not discrete.stores:
         raise ProblemError("the initial displacement contradicts the supports; make them agree")
     speed = evolution.initial("velocity")
-    moving = _setting_out(advance, step)
+    moving = setting_out(advance, evolution.start, step)
     velocity = discrete.restrict(speed, moving[0].velocity)
     contact = discrete.problem.contact
     n = discrete.unknowns
@@ -88,46 +83,46 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
         tuple(np.zeros_like(place) for _ in discrete.branches),
         initial_memory(discrete, acting.law, local),
     )
-    first = 1.0 if step is None else step
-    law = _law_of_rates(advance, moment, acting, _AT_ONCE * first)
+    law = _law_of_rates(advance, moment, acting, _AT_ONCE * (1.0 if step is None else step))
     moment = replace(moment, multiplier=_pressure(moment, law, local[:, 0]))
     if discrete.mass is not None:
-        pressed = replace(moment, multiplier=_pressed(advance, moment, acting, moving, law, first))
-        acceleration = _acceleration(advance, pressed, acting.load, moving[0].acceleration)
-        pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(local.shape) - moving[1].acceleration
-        moment = replace(
-            moment,
-            body=replace(moment.body, acceleration=acceleration),
-            local=replace(moment.local, acceleration=pushed),
-        )
+        moment = accelerated(advance, moment, acting, moving, step)
     energies = advance.energies(moment, law)
     return advance.started(replace(moment, ledger=Ledger(start=sum(energies.values()), **energies)))
 
 
-def _setting_out(advance: Advance, step: float | None) -> tuple[Motion, Motion]:
-    """Motion of the prescribed displacements (k,) and of the offsets of the contact points (m, c) at the start."""
-    discrete = advance.discrete
-    start, span = discrete.evolution.start, 0.0 if step is None else _NEAR * step
-    now = advance.acting(start)
-    moves = discrete.mass is not None and bool(discrete.evolution.problem.time_dependent & {"supports", "gap"})
-    if not (span and moves):
-        still = (Motion(place, np.zeros_like(place), np.zeros_like(place)) for place in (now.prescribed, now.offset))
-        return next(still), next(still)
-    soon = [advance.acting(start + part * span) for part in (0.5, 1.0, 2.0)]
-    return (
-        _set_out(now.prescribed, [acting.prescribed for acting in soon], span),
-        _set_out(now.offset, [acting.offset for acting in soon], span),
+def accelerated(
+    advance: Advance, moment: Moment, acting: Acting, moving: tuple[Motion, Motion], step: float | None
+) -> Moment:
+    """A moment with the acceleration that all forces make of where the body is and of how fast.
+
+    Parameters
+    ----------
+    advance : Advance
+    moment : Moment
+    acting : Acting
+        What acts then.
+    moving : pair of Motion
+        Of prescribed displacements (k,) and of offsets of the contact points (m, c).
+    step : float or None
+        Length of the next step.
+
+    Raises
+    ------
+    ProblemError
+        The mass matrix cannot be solved.
+    """
+    contact, n, first = advance.discrete.problem.contact, advance.discrete.unknowns, 1.0 if step is None else step
+    law = _law_of_rates(advance, moment, acting, _AT_ONCE * first)
+    sought = replace(moment, multiplier=_pressure(moment, law, moment.local.place[:, 0]))
+    pressed = replace(sought, multiplier=_pressed(advance, sought, acting, moving, law, first))
+    acceleration = _acceleration(advance, pressed, acting.load, moving[0].acceleration)
+    pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(moment.local.place.shape) - moving[1].acceleration
+    return replace(
+        moment,
+        body=replace(moment.body, acceleration=acceleration),
+        local=replace(moment.local, acceleration=pushed),
     )
-
-
-def _set_out(place: Array, soon: list[Array], span: float) -> Motion:
-    """Motion at the start of what is in other places after half a span, one and two of them."""
-    half, one, two = (there - place for there in soon)
-    velocity = (4.0 * one - two) / (2.0 * span)
-    acceleration = (8.0 * (one - 2.0 * half) - (two - 2.0 * one)) / span**2
-    # A path may set out at rest, so that its rate is nothing but rounding.
-    smooth = np.abs((4.0 * half - one) / span) <= _JUMPS * np.abs(velocity) + _BENDS * span * np.abs(acceleration)
-    return Motion(place, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0))
 
 
 def _law_of_rates(advance: Advance, moment: Moment, acting: Acting, span: float) -> StepLaw:
@@ -221,6 +216,8 @@ def _acceleration(advance: Advance, moment: Moment, load: Array, held: Array) ->
     force = load - discrete.stiffness.times(moment.body.place)
     if discrete.viscosity is not None:
         force -= discrete.viscosity.times(moment.body.velocity)
+    for h, (_, branch) in zip(moment.branches, discrete.branches, strict=True):
+        force -= branch.times(h)
     force -= discrete.mass.times(np.concatenate([np.zeros(n), held]))
     right = force[:n]
     if moment.multiplier.size:

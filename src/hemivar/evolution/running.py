@@ -28,6 +28,7 @@ from hemivar.evolution.plan import March
 from hemivar.evolution.ridge import crosses_ridge
 from hemivar.evolution.save import Frames, probed
 from hemivar.evolution.schemes import GeneralizedAlpha, Midpoint, Newmark, Scheme
+from hemivar.evolution.setting_out_anew import set_out_anew
 from hemivar.evolution.step_error import step_error
 from hemivar.evolution.steps import Pace
 from hemivar.evolution.thermal_advance import advance_of
@@ -169,9 +170,12 @@ class Run:
         whole = True
         rejected: tuple[Taken, Pace, float | None] | None = None  # solved, but not as exact as was asked for
         unsolved = 0.0  # the shortest step that was tried instead
+        begin = self.moment
+        if begin.time in self.ends:
+            begin = set_out_anew(self.advance, begin, _fitted(self.pace.step, begin.time, goal)[0])
         while True:
             length, reached = _fitted(self.pace.step, self.moment.time, goal)
-            taken = self.advance.take(self.moment, length, reached, Jump(self.plan.jump))
+            taken = self.advance.take(begin, length, reached, Jump(self.plan.jump))
             if taken.status is not Status.CONVERGED:
                 outside = taken.status in (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
                 smaller = None if outside else self.stepping.smaller(self.pace)
@@ -327,7 +331,7 @@ class Run:
         for _ in range(_TRIALS):
             if high.step - low <= _NEAR * taken.step:
                 break
-            middle = self.advance.take(self.moment, 0.5 * (low + high.step), jump=Jump(self.plan.jump))
+            middle = self.advance.take(taken.before, 0.5 * (low + high.step), jump=Jump(self.plan.jump))
             if middle.status is not Status.CONVERGED:
                 break
             if risen(middle):

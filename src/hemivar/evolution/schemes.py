@@ -123,6 +123,14 @@ class Scheme(ABC):
         """Whether a step needs the acceleration of its beginning."""
         return any(rule.rate.acceleration or rule.acceleration.acceleration for rule in self.rules(step))
 
+    def forgets(self, step: float) -> bool:
+        """Whether velocities at the end of a step are those of its displacements alone."""
+        return not any(
+            rule.velocity or rule.acceleration
+            for one in self.rules(step)
+            for rule in (one.rate, one.new_velocity, replace(one.acceleration, velocity=0.0))
+        )
+
     @property
     def factors(self) -> int:
         """Number of different matrices in a step."""

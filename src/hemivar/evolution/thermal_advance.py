@@ -107,6 +107,12 @@ class ThermalAdvance(Advance):
             return base
         return replace(base, load=base.load + self.heat.load(self._course.at(time)))
 
+    def acting_on(self, moment: Moment) -> Acting:
+        assert moment.heat is not None
+        now = self.heat.temperature(moment.heat.moment.body.place)
+        self._course = _Course(moment.time, 0.0, now, now)
+        return self.acting(moment.time)
+
     def started(self, moment: Moment) -> Moment:
         content = self._content(self._begun)
         return replace(moment, heat=Warmth(self._begun, HeatBook(content, content)))

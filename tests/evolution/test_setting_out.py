@@ -1,0 +1,207 @@
+"""Supports and gaps whose speed jumps: the body takes the blow and goes on at the new one, whatever the scheme."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import hemivar as hv
+from hemivar.basics.types import Array
+from hemivar.evolution import Checkpoint, Evolution, March, Scheme, march, marching
+from hemivar.evolution.advance import Advance
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.setting_out import speeds_jump
+from hemivar.evolution.setting_out_anew import set_out_anew
+from hemivar.evolution.thermal_advance import ThermalAdvance, advance_of
+from hemivar.formula import Formula
+from hemivar.mechanics.thermal import Heat
+from hemivar.solvers import Controls
+
+SPRING, PERIOD, BOUND = 60.0, 0.3, 0.05
+SCHEMES = (hv.Newmark(), hv.GeneralizedAlpha(), hv.Midpoint())
+#: Where the speed of the top (along, across) and of the gap jumps.
+TOP, DOWN, SINKS, END = 0.4, 0.7, 0.5, 1.0
+
+
+def dragged(**more: Any) -> Evolution:
+    """A body pressed on springs, whose top is dragged, stops and goes down, and whose foundation sinks."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.5), (4, 2)),
+        material=hv.Material.lame(
+            50.0, 40.0, density=1.0, viscosity=(0.02, 0.02), branches=[hv.Branch(lame=(0.0, 10.0), time=PERIOD)]
+        ),
+        supports={"top": hv.Fixed(x=Formula(f"0.03*min(t, {TOP})"), y=Formula(f"-0.02*max(0, t - {DOWN})"))},
+        contact={"bottom": hv.Contact(hv.Compliance(SPRING), gap=Formula(f"-0.01 + 0.02*max(0, t - {SINKS})"))},
+    )
+    return Evolution(problem, inertia=True, **more)
+
+
+@cache
+def exact() -> tuple[Array, Array, float]:
+    """Displacement and velocity (n,) at the end by DOP853, blows by the mass matrix; the work from outside."""
+    discrete = discretize_evolution(dragged())
+    assert discrete.mass is not None
+    assert discrete.viscosity is not None
+    n, held = discrete.unknowns, discrete.acting(0.0).prescribed.size
+    K, C, M = discrete.stiffness, discrete.viscosity, discrete.mass
+    ((_, B),) = discrete.branches
+    inverse, contact = np.linalg.inv(M.inner.toarray()), discrete.problem.contact
+
+    def speed(t: float) -> Array:
+        """Of the top just after a time."""
+        return (discrete.acting(t + 1e-7).prescribed - discrete.acting(t).prescribed) / 1e-7
+
+    def rate(t: float, y: Array, top: Array, sinks: Array) -> Array:
+        u, v, h = y[:n], y[n : 2 * n], y[2 * n : -1]
+        acting = discrete.acting(t)
+        x, w = np.concatenate([u, acting.prescribed]), np.concatenate([v, top])
+        r = (contact.trace @ u).reshape(acting.offset.shape) - acting.offset
+        push = np.zeros_like(r)
+        push[:, 0] = SPRING * np.maximum(r[:, 0], 0.0)
+        force = acting.load - K.times(x) - C.times(w) - B.times(h)
+        a = inverse @ (force[:n] - discrete.problem.contact_force(push))
+        pull = M.times(np.concatenate([a, np.zeros(held)])) - force
+        return np.concatenate([v, a, w - h / PERIOD, [pull[n:] @ top - contact.weights @ (push * sinks)[:, 0]]])
+
+    ends, work = (0.0, TOP, SINKS, DOWN, END), 0.0
+    y, before = np.zeros(2 * n + n + held + 1), speed(0.0)
+    for start, end in pairwise(ends):
+        top, sinks = speed(start), (discrete.acting(end).offset - discrete.acting(start).offset) / (end - start)
+        change = np.concatenate([np.zeros(n), top - before])
+        change[:n] = -inverse @ M.times(change)[:n]
+        old = np.concatenate([y[n : 2 * n], before])
+        work += M.energy(old + change) - M.energy(old)
+        y[n : 2 * n] += change[:n]
+        y = solve_ivp(rate, (start, end), y, args=(top, sinks), method="DOP853", rtol=1e-9, atol=1e-12).y[:, -1]
+        before = top
+    return y[:n], y[n : 2 * n], work + float(y[-1])
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+def test_where_speeds_jump_schemes_stay_of_their_order(scheme: Scheme) -> None:
+    """And the blows are work of the supports: nothing is lost by them."""
+    place, velocity, work = exact()
+    n, off = place.size, []
+    for count in (300, 600):
+        moment = march(dragged(), END, step=END / count, scheme=scheme).moment
+        ledger, size = moment.ledger, np.abs(velocity).max()
+        off.append(
+            [
+                np.abs(moment.body.place[:n] - place).max() / np.abs(place).max(),
+                np.abs(moment.body.velocity[:n] - velocity).max() / size,
+                abs(ledger.moved - work) / abs(work),
+            ]
+        )
+        assert moment.body.velocity[n:] == pytest.approx(np.tile([0.0, -0.02], 5), abs=1e-9)
+        assert abs(ledger.gap) < 1e-12 * ledger.stored
+    errors = np.array(off)
+    assert (np.log2(errors[0] / errors[1])[:2] > 1.7).all()
+    assert (errors[-1] < (3e-3, 3e-2, 8e-3)).all()
+
+
+@pytest.mark.parametrize("until", [TOP, SINKS, DOWN])
+@pytest.mark.parametrize("name", ["body", "heat"])
+def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
+    """The blow changes no momentum of the unknowns; accelerations are those of the new velocities."""
+    stated = dragged() if name == "body" else warm()
+    moment = march(stated, until, step=0.02, scheme=hv.Newmark()).moment
+    discrete = discretize_evolution(stated)
+    contact, n = discrete.problem.contact, discrete.unknowns
+    assert discrete.mass is not None
+    advance = advance_of(discrete, hv.Newmark(), None, Controls())
+    after = set_out_anew(advance, moment, 0.02)
+    if name == "heat" and until != TOP:
+        assert after is moment
+        return
+    body, local = after.body, after.local
+    blow = discrete.mass.times(body.velocity - moment.body.velocity)[:n]
+    assert np.abs(blow).max() < 1e-12
+    assert body.place is moment.body.place
+    load = discrete.acting(until).load
+    if isinstance(advance, ThermalAdvance):
+        assert moment.heat is not None
+        load = load + advance.heat.load(advance.heat.temperature(moment.heat.moment.body.place))
+    sinks = np.zeros_like(local.velocity)
+    if name == "body":
+        sinks[:, 0] = 0.02 * (until >= SINKS)
+    np.testing.assert_allclose(
+        local.velocity, (contact.trace @ body.velocity[:n]).reshape(sinks.shape) - sinks, atol=1e-9
+    )
+    push = np.zeros_like(sinks)
+    push[:, 0] = SPRING * np.maximum(local.place[:, 0], 0.0)
+    if name == "heat":
+        push[:, 1] = BOUND * np.sign(local.velocity[:, 1])
+    left = load - discrete.stiffness.times(body.place) - discrete.mass.times(body.acceleration)
+    if discrete.viscosity is not None:
+        left -= discrete.viscosity.times(body.velocity)
+    for h, (_, branch) in zip(moment.branches, discrete.branches, strict=True):
+        left -= branch.times(h)
+    left = left[:n] - discrete.problem.contact_force(push)
+    assert np.abs(left).max() < 1e-9 * np.abs(discrete.stiffness.times(body.place)).max()
+    assert np.abs(body.acceleration[n:]).max() < 1e-6
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
+    history = march(dragged(), END, step=hv.AdaptiveStep(1e-3, first_step=0.01), scheme=scheme)
+    place, *_ = exact()
+    assert history.ended == "finished"
+    assert not history.messages
+    assert len(history.rows) < 2500
+    assert np.abs(history.moment.body.place[: place.size] - place).max() < 3e-3 * np.abs(place).max()
+
+
+def warm() -> Evolution:
+    """The same body, which friction and its deformation heat and heat stretches."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.5), (4, 2)),
+        material=hv.Material.lame(50.0, 40.0, density=1.0),
+        supports={"top": hv.Fixed(x=Formula(f"0.03*min(t, {TOP})"), y=-0.01)},
+        contact={"bottom": hv.Contact(hv.Compliance(SPRING), hv.Tresca(BOUND))},
+    )
+    heat = Heat(1e-2, 1.0, expansion=1e-2, coupling=300.0, temperature=5.0, supports={"top": 0.0})
+    return Evolution(problem, inertia=True, heat=heat)
+
+
+@pytest.mark.parametrize("stated", [dragged, warm], ids=["body", "heat"])
+def test_a_march_goes_on_from_a_kink_bit_for_bit(stated: Callable[[], Evolution], tmp_path: Path) -> None:
+    kept = Checkpoint(tmp_path / "kept.npz", 0.0)
+    plan = March(0.6, step=0.05, scheme=hv.Newmark())
+    whole = march(stated(), 0.6, step=0.05, scheme=hv.Newmark())
+    steps = marching(stated(), replace(plan, checkpoint=kept))
+    assert any(step.moment.time == TOP for step in steps)  # ends it there
+    resumed = march(stated(), 0.6, step=0.05, scheme=hv.Newmark(), checkpoint=kept, resume=True)
+    assert len(resumed.rows) == len(whole.rows)
+    for part in ("place", "velocity", "acceleration"):
+        assert getattr(resumed.moment.body, part).tobytes() == getattr(whole.moment.body, part).tobytes()
+    assert resumed.moment.ledger == whole.moment.ledger
+    assert whole["kinetic"][-1] > 0.0
+
+
+def test_paths_that_jump_themselves_are_left_alone() -> None:
+    """No rate belongs to a place that jumps; smooth paths, at rest or turning, have no kink."""
+
+    def kinks(path: str, at: float) -> bool:
+        problem = hv.ContactProblem(
+            mesh=hv.rectangle((1.0, 0.5), (2, 1)),
+            material=hv.Material.lame(50.0, 40.0, density=1.0),
+            supports={"top": hv.Fixed(x=Formula(path), y=0.0)},
+            contact={"bottom": hv.Contact(hv.Compliance(SPRING))},
+        )
+        discrete = discretize_evolution(Evolution(problem, inertia=True))
+        found = speeds_jump(Advance(discrete, hv.Newmark(), None, Controls()), at, 0.01)
+        return found is not None
+
+    assert kinks("0.1*abs(t - 0.5)", 0.5)
+    assert kinks("1e3 + 1e-6*max(0, t - 0.5)", 0.5)
+    for smooth in ("sin(9*t)", "(t - 0.5)**2", "max(0, t - 0.5)**2", "1e3 + 0*t", "cos(t - 0.5)", "0.3*t", "exp(20*t)"):
+        assert not kinks(smooth, 0.5), smooth
+    assert not kinks("max(0, min(1, 1e9*(t - 0.5) + 0.5))", 0.5)
