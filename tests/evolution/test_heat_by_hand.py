@@ -56,6 +56,52 @@ def test_a_block_that_is_warmed_from_within(scheme: Scheme, at: float, coupling:
     assert (history["rounds"][1:] >= (2.0 if coupling else 1.0)).all()
 
 
+@pytest.mark.parametrize(
+    ("coupling", "conductivity", "rounds"),
+    [(1.0, 1e-2, 10), (9.0, 1e-2, 21), (300.0, 1e-2, 100), (1.0, 10.0, 7), (9.0, 10.0, 8), (300.0, 10.0, 20)],
+)
+def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
+    coupling: float, conductivity: float, rounds: int
+) -> None:
+    """Up to 100 times as hard as heat alone resists: against one system for both, without a shorter step."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 12),
+        material=hv.Material.lame(1.0, 1.0, viscosity=(0.05, 0.05)),
+        supports={"top": hv.Clamped()},
+        tractions={"right": (0.1, -0.2)},
+        contact={"bottom": hv.Contact(hv.NoContact())},
+    )
+    heat = Heat(conductivity, 1.0, thermal_stress=1.0, coupling=coupling, source=0.1)
+    tau, count = 0.1, 3
+    evolution = Evolution(problem, heat=heat)
+    history = march(evolution, tau * count, step=tau)
+    discrete = discretize_evolution(evolution)
+    warm = discrete.heat
+    assert warm is not None
+    assert discrete.viscosity is not None
+    conduction = warm.conduction
+    assert conduction.viscosity is not None
+    n, m = discrete.unknowns, conduction.unknowns
+    held = np.zeros(discrete.acting(0.0).prescribed.size)
+    spread = conduction.field.basis.toarray()  # nodes, m
+    beta = np.column_stack([warm.load(column)[:n] for column in spread.T])  # n, m
+    gives = np.column_stack([spread.T @ warm.deformed(np.concatenate([unit, held])) for unit in np.eye(n)])  # m, n
+    K, C = discrete.stiffness.inner.toarray(), discrete.viscosity.inner.toarray()
+    L, S = conduction.stiffness.inner.toarray(), conduction.viscosity.inner.toarray()
+    force, source = discrete.acting(0.0).load[:n], conduction.acting(0.0).load[:m]
+    whole = np.block([[K + C / tau, -beta], [-gives / tau, S / tau + L]])
+    u, th = np.zeros(n), np.zeros(m)
+    for _ in range(count):
+        found = np.linalg.solve(whole, np.concatenate([force + C @ u / tau, source + S @ th / tau - gives @ u / tau]))
+        u, th = found[:n], found[n:]
+    moment = history.moment
+    assert moment.heat is not None
+    assert history["step"][1:] == pytest.approx(tau)
+    assert history["rounds"].max() <= rounds  # as docs/thermal.md says
+    assert np.abs(moment.body.place[:n] - u).max() < 1e-7 * np.abs(u).max()
+    assert np.abs(moment.heat.moment.body.place[:m] - th).max() < 1e-7 * np.abs(th).max()
+
+
 def test_temperatures_of_supports_and_what_they_give() -> None:
     """A rod between temperatures that rise: what it stores comes from its supports."""
     problem = hv.ContactProblem(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.anderson import Anderson
 from hemivar.basics.types import Array
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import Acting, DiscreteEvolution
@@ -22,7 +23,7 @@ from hemivar.systems.workspace import Workspace
 __all__ = ["ThermalAdvance", "advance_of"]
 
 #: Rounds of motion and heat within a step.
-_ROUNDS = 60
+_ROUNDS = 200
 #: Part of the change of a round that the next one leaves at most where more than rounding changes.
 _FALLS = 0.5
 
@@ -79,8 +80,9 @@ class ThermalAdvance(Advance):
     """Steps of a body with heat.
 
     In a round the body moves under the temperatures that are known, and heat flows by what the motion then gives:
-    friction, deformation and contact.  Rounds follow until temperatures stand; what a round changes is weighted after
-    Aitken, so that a coupling that would not contract by itself does.  Where it does not, the step is not solved.
+    friction, deformation and contact.  Rounds follow until temperatures stand; all that rounds of the step changed is
+    mixed after Anderson, so that a coupling that would not contract by itself does.  Where it does not, the step is not
+    solved.
     """
 
     def __init__(
@@ -122,7 +124,7 @@ class ThermalAdvance(Advance):
         heat, warm = self.heat, before.heat.moment
         reached = before.time + step if end_time is None else end_time
         known = heat.temperature(warm.body.place)
-        rigid, change, weight, ratio = 0.0, np.zeros(0), 1.0, 0.0
+        last, ratio, mixing = 0.0, 0.0, Anderson()
         if heat.heat.fed_back:
             guess = known + step * heat.conduction.full(warm.body.velocity)[:, 0] if before.index else known.copy()
         else:
@@ -136,19 +138,15 @@ class ThermalAdvance(Advance):
             if flowed.status is not Status.CONVERGED:
                 return replace(taken, solutions=(*taken.solutions, *flowed.solutions))
             found = heat.temperature(flowed.moment.body.place)
-            last, change = change, found - guess
+            change = found - guess
             size = float(np.abs(change).max(initial=0.0))
             strain = float(np.abs(found - heat.heat.stress_free).max(initial=0.0))
-            ratio = size / rigid if rigid else 0.0
+            ratio = size / last if last else 0.0
             # Whatever degrees are counted from; where rounding of what is counted keeps from it, no further.
             still = size <= heat.heat.rtol * float(np.abs(found).max(initial=0.0)) and ratio >= _FALLS
             if size <= heat.heat.rtol * strain or still or not heat.heat.stresses:
                 return self._accepted(before, taken, flowed, step, rounds, ratio)
-            rigid = size
-            if last.size:  # Aitken's weight: of a single mode it is the right one
-                turn = change - last
-                weight = float(np.clip(-weight * float(last @ turn) / float(turn @ turn), 1e-3, 2.0))
-            guess = guess + weight * change
+            last, guess = size, mixing.after(guess, change)
         worst = replace(taken.solutions[-1], status=Status.NOT_CONTRACTING)
         return replace(taken, solutions=(*taken.solutions[:-1], worst))
 
