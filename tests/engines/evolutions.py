@@ -142,7 +142,7 @@ def _halted(x: Array, t: float) -> Array:
 
 
 def _braked(mesh: Mesh) -> Evolution:
-    """A body with mass and a branch, whose support stops, on a foundation that then begins to sink."""
+    """A body with mass and a branch, whose support stops, whose foundation begins to sink and whose guide moves."""
     return Evolution(
         hv.ContactProblem(
             mesh=mesh,
@@ -151,7 +151,8 @@ def _braked(mesh: Mesh) -> Evolution:
             contact={
                 "bottom": hv.Contact(
                     hv.Compliance(20.0), hv.Tresca(0.003), gap=lambda x, t: -0.01 + np.full(len(x), max(0.0, t - 0.2))
-                )
+                ),
+                "right": hv.Contact(hv.Bilateral(), gap=lambda x, t: 0.05 * (t + max(0.0, t - 0.2)) + 0.0 * x[:, 0]),
             },
         ),
         inertia=True,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import null_space
 
 import hemivar as hv
 from hemivar.basics.types import Array
@@ -157,6 +158,74 @@ def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
     assert not history.messages
     assert len(history.rows) < 2500
     assert np.abs(history.moment.body.place[: place.size] - place).max() < 3e-3 * np.abs(place).max()
+
+
+SHAKES = "0.02*sin(6*t) + 0.02*abs(t - 0.5) - 0.01"
+
+
+def shaken(tilt: float = 0.0) -> Evolution:
+    """A body that is glued along its normal to a foundation which shakes, from a blow at the start on."""
+    mesh = hv.rectangle((1.0, 0.5), (4, 2))
+    c, s = np.cos(tilt), np.sin(tilt)
+    problem = hv.ContactProblem(
+        mesh=replace(mesh, parent=None, points=mesh.points @ np.array([[c, s], [-s, c]])),
+        material=hv.Material.lame(50.0, 40.0, density=1.0, viscosity=(0.1, 0.1)),
+        contact={"bottom": hv.Contact(hv.Bilateral(), gap=Formula(SHAKES))},
+    )
+    return Evolution(problem, inertia=True)
+
+
+@cache
+def shaken_exactly() -> tuple[Array, Array]:
+    """Displacement and velocity (nodes, 2) at the end by DOP853, on what the foundation leaves free."""
+    discrete = discretize_evolution(shaken())
+    assert discrete.mass is not None
+    assert discrete.viscosity is not None
+    K, C, M = (part.inner.toarray() for part in (discrete.stiffness, discrete.viscosity, discrete.mass))
+    B = discrete.problem.contact.trace.toarray()[0::2]
+    one, Z = np.linalg.pinv(B) @ np.ones(len(B)), null_space(B)
+    small = Z.T @ M @ Z
+
+    def way(t: float, sign: float) -> tuple[float, float, float]:
+        sine, cosine = np.sin(6.0 * t), np.cos(6.0 * t)
+        return 0.02 * (sine + abs(t - 0.5)) - 0.01, 0.12 * cosine + 0.02 * sign, -0.72 * sine
+
+    def rate(t: float, y: Array, sign: float) -> Array:
+        g, h, a = way(t, sign)
+        z, w = np.split(y, 2)
+        force = K @ (one * g + Z @ z) + C @ (one * h + Z @ w) + M @ one * a
+        return np.concatenate([w, -np.linalg.solve(small, Z.T @ force)])
+
+    def blow(speed: float) -> Array:
+        return np.concatenate([np.zeros(len(small)), -np.linalg.solve(small, Z.T @ M @ one) * speed])
+
+    y = blow(way(0.0, -1.0)[1])
+    for begin, end, sign in ((0.0, 0.5, -1.0), (0.5, END, 1.0)):
+        y = y + blow(0.04) if begin else y
+        y = solve_ivp(rate, (begin, end), y, args=(sign,), method="DOP853", rtol=1e-9, atol=1e-12).y[:, -1]
+    z, w = np.split(y, 2)
+    g, h, _ = way(END, 1.0)
+    return discrete.full(one * g + Z @ z), discrete.full(one * h + Z @ w)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme, tilt: float) -> None:
+    off = []
+    for count in (200, 400):
+        history = march(shaken(tilt), END, step=END / count, scheme=scheme)
+        moment = history.moment
+        back = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
+        found = [history.discrete.full(part) @ back for part in (moment.body.place, moment.body.velocity)]
+        off.append(
+            [np.abs(one - two).max() / np.abs(two).max() for one, two in zip(found, shaken_exactly(), strict=True)]
+        )
+        assert np.abs(moment.local.velocity[:, 0]).max() < 1e-8
+        assert abs(moment.ledger.gap) < 1e-10 * moment.ledger.stored
+        assert abs(moment.ledger.numerical) < 0.3 * moment.ledger.moved
+    errors = np.array(off)
+    assert (np.log2(errors[0] / errors[1]) > 1.7).all()
+    assert (errors[1] < 0.01).all()
 
 
 def warm() -> Evolution:

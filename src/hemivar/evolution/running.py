@@ -171,7 +171,7 @@ class Run:
         rejected: tuple[Taken, Pace, float | None] | None = None  # solved, but not as exact as was asked for
         unsolved = 0.0  # the shortest step that was tried instead
         begin = self.moment
-        if begin.time in self.ends:
+        if begin.time in self.ends or not begin.index:
             begin = set_out_anew(self.advance, begin, _fitted(self.pace.step, begin.time, goal)[0])
         while True:
             length, reached = _fitted(self.pace.step, self.moment.time, goal)

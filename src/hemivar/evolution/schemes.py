@@ -123,6 +123,11 @@ class Scheme(ABC):
         """Whether a step needs the acceleration of its beginning."""
         return any(rule.rate.acceleration or rule.acceleration.acceleration for rule in self.rules(step))
 
+    @property
+    def impacts(self) -> bool:
+        """Whether contact is a law of impact."""
+        return any(rule.restitution is not None for rule in self.rules(1.0))
+
     def forgets(self, step: float) -> bool:
         """Whether velocities at the end of a step are those of its displacements alone."""
         return not any(

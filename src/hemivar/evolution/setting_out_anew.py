@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance
+from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.initial import accelerated
 from hemivar.evolution.moment import Moment
-from hemivar.evolution.setting_out import speeds_jump
+from hemivar.evolution.setting_out import Kinked, Moving, setting_out, speeds_jump
+from hemivar.linear.krylov import conjugate_gradients
 
 __all__ = ["set_out_anew"]
+
+#: Part of the velocities that is no blow, but rounding.
+_ROUNDED = 1e-9
+#: Part of a blow that conjugate gradients leave, and their steps at most.
+_LEFT, _STEPS = 1e-11, 500
 
 
 def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     """The moment with the rates that supports and gaps have from then on, if the speed of one jumps there.
 
     Schemes that carry velocities on would remember the old ones for ever.  Supports change the velocity of the body at
-    once by the mass that nodes have in common with them, ``M dv = 0`` on all unknowns, which is what a step of implicit
-    Euler tends to.  They do the work ``v'M v / 2`` that this changes.  A foundation that holds the body both ways keeps
-    the rate that the scheme gives it.
+    once by the mass that nodes have in common with them, foundations that hold it both ways by the impulse p that takes
+    it along: ``M dv = B'W p`` on all unknowns, which is what a step of implicit Euler tends to.  What this changes of
+    ``v'M v / 2`` is their work.  At the start the same happens to a body that has another velocity than a foundation
+    which holds it.
 
     Parameters
     ----------
     advance : Advance
     moment : Moment
-        At a kink of what acts, or a stop.
+        At the start, at a kink of what acts, or at a stop.
     step : float
         Length of the next step.
 
@@ -39,31 +48,23 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     discrete = advance.discrete
     if discrete.mass is None or advance.scheme.forgets(step):
         return moment
-    found = speeds_jump(advance, moment.time, step)
+    found = _at_the_start(advance, moment, step) if not moment.index else speeds_jump(advance, moment.time, step)
     if found is None:
         return moment
-    (supports, gaps), (held, open_) = found
+    (supports, gaps), (held, opened) = found
     n, contact = discrete.unknowns, discrete.problem.contact
     acting = advance.acting_on(moment)
     change = np.zeros_like(moment.body.velocity)
     change[n:] = np.where(held, supports.velocity - moment.body.velocity[n:], 0.0)
-    blow = -discrete.mass.times(change)[:n]
-    if discrete.vectors.largest(float(np.abs(blow).max(initial=0.0)))[0]:
-        pushed = discrete.mass.solved(blow)
-        if pushed is None:
-            raise ProblemError(
-                "the mass matrix could not be solved where the speed of a support jumps; check the density"
-            )
-        change[:n] = pushed
+    glued = _glued(advance) & opened
+    want = np.where(glued, gaps.velocity - contact.traced(moment.body.velocity[:n]), 0.0)
+    change[:n] = _struck(advance, -discrete.mass.times(change)[:n], want, glued)
     velocity = moment.body.velocity + change
-    traced = np.asarray(contact.trace @ velocity[:n]).reshape(moment.local.place.shape)
-    ends = acting.law.normal.domain
-    open_[:, 0] &= np.broadcast_to(ends.lower < ends.upper, open_[:, 0].shape)
-    rate = np.where(open_, traced - gaps.velocity, moment.local.velocity)
+    rate = np.where(opened, contact.traced(velocity[:n]) - gaps.velocity, moment.local.velocity)
     after = replace(
         moment,
         body=replace(moment.body, velocity=velocity),
-        local=replace(moment.local, velocity=rate),
+        local=replace(moment.local, velocity=np.where(glued, 0.0, rate)),
         stretching=None,
     )
     after = accelerated(advance, after, acting, (supports, gaps), step)
@@ -71,3 +72,69 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     kinetic = moment.ledger.kinetic + float(discrete.vectors.total(gained)[0])
     moved = moment.ledger.moved + (kinetic - moment.ledger.kinetic)
     return replace(after, ledger=replace(moment.ledger, kinetic=kinetic, moved=moved))
+
+
+def _at_the_start(advance: Advance, moment: Moment, step: float) -> tuple[Moving, Kinked] | None:
+    """What supports and gaps do from the start on, if a foundation holds the body which moves at another rate."""
+    fast = max(float(np.abs(speed).max(initial=0.0)) for speed in (moment.body.velocity, moment.local.velocity))
+    off = float(np.abs(moment.local.velocity[_glued(advance)]).max(initial=0.0))
+    fast, off = advance.discrete.vectors.largest(fast, off).tolist()
+    if off <= _ROUNDED * fast:
+        return None
+    supports, gaps = setting_out(advance, moment.time, step)
+    nothing = np.zeros(supports.place.shape, dtype=bool)  # supports have their rates already
+    return (supports, gaps), (nothing, np.ones(gaps.place.shape, dtype=bool))
+
+
+def _glued(advance: Advance) -> BoolArray:
+    """Which contact components (m, c) have a mass, a foundation that holds them both ways, and no support."""
+    discrete = advance.discrete
+    contact, ends = discrete.problem.contact, discrete.problem.law.normal.domain
+    found = np.zeros(contact.offset.shape, dtype=bool)
+    if discrete.evolution.mass is not Mass.REDISTRIBUTED and not advance.scheme.impacts:
+        found[:, 0] = ends.lower == ends.upper
+    free: BoolArray = np.diff(contact.trace.indptr).reshape(found.shape) > 0
+    return found & free
+
+
+@dataclass(frozen=True, eq=False)
+class _Yielding:
+    """Rates (m c,) that impulses (m c,) make of contact components which are glued, both with the roots of weights."""
+
+    advance: Advance
+    glued: BoolArray
+    roots: Array
+
+    def __matmul__(self, impulse: Array) -> Array:
+        problem = self.advance.discrete.problem
+        pushed = _by_mass(self.advance, problem.contact_force(impulse.reshape(self.glued.shape) / self.roots))
+        return np.asarray((np.where(self.glued, problem.contact.traced(pushed), 0.0) * self.roots).ravel())
+
+
+def _struck(advance: Advance, blow: Array, want: Array, glued: BoolArray) -> Array:
+    """What an impulse on the unknowns (n,) changes of their velocity, where glued contact components (m, c) change
+    theirs as they want."""
+    discrete = advance.discrete
+    problem, vectors = discrete.problem, discrete.vectors
+    found = np.zeros_like(blow)
+    hit, holds = vectors.largest(float(np.abs(blow).max(initial=0.0)), float(glued.any())).tolist()
+    if hit:
+        found = _by_mass(advance, blow)
+    if not holds:
+        return found
+    roots = np.sqrt(problem.contact.weights)[:, None]
+    missing = (np.where(glued, want - problem.contact.traced(found), 0.0) * roots).ravel()
+    least = _LEFT * float(vectors.norms(missing)[0])
+    yielding = _Yielding(advance, glued, roots)
+    pushes = conjugate_gradients(yielding, np.ones_like(missing), missing, np.copy, least, _STEPS, vectors=vectors)
+    return found + _by_mass(advance, problem.contact_force(pushes.solution.reshape(glued.shape) / roots))
+
+
+def _by_mass(advance: Advance, right: Array) -> Array:
+    """``M^-1`` of impulses (n,)."""
+    mass = advance.discrete.mass
+    assert mass is not None
+    found = mass.solved(right)
+    if found is None:
+        raise ProblemError("the mass matrix could not be solved where the speed of a support jumps; check the density")
+    return found
