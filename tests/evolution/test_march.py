@@ -62,6 +62,16 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
         march(beam(), 0.6, checkpoint=kept, resume=True, **options)
 
 
+def test_a_checkpoint_beyond_the_end_is_told(tmp_path: Path) -> None:
+    """What it holds is returned, with a word of it, which later marches do not repeat."""
+    kept = tmp_path / "run.ckpt"
+    march(beam(), 0.2, step=0.05, checkpoint=kept)
+    early = march(beam(), 0.1, step=0.05, checkpoint=kept, resume=True)
+    assert early.times[-1] == 0.2
+    assert "the checkpoint is at t = 0.2, beyond the end at 0.1" in early.messages[-1]
+    assert march(beam(), 0.3, step=0.05, checkpoint=kept, resume=True).messages == ()
+
+
 def test_a_rejected_step_leaves_no_trace() -> None:
     discrete = discretize_evolution(beam())
     advance = Advance(discrete, hv.GeneralizedAlpha(0.8), None, Controls())
