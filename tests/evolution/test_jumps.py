@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution import Evolution, History, March, march, marching
+from hemivar.evolution import Evolution, History, March, descent, march, marching
 from hemivar.formula import Formula
+from hemivar.solvers import solve
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2.
 KAPPA, STIFF, DELTA, FALL = 1.0, 2.0, 0.1, 2.0
@@ -111,6 +113,49 @@ def test_along_the_path_jumps_do_not_depend_on_the_step(jump: str) -> None:
     assert history.ledger["jumps"] == pytest.approx(LOSS, rel=1e-5)
     assert abs(history.ledger["gap"]) < 1e-12
     assert any(f"t = {UP:.8g}" in message for message in history.messages)
+
+
+def bump(r: Array) -> Array:
+    """j' of springs that give way smoothly."""
+    return np.where(r > 0.0, 3.0 * r * np.exp(-0.5 * (r / DELTA) ** 2), 0.0)
+
+
+@pytest.mark.parametrize("law", ["function", "table"])
+def test_smooth_laws_jump_where_they_must_without_crawling(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Folds by ``kappa + j'' = 0``; beside a fold of a smooth law the energy falls by next to nothing at first."""
+    count = 0
+
+    def counted(*given: object, **more: object) -> object:
+        nonlocal count
+        count += 1
+        return solve(*given, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(descent, "solve", counted)
+    at = np.concatenate([[-1.0], np.linspace(0.0, 0.5, 401)])
+    stated = (
+        hv.FunctionLaw(derivative=bump, kinks=(0.0,), reach=1.0) if law == "function" else hv.table_law(at, bump(at))
+    )
+    history, _ = cycle("arc-length", 0.05, law=stated, until=0.75)
+
+    def out(r: float, r0: float) -> float:
+        return KAPPA * (r - r0) + float(bump(np.array(r)))
+
+    def energy(r: float, r0: float) -> float:
+        return 0.5 * KAPPA * (r - r0) ** 2 - 3.0 * DELTA**2 * np.exp(-0.5 * (r / DELTA) ** 2)
+
+    lost, pushed = [], []
+    for low, high, ends in ((0.1, 0.17, (0.2, 0.4)), (0.18, 0.4, (0.0, 0.1))):
+        fold = brentq(lambda x: KAPPA + 3.0 * np.exp(-0.5 * (x / DELTA) ** 2) * (1.0 - (x / DELTA) ** 2), low, high)
+        pushed.append(fold + float(bump(np.array(fold))) / KAPPA)
+        lost.append(energy(fold, pushed[-1]) - energy(brentq(out, *ends, args=(pushed[-1],)), pushed[-1]))
+    assert history.finished, history.messages
+    found = np.diff(history["jumps"])
+    near = 1e-6 if law == "function" else 5e-3  # of the table's chords
+    assert found[found > 0.0] == pytest.approx(lost, rel=near)
+    told = history.messages[0].split("t = ")[1].split(":")[0]
+    assert float(told) == pytest.approx(pushed[0], abs=1e-5)
+    assert abs(history.ledger["gap"]) < 1e-12
+    assert count < 300
 
 
 def test_a_jump_by_inertia_keeps_its_own_time() -> None:

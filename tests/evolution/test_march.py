@@ -62,6 +62,16 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
         march(beam(), 0.6, checkpoint=kept, resume=True, **options)
 
 
+def test_a_checkpoint_beyond_the_end_is_told(tmp_path: Path) -> None:
+    """What it holds is returned, with a word of it, which later marches do not repeat."""
+    kept = tmp_path / "run.ckpt"
+    march(beam(), 0.2, step=0.05, checkpoint=kept)
+    early = march(beam(), 0.1, step=0.05, checkpoint=kept, resume=True)
+    assert early.times[-1] == 0.2
+    assert "the checkpoint is at t = 0.2, beyond the end at 0.1" in early.messages[-1]
+    assert march(beam(), 0.3, step=0.05, checkpoint=kept, resume=True).messages == ()
+
+
 def test_a_rejected_step_leaves_no_trace() -> None:
     discrete = discretize_evolution(beam())
     advance = Advance(discrete, hv.GeneralizedAlpha(0.8), None, Controls())
@@ -351,3 +361,40 @@ def test_a_checkpoint_knows_all_numbers_of_an_array_and_all_kinks(tmp_path: Path
         kinked("min(t, 1)", step=0.5, checkpoint=kept, resume=True, stops=(0.75,))
     with pytest.raises(FileError, match="another evolution"):
         kinked("min(t, 1.2)", step=0.5, checkpoint=kept, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("contact", "words"),
+    [
+        ({"normal": hv.Softening(Formula("20 - 50*t"), 0.1, 1.0)}, "contact 'bottom' at t = 0.4: stiffness of law"),
+        ({"friction": hv.Tresca(Formula("0.1 - 0.3*t"))}, "contact 'bottom' at t = 0.4: bound of friction law"),
+        (
+            {"damping": hv.Compliance(Formula("1 - 3*t"))},
+            "damping of contact 'bottom' at t = 0.4: stiffness of law 'compliance' is -0.2 at x =",
+        ),
+    ],
+    ids=["normal", "friction", "damping"],
+)
+def test_parameters_that_vanish_are_named_with_their_boundary_and_time(contact: dict[str, Any], words: str) -> None:
+    history = march(beam(inertia=False, **contact), 0.5, step=0.1)
+    assert history.ended == "refused"
+    assert history.moment.time == pytest.approx(0.3)
+    assert history.messages[-1].startswith(words)
+
+
+def test_scalar_laws_that_vanish_are_named_with_their_area() -> None:
+    problem = hv.ScalarProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        coefficient=1.0,
+        area=hv.ScalarContact(hv.Compliance(Formula("1 - 2*t"))),
+        supports={"left": 0.0},
+    )
+    with pytest.raises(ProblemError, match=r"contact 'area' at t = 1: stiffness of law 'compliance' is -1"):
+        hv.discretize(problem.at_time(1.0))
+
+
+def test_steps_that_are_looked_for_need_no_law_beyond_the_end() -> None:
+    """``largest_step`` looks at longer steps, at whose end the springs would pull."""
+    history = march(beam(inertia=False, normal=hv.Softening(Formula("20 - 50*t"), 0.1, 1.0)), 0.3, step=0.1)
+    assert history.finished, history.messages
+    assert (history["largest_step"][1:] < 0.4 - history.times[:-1] + 0.01).all()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import hemivar as hv
@@ -186,6 +187,15 @@ def test_a_body_in_space_shows_the_face_that_touches() -> None:
     plain = SolidPicture(film, [0], 1.0, ("", ""), FilmColour.NONE)
     assert plain.surface.get_array() is None
     assert len(plain.fig.axes) == 1
+
+
+def test_the_title_above_a_long_body_in_space_is_whole() -> None:
+    """Of a film that is 3 inches high, as those of long bodies are."""
+    picture = SolidPicture(flying(3), [0, 1, 2, 3], 1.0, ("", ""), FilmColour.DISPLACEMENT)
+    title = picture.ax.set_title("a bar against a wall")
+    FigureCanvasAgg(picture.fig).draw()
+    assert picture.fig.get_figheight() == 3.0
+    assert title.get_window_extent().y1 < picture.fig.bbox.y1
 
 
 def test_what_is_worn_is_taken_off_the_foundation(tmp_path: Path) -> None:

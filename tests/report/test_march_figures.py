@@ -58,6 +58,26 @@ def test_the_ledger_stacks_to_what_was_put_in(history: History) -> None:
     assert top == pytest.approx(np.asarray(put_in), rel=1e-3, abs=1e-4 * float(np.max(put_in)))
 
 
+def test_the_ledger_of_a_warm_body_closes() -> None:
+    """Work of thermal stress is put in, too: what is left of the balance is that of the table."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4)),
+        supports={"left": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Compliance(20.0))},
+    )
+    heat = hv.Heat(1.0, 1.0, expansion=0.01, source=1.0, supports={"left": 0.0})
+    warm = march(Evolution(problem, heat=heat), 1.0, step=0.25)
+    table = history_columns(warm)
+    upper, lower = plot_march(table).axes
+    put_in = next(line for line in upper.lines if line.get_label() == "put in").get_ydata()
+    assert table["thermal"][-1] > 1e-5
+    assert np.asarray(put_in) == pytest.approx(table["thermal"], rel=1e-12)
+    assert np.asarray(lower.lines[0].get_ydata()).max() < 1e-9
+    labelled = plot_march(table, "columns", columns=("thermal",), units=Units(energy="mJ"))
+    assert labelled.axes[0].get_ylabel() == "thermal (mJ)"
+
+
 def test_what_was_stored_at_first_was_put_in(history: History) -> None:
     """And the balance below holds whatever the body began with."""
     table = {name: np.array(values) for name, values in history_columns(history).items()}

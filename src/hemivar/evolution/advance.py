@@ -88,6 +88,8 @@ class Taken:
         Jumps on the way, where the path of equilibria was followed.
     heat : Taken or None
         The step of heat that belongs to it.
+    advice : str
+        Where the status says too little: what happened, and what to try.
     """
 
     before: Moment
@@ -97,6 +99,12 @@ class Taken:
     stages: tuple[Stage, ...]
     leaps: tuple[Leap, ...] = ()
     heat: Taken | None = None
+    advice: str = ""
+
+    @property
+    def remedy(self) -> str:
+        """What happened in words, and what to try."""
+        return self.advice or self.status.remedy
 
     @property
     def status(self) -> Status:

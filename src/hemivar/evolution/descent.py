@@ -28,6 +28,10 @@ _LARGEST = 1500
 _ROUNDING = 1e-13
 #: Tolerance of the steps of a jump as a part of that of the whole.
 TIGHT = 1e-3
+#: Part of penetrations and slips by which a step of a jump that crawls goes on at most.
+_ONWARD = 0.01
+#: Part of the largest motion below which a point at a kink of its law rests there.
+_RESTS = 1e-9
 
 
 def resistance_against(excess: float) -> float:
@@ -106,7 +110,7 @@ def downhill(
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
     for _ in range(CREEPS):
-        before, here = problem.local(u), load + resistance * np.asarray(K @ u)
+        start, before, here = u, problem.local(u), load + resistance * np.asarray(K @ u)
         solution = solve(slow.with_(load=here), solver, tight, initial=u, workspace=workspace)
         u = solution.unknowns
         off = residual(problem, u, solution.multiplier)
@@ -123,6 +127,7 @@ def downhill(
                 if there is not None:
                     return there
             last = segment
+            u = _onward(problem, u, u - start)
             continue
         if problem.law.state_dependent:
             continue
@@ -134,4 +139,36 @@ def downhill(
             there = solve(problem, solver, controls, initial=u, workspace=workspace)
             if np.array_equal(problem.law.clamp(after, there.local), there.local):
                 return there
+        u = _onward(problem, u, u - start)
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
+
+
+def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
+    """Further along the last step, where steps crawl, as they do beside the end of a path of equilibria (n,).
+
+    As far as the energy goes on to fall, on the same pieces of all laws, so that no barrier is crossed.
+    """
+    if problem.law.state_dependent:
+        return u
+    r, K = problem.local(u), problem.linear.stiffness
+    slip = r - problem.local(u - way)
+    size = float(np.abs(slip).max(initial=0.0))
+    held = ~problem.law.linearise(r).smooth
+    held = np.column_stack([held[:, :1], np.repeat(held[:, 1:], slip.shape[1] - 1, axis=1)])
+    if not size > 0.0 or (np.abs(slip[held]) > _RESTS * size).any():
+        return u
+    slip = np.where(held, 0.0, slip)
+    pull, bend = float(way @ (K @ u - problem.linear.load)), float(way @ (K @ way))
+    weights = problem.contact.weights[:, None]
+
+    def falls(times: float) -> bool:
+        there = r + times * slip
+        if not np.array_equal(problem.law.clamp(r, there), there):
+            return False
+        pushed = weights * problem.law.linearise(there).gradient
+        return pull + times * bend + float((pushed * slip).sum()) < 0.0
+
+    most, times = _ONWARD * float(np.abs(r).max()) / size, 0.0
+    while max(2.0 * times, 1.0) <= most and falls(max(2.0 * times, 1.0)):
+        times = max(2.0 * times, 1.0)
+    return u + times * way

@@ -126,7 +126,11 @@ class Margins:
         """Whether a step of this length has a positive margin: whether the body condensed onto its contact points,
         less what the laws may soften, is positive definite."""
         contact = self.advance.discrete.problem.contact
-        for factors, law in self.advance.tried(before, step):
+        try:
+            tried = self.advance.tried(before, step)
+        except ProblemError:  # what depends on time makes no sense any more at the end of so long a step
+            return False
+        for factors, law in tried:
             matrix = self._condensed(factors)
             alphas = law.weak_convexity
             if matrix is None or not all(np.isfinite(alpha).all() for alpha in alphas):

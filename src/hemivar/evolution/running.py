@@ -139,6 +139,7 @@ class Run:
         self.moment: Moment
         self.levels: dict[int, float] = {}
         self.told = False
+        self.beyond: tuple[str, ...] = ()
 
     def begin(self) -> None:
         """The initial state, or that of the checkpoint."""
@@ -159,6 +160,11 @@ class Run:
             self.frames = Frames(self.plan.save, self.start, state.frames, state.frame_place)
             self.rows, self.events, self.messages = list(state.rows), list(state.events), list(state.messages)
             self.bound.square, self.bound.straight = state.bound, state.straight
+            if self.moment.time > self.plan.until:
+                self.beyond = (
+                    f"the checkpoint is at t = {self.moment.time:.10g}, beyond the end at {self.plan.until:.10g}: what "
+                    "it holds is returned; without resume the march ends in time",
+                )
         self.levels = self._levels(self.moment, self.rows[-1].margin)
 
     def step(self) -> tuple[Taken | None, tuple[str, ...], bool]:
@@ -186,7 +192,7 @@ class Run:
                     continue
                 if outside or rejected is None:
                     if taken.status is not Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
-                        remedy = taken.status.remedy
+                        remedy = taken.remedy
                         if length < _SHORT * self.pace.step:
                             remedy = (
                                 f"a step of {length:.3g} among others of {self.pace.step:.3g} asks for forces that "
@@ -306,7 +312,7 @@ class Run:
             self.moment,
             ended,
             tuple(self.events),
-            tuple(self.messages),
+            (*self.messages, *self.beyond),
             self.bound.now,
             unkept,
         )

@@ -16,6 +16,7 @@ from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential
 from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
+from hemivar.mechanics.instants import told_of
 
 __all__ = ["BlockLaw", "Foundations", "StepLaw", "seen_place", "stage_law"]
 
@@ -121,7 +122,8 @@ class Foundations:
             memory = _memory(self._discrete, name, index)
             base = stated.take(index)
             given = base if memory.of_slip else in_increments(base, rate)
-            damper = None if damping is None else damping.at(_places(self._discrete, index))
+            with told_of(f"damping of contact '{name}'", damping):
+                damper = None if damping is None else damping.at(_places(self._discrete, index))
             found = self._known[name] = _Foundation(stated, damping, rate, memory, damper, base, given)
         return found
 

@@ -26,6 +26,11 @@ __all__ = ["ThermalAdvance", "advance_of"]
 _ROUNDS = 200
 #: Part of the change of a round that the next one leaves at most where more than rounding changes.
 _FALLS = 0.5
+#: What to do where rounds do not meet.
+_UNMET = (
+    f"motion and heat do not meet in {_ROUNDS} rounds; take shorter steps or a larger rtol of Heat; a conductance that "
+    "jumps where contact opens (closed > 0) may leave no solution: let it grow with the pressure or the penetration"
+)
 
 
 def advance_of(
@@ -148,7 +153,7 @@ class ThermalAdvance(Advance):
                 return self._accepted(before, taken, flowed, step, rounds, ratio)
             last, guess = size, mixing.after(guess, change)
         worst = replace(taken.solutions[-1], status=Status.NOT_CONTRACTING)
-        return replace(taken, solutions=(*taken.solutions[:-1], worst))
+        return replace(taken, solutions=(*taken.solutions[:-1], worst), advice=_UNMET)
 
     def _flowed(self, before: Moment, taken: Taken | None, step: float, reached: float) -> Taken:
         """The step of heat, with what a step of the body gives it."""

@@ -13,6 +13,7 @@ from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.supports import DEPENDENT, SHARP, Supports, in_words, movable, sum_by, unit
 from hemivar.laws import ContactLaw, NoContact
 from hemivar.mechanics.conditions import LARGEST, evaluate_scalar
+from hemivar.mechanics.instants import told_of
 from hemivar.mechanics.obstacles import obstacle_contact
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 
@@ -92,7 +93,9 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         normal, gap = obstacle_contact(contact.obstacle, contact.normals, points, normal, f"contact '{name}'")
         meets = np.isfinite(gap)
         if not meets.all():
-            _check_never_touching(contact.law, name, points[~meets])
+            with told_of(f"contact '{name}'", contact.normal, contact.friction):
+                law = contact.law.at(points[~meets])
+            _check_never_touching(law, name, points[~meets])
             average, normal, points = sp.csr_array(average[meets]), normal[meets], points[meets]
             weights, gap, nodes, facet = weights[meets], gap[meets], nodes[meets], facet[meets]
     frames = _frames(normal)
@@ -106,7 +109,8 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
     found = ContactPoints(
         local_components(average, frames), weights, offset, points, frames, nodes, facet, boundary, names
     )
-    return BoundaryContact(found, contact.law.at(points), blocked)
+    with told_of(f"contact '{name}'", contact.normal, contact.friction):
+        return BoundaryContact(found, contact.law.at(points), blocked)
 
 
 def shares(order: int, dim: int) -> Array:
@@ -116,7 +120,7 @@ def shares(order: int, dim: int) -> Array:
 
 def _check_never_touching(law: ContactLaw, name: str, points: Array) -> None:
     """Refuse laws without opening where the body's normal misses the obstacle."""
-    held = np.broadcast_to(np.isfinite(law.at(points).normal.domain.lower), len(points))
+    held = np.broadcast_to(np.isfinite(law.normal.domain.lower), len(points))
     if held.any():
         place = in_words(points[int(np.flatnonzero(held)[0])])
         raise ProblemError(

@@ -22,6 +22,7 @@ from hemivar.fem.supports import in_words
 from hemivar.fem.unknowns import pattern_of_nodes, spread
 from hemivar.laws import ContactLaw, Friction, NoContact
 from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar
+from hemivar.mechanics.instants import told_of
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Shares, Side
 from hemivar.mesh.keys import EDGES
 
@@ -339,10 +340,9 @@ def contact_of(
         if not (np.abs(level) < LARGEST).all():
             raise ProblemError(f"{where}: {level[np.argmax(np.abs(level))]:g} is beyond the range of numbers")
         sign = 1.0 if contact.side is Side.ABOVE else -1.0
-        if isinstance(contact.law, Friction):
-            law = ContactLaw(NoContact(), contact.law).at(at)
-        else:
-            law = ContactLaw(contact.law).at(at)
+        stated = contact.law
+        with told_of(f"contact '{place.name}'", stated):
+            law = (ContactLaw(NoContact(), stated) if isinstance(stated, Friction) else ContactLaw(stated)).at(at)
         free = moving[place.nodes]
         energy += _held_energy(place, law, sign, level, prescribed, at, ~free)
         index = np.flatnonzero(free)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TypeVar, cast
 
@@ -19,7 +20,15 @@ from hemivar.laws import CoulombBound, Friction, Superpotential
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.named import ParameterLaw
 
-__all__ = ["Instant", "at_time", "depends_on_time", "law_at_time", "law_depends_on_time", "refuse_time"]
+__all__ = [
+    "Instant",
+    "at_time",
+    "depends_on_time",
+    "law_at_time",
+    "law_depends_on_time",
+    "refuse_time",
+    "told_of",
+]
 
 Quantity = TypeVar("Quantity")
 
@@ -107,3 +116,28 @@ def law_at_time(law: Quantity, t: float) -> Quantity:
         elif parameter and depends_on_time(value):
             changed[name] = at_time(value, t)
     return replace(law, **changed) if changed else law  # type: ignore[type-var]
+
+
+def _instants(law: object) -> Iterator[Instant]:
+    """Parameters of a law, and of what it is made of, that are those of one time."""
+    for _, value, _ in _parts(law):
+        if isinstance(value, Instant):
+            yield value
+        elif isinstance(value, Superpotential | StateBound):
+            yield from _instants(value)
+
+
+@contextmanager
+def told_of(where: str, *laws: object) -> Iterator[None]:
+    """Where laws are evaluated at contact points: a complaint says where and, if they change, at what time.
+
+    Raises
+    ------
+    ProblemError
+    """
+    try:
+        yield
+    except ProblemError as error:
+        time = next((one.time for law in laws for one in _instants(law)), None)
+        when = "" if time is None else f" at t = {time:.10g}"
+        raise type(error)(f"{where}{when}: {error}") from error

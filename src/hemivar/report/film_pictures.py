@@ -305,7 +305,8 @@ class SolidPicture(FilmPicture):
         slender = float(extent[2] / extent[:2].max())
         tall = 3.0 if slender < 0.4 else 5.0
         self.fig = Figure(figsize=(6.3, tall))
-        self.ax = self.fig.add_axes((0.02, 0.06, 0.8, 0.88), projection="3d", computed_zorder=False)
+        room = 0.94 - 0.3 / tall  # below a title
+        self.ax = self.fig.add_axes((0.02, 0.06, 0.8, room), projection="3d", computed_zorder=False)
         self.surface = Poly3DCollection(
             list(film.points[self.facets]), linewidths=0.15, edgecolors="#00000060", zorder=2, cmap="cividis"
         )

@@ -38,6 +38,8 @@ _LOST = (
     ("numerical", "numerical", "#bdbdbd"),
     ("jumps", "jumps", "#4d4d4d"),
 )
+#: What was put in; work of thermal stress where there is heat.
+_GIVEN = ("work", "moved", "thermal")
 _COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 #: Below this part of the largest energy an entry of the ledger is left out of the figure.
@@ -138,7 +140,7 @@ def _ledger(table: Mapping[str, Array], columns: Sequence[str], units: Units) ->
         raise ProblemError(f"the table holds no ledger (column '{(*missing, 'work')[0]}' is missing)")
     time = table["time"]
     stored = sum((table[name] for name, _, _ in _STORED), np.zeros(len(time)))
-    given = stored[0] + table["work"] + table["moved"]
+    given = stored[0] + sum((table[name] for name in _GIVEN if name in table), np.zeros(len(time)))
     largest = max(float(np.abs(table[name]).max()) for name, _, _ in (*_STORED, *_LOST))
     largest = max(largest, float(np.abs(given).max()))
     seen = [e for e in (*_STORED, *_LOST) if float(np.abs(table[e[0]]).max()) > _SEEN * largest]
@@ -320,7 +322,7 @@ def _told(name: str, units: Units) -> str:
     unit = {"penetration": units.length, "step": units.time, "largest_step": units.time, "time": units.time}
     if quantity.endswith("_force"):
         unit[quantity] = units.force
-    if quantity in {known for known, _, _ in (*_STORED, *_LOST)} | {"work", "moved", "gap"}:
+    if quantity in {known for known, _, _ in (*_STORED, *_LOST)} | {*_GIVEN, "gap"}:
         unit[quantity] = units.energy
     return with_unit(quantity.replace("_", " ") + at, unit.get(quantity, ""))
 
