@@ -252,3 +252,17 @@ def test_adaptive_steps_go_through_jumps_and_go_on_bit_for_bit(
     assert whole.times[whole["jumped"] > 0] == pytest.approx([up, 0.8 - down], abs=1e-6)
     for name in whole.columns:
         np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
+
+
+def test_viscosity_that_slows_the_body_down_is_told() -> None:
+    """A body on a law that falls 50 times as fast as it is stiff is some 54 steps late."""
+    steep = hv.PiecewiseQuadratic([0.0, DELTA, DELTA * 1.04], [0.0, STIFF, -50.0, 0.0], np.zeros(3))
+    late, pushed = cycle("viscous", 0.002, law=steep, until=0.4)
+    slow, r = 1.1 * (50.0 / KAPPA - 1.0) + 0.05, 0.0
+    for r0 in pushed[1:41]:
+        r = KAPPA * (slow * r + r0) / (slow * KAPPA + KAPPA + STIFF)
+    assert late["penetration"][40] == pytest.approx(r, rel=1e-6)
+    assert r < 0.61 * KAPPA * pushed[40] / (KAPPA + STIFF)
+    assert sum("lags behind what acts on it by up to 0.108, " in message for message in late.messages) == 1
+    soon, _ = cycle("viscous", 0.002, until=0.4)
+    assert not any("lags" in message for message in soon.messages)

@@ -12,6 +12,7 @@ from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.descent import resistance_against
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.happenings import OnEvent
@@ -49,6 +50,9 @@ _SHORT = 1e-4
 _LONGEST = 1e100
 #: What a message begins with where steps are less exact than was asked for.
 _MISSED = "the tolerance of steps was missed"
+#: And where viscosity that was put in slows the body down, by more than a few steps and this part of the whole time.
+_LAGS = "the body lags behind"
+_FEW, _LATE = 5.0, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,6 +259,8 @@ class Run:
                     f"the scheme {self.plan.scheme.name} ends a step as far beyond the equilibrium that it finds as it "
                     "was before it: displacements ring after a jump; take implicit-euler or sdirk2"
                 )
+        if self.plan.jump is Jump.VISCOUS and not self.advance.resists:
+            self._tell_of_lag(taken)
         self.bound.add(taken)
         self.moment = taken.moment
         self.rows.append(self._row(taken, margin, jumped))
@@ -266,6 +272,20 @@ class Run:
         frame = self.frames.offer(self.discrete, self.moment, last=last or bool(happened))
         done = (self.moment.time - self.start) / (self.plan.until - self.start)
         return Stepped(self.rows[-1], frame, self.moment, done, happened, earlier)
+
+    def _tell_of_lag(self, taken: Taken) -> None:
+        """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
+        excess = max(self.advance.excess(stage.problem) for stage in taken.stages)
+        if excess < 0.0 or any(message.startswith(_LAGS) for message in self.messages):
+            return
+        steps = resistance_against(excess)
+        lag = steps * taken.step
+        if steps > _FEW and lag > _LATE * (self.plan.until - self.start):
+            self.tell(
+                f"{_LAGS} what acts on it by up to {lag:.3g}, {steps:.3g} steps, from t = {taken.before.time:g} on: so "
+                "much viscosity leaves one solution, and what it takes is booked under 'jumps'; take shorter steps, or "
+                "jump = 'arc-length'"
+            )
 
     def _booked(self, taken: Taken) -> Taken:
         """A step in which the body jumped: what it lost, beside what a law that changed took from what was stored."""
