@@ -17,8 +17,8 @@ class Anderson:
     """Where to evaluate a map next, for a fixed point of it (Anderson, 10.1145/321296.321305).
 
     Of all combinations of the places so far the one whose change by the map would be the least, were the map affine,
-    goes on by its change.  For affine maps this does as well as GMRES (Walker and Ni, 10.1137/10078356X): how many places
-    are needed is told by how many directions do not contract, and not by how strongly they do not.
+    goes on by its change.  For affine maps this does as well as GMRES (Walker and Ni, 10.1137/10078356X): how many
+    places are needed is told by how many directions do not contract, and not by how strongly they do not.
     """
 
     def __init__(self) -> None:
