@@ -37,3 +37,16 @@ def test_contact_makes_a_map_that_is_only_piecewise_affine() -> None:
         x, y = place
         place = mixing.after(place, np.array([3.0 - 4.0 * max(x, 0.0), -2.0 * y - 1.0 + x]) - place)
     assert place == pytest.approx([0.6, -2.0 / 15.0], abs=1e-9)
+
+
+def test_kinks_do_not_lead_it_in_circles() -> None:
+    """A cooled rod whose points push back as the square of how far they are pressed: 1 - 1000 G max(x - gap, 0)^2."""
+    k = np.arange(1.0, 9.0)
+    green = np.minimum.outer(k, k) / 9.0 - np.outer(k, k) / 81.0
+    mixing, place = Anderson(), np.zeros(8)
+    for _ in range(200):
+        change = 1.0 - 1000.0 * green @ np.maximum(place - 0.1 * np.cos(k), 0.0) ** 2 - place
+        if np.abs(change).max() < 1e-9:
+            break
+        place = mixing.after(place, change)
+    assert np.abs(change).max() < 1e-9

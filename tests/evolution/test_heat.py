@@ -323,17 +323,28 @@ def test_a_conductance_that_is_a_function_conducts_at_held_nodes() -> None:
     assert other == pytest.approx(one, rel=1e-8)
 
 
-def test_why_rounds_do_not_meet_is_told() -> None:
-    """What touches cools, shrinks and opens; what is open warms, grows and touches: no temperature fits."""
+def chattering(conductance: object) -> Evolution:
+    """What touches cools, shrinks and opens; what is open warms, grows and touches."""
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 1),
         material=hv.Material.lame(0.0, 50.0),
         contact={"bottom": hv.Contact(hv.Compliance(1e4), gap=0.002)},
         supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
     )
-    foot = HeatContact(HeatContact.touching(1e3), temperature=-2.0)
-    heat = Heat(1.0, 1.0, expansion=0.01, supports={"top": 1.0}, contact={"bottom": foot})
-    history = march(Evolution(problem, heat=heat), 1.0, step=0.5)
+    foot = HeatContact(conductance, temperature=-2.0)  # type: ignore[arg-type]
+    return Evolution(problem, heat=Heat(1.0, 1.0, expansion=0.01, supports={"top": 1.0}, contact={"bottom": foot}))
+
+
+def test_why_rounds_do_not_meet_is_told() -> None:
+    """Where the conductance jumps no temperature fits."""
+    history = march(chattering(HeatContact.touching(1e3)), 1.0, step=0.5)
     assert history.ended == "not_contracting"
     assert "motion and heat do not meet in 200 rounds; take shorter steps" in history.messages[-1]
     assert "closed > 0" in history.messages[-1]
+
+
+def test_a_conductance_that_rises_steeply_asks_for_no_shorter_steps() -> None:
+    history = march(chattering(HeatContact.touching(0.0, 1e3)), 2.0, step=0.5)
+    assert history.finished
+    assert history["step"][1:] == pytest.approx(0.5)
+    assert abs(history["heat.gap"]).max() < 1e-9

@@ -62,6 +62,19 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
         march(beam(), 0.6, checkpoint=kept, resume=True, **options)
 
 
+def test_residuals_of_a_body_at_rest_are_held_against_what_acts() -> None:
+    """It creeps to rest under its weight: nothing is left of the load then, and all is in balance."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 0.5), (6, 3)),
+        material=hv.Material.lame(100.0, 100.0, viscosity=(1.0, 1.0)),
+        supports={"top": hv.Clamped()},
+        body_force=(0.0, -1.0),
+        contact={"bottom": hv.Contact(hv.Compliance(1e4), gap=1e-3)},
+    )
+    history = march(Evolution(problem), 2.0, step=0.05)
+    assert history["residual"].max() <= 1e-9
+
+
 def test_a_checkpoint_beyond_the_end_is_told(tmp_path: Path) -> None:
     """What it holds is returned, with a word of it, which later marches do not repeat."""
     kept = tmp_path / "run.ckpt"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import scipy.linalg as la
 
@@ -11,6 +13,12 @@ __all__ = ["Anderson"]
 
 #: Combinations of changes that are smaller parts of the largest one are rounding.
 _ROUNDED = 1e-12
+#: Evaluations without a smaller change than before after which kinks of the map are taken to mislead what is mixed.
+_PATIENCE = 40
+#: Evaluations near the place with the least change, until all is mixed anew from the best of them.
+_WALK = 10
+#: Part of the change that is gone by there at first, and what it is changed by where that was too far, or well.
+_PART, _SHORTER, _LONGER = 0.25, 0.25, 2.0
 
 
 class Anderson:
@@ -24,9 +32,35 @@ class Anderson:
     def __init__(self) -> None:
         self._places: list[Array] = []
         self._changes: list[Array] = []
+        self._least, self._best = math.inf, (np.zeros(0), np.zeros(0))
+        self._idle = self._walk = 0
+        self._part = _PART
 
     def after(self, place: Array, change: Array) -> Array:
         """The next place (n,), after one (n,) that the map changes by ``change`` (n,)."""
+        size = float(np.linalg.norm(change))
+        if size < self._least:
+            self._least, self._best, self._idle = size, (place, change), 0
+            self._part = min(1.0, _LONGER * self._part)
+        else:
+            self._idle += 1
+            self._part *= _SHORTER
+        if self._walk:
+            self._walk -= 1
+            if not self._walk:
+                place, change = self._best
+                self._idle = 0
+        elif self._idle >= _PATIENCE:
+            self._walk, self._part = _WALK, _PART
+            self._places.clear()
+            self._changes.clear()
+        if self._walk:
+            best, way = self._best
+            return best + self._part * way
+        return self._mixed(place, change)
+
+    def _mixed(self, place: Array, change: Array) -> Array:
+        """The place that all places so far tell."""
         self._places.append(place)
         self._changes.append(change)
         del self._places[: -place.size - 1], self._changes[: -place.size - 1]  # more say nothing new

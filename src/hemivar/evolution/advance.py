@@ -88,6 +88,9 @@ class Taken:
         Jumps on the way, where the path of equilibria was followed.
     heat : Taken or None
         The step of heat that belongs to it.
+    acting : tuple of float
+        Size of load and contact forces of the stages, which residuals are held against where more than what is left
+        of the load: a body that has come to rest is in balance.
     advice : str
         Where the status says too little: what happened, and what to try.
     """
@@ -99,6 +102,7 @@ class Taken:
     stages: tuple[Stage, ...]
     leaps: tuple[Leap, ...] = ()
     heat: Taken | None = None
+    acting: tuple[float, ...] = ()
     advice: str = ""
 
     @property
@@ -114,8 +118,14 @@ class Taken:
     @property
     def residual(self) -> float:
         """Largest relative residual of the stages, and of heat."""
-        own = max(solution.residual.relative for solution in self.solutions)
+        own = max(map(_against, self.solutions, self.acting))
         return own if self.heat is None else max(own, self.heat.residual)
+
+
+def _against(solution: Solution, acting: float) -> float:
+    """The residual of a stage relative to what acts."""
+    found = solution.residual
+    return found.relative * found.scale / acting if acting > found.scale else found.relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +244,9 @@ class Advance:
                 )
         moment = self._end(before, solved, step, reached, start, end)
         leaps = tuple(leap for s in solved for leap in s.leaps)
-        return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
+        solutions, stages = tuple(s.solution for s in solved), tuple(s.stage for s in solved)
+        sizes = tuple(self._size_of(stage) for stage in stages)
+        return Taken(before, moment, step, solutions, stages, leaps, acting=sizes)
 
     def _along(self, before: Moment, rate: Array) -> Moment:
         """A moment at which gaps begin to change at the rate (m, c) that they have in the whole step."""
@@ -516,13 +528,15 @@ class Advance:
 
     def _controls(self, stage: Stage) -> Controls:
         """Tolerances: a load that is left where all balances already is no measure."""
+        return self.controls.within(self.controls.rtol * self._size_of(stage))
+
+    def _size_of(self, stage: Stage) -> float:
+        """Size of load and contact forces of a stage."""
         contact, n, lam = self.discrete.problem.contact, stage.problem.unknowns, stage.before.multiplier
         if self.discrete.vectors.alone:
             load = self.products.norm(stage.load) if stage.held else norm(stage.load[:n])
-            scale = load + norm(contact.pressed(contact.weights[:, None] * lam))
-        else:
-            scale = float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
-        return self.controls.within(self.controls.rtol * scale)
+            return load + norm(contact.pressed(contact.weights[:, None] * lam))
+        return float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
 
     def _end(
         self, before: Moment, solved: list[_Solved], step: float, time: float, start: Acting, end: Acting
