@@ -27,6 +27,9 @@ class Anderson:
     Of all combinations of the places so far the one whose change by the map would be the least, were the map affine,
     goes on by its change.  For affine maps this does as well as GMRES (Walker and Ni, 10.1137/10078356X): how
     many places are needed is told by how many directions do not contract, and not by how strongly they do not.
+
+    Kinks of a map may mislead it in circles: where the least change has long been the same, parts of the change at that
+    place are tried, and then all is mixed anew.
     """
 
     def __init__(self) -> None:

@@ -88,9 +88,6 @@ class Taken:
         Jumps on the way, where the path of equilibria was followed.
     heat : Taken or None
         The step of heat that belongs to it.
-    acting : tuple of float
-        Size of load and contact forces of the stages, which residuals are held against where more than what is left
-        of the load: a body that has come to rest is in balance.
     advice : str
         Where the status says too little: what happened, and what to try.
     """
@@ -102,7 +99,6 @@ class Taken:
     stages: tuple[Stage, ...]
     leaps: tuple[Leap, ...] = ()
     heat: Taken | None = None
-    acting: tuple[float, ...] = ()
     advice: str = ""
 
     @property
@@ -118,14 +114,8 @@ class Taken:
     @property
     def residual(self) -> float:
         """Largest relative residual of the stages, and of heat."""
-        own = max(map(_against, self.solutions, self.acting))
+        own = max(solution.residual.relative for solution in self.solutions)
         return own if self.heat is None else max(own, self.heat.residual)
-
-
-def _against(solution: Solution, acting: float) -> float:
-    """The residual of a stage relative to what acts."""
-    found = solution.residual
-    return found.relative * found.scale / acting if acting > found.scale else found.relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,9 +234,7 @@ class Advance:
                 )
         moment = self._end(before, solved, step, reached, start, end)
         leaps = tuple(leap for s in solved for leap in s.leaps)
-        solutions, stages = tuple(s.solution for s in solved), tuple(s.stage for s in solved)
-        sizes = tuple(self._size_of(stage) for stage in stages)
-        return Taken(before, moment, step, solutions, stages, leaps, acting=sizes)
+        return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
 
     def _along(self, before: Moment, rate: Array) -> Moment:
         """A moment at which gaps begin to change at the rate (m, c) that they have in the whole step."""
@@ -528,10 +516,10 @@ class Advance:
 
     def _controls(self, stage: Stage) -> Controls:
         """Tolerances: a load that is left where all balances already is no measure."""
-        return self.controls.within(self.controls.rtol * self._size_of(stage))
+        return self.controls.within(self.controls.rtol * self._size(stage))
 
-    def _size_of(self, stage: Stage) -> float:
-        """Size of load and contact forces of a stage."""
+    def _size(self, stage: Stage) -> float:
+        """Size of the forces that act on a stage: its load, and the contact forces before it."""
         contact, n, lam = self.discrete.problem.contact, stage.problem.unknowns, stage.before.multiplier
         if self.discrete.vectors.alone:
             load = self.products.norm(stage.load) if stage.held else norm(stage.load[:n])
