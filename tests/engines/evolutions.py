@@ -223,6 +223,20 @@ def _torn(mesh: Mesh, viscosity: float | None = None) -> Evolution:
     )
 
 
+def _peeled(mesh: Mesh) -> Evolution:
+    """A strip that is peeled off glue whose tension falls faster than the strip is stiff, and is held by what falls."""
+    glue = hv.Adhesive(stiffness=50.0, strength=0.25, softening=20.0, compression=500.0)
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.young(100.0, 0.3),
+            supports={"left": hv.Clamped()},
+            tractions={"right": lambda x, t: np.stack([0.0 * x[:, 0], 0.6 * t + 0.0 * x[:, 0]], axis=1)},
+            contact={"bottom": hv.Contact(glue)},
+        )
+    )
+
+
 CASES = {
     # a coarser mesh below, and a support that moves
     "block": Case(
@@ -269,6 +283,7 @@ CASES = {
     "viscous jumps": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), lambda mesh: _torn(mesh, 0.01), 0.72, options={"step": 0.04}
     ),
+    "peeled": Case(lambda times: hv.rectangle((3.0, 1.0), (12, 4)), _peeled, 0.36, options={"step": 0.12}),
     "cube": Case(
         lambda times: hv.box((1.0, 1.0, 1.0), (4, 4, 4)), _cube, 0.2, GeneralizedAlpha(0.5), options={"step": 0.04}
     ),

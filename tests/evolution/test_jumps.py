@@ -207,3 +207,23 @@ def test_adaptive_steps_go_through_jumps_and_go_on_bit_for_bit(
     assert whole.times[whole["jumped"] > 0] == pytest.approx([up, 0.8 - down], abs=1e-6)
     for name in whole.columns:
         np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
+
+
+def test_points_that_rest_on_what_falls_are_found_by_multigrid_too() -> None:
+    """A strip peeled off glue that falls 13 times as fast as the strip is stiff, without the graph of the law."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((3.0, 1.0), (12, 4)),
+        material=hv.Material.young(100.0, 0.3),
+        supports={"left": hv.Clamped()},
+        tractions={"right": lambda x, t: np.stack([0.0 * x[:, 0], 0.6 * t + 0.0 * x[:, 0]], axis=1)},
+        contact={"bottom": hv.Contact(hv.Adhesive(stiffness=50.0, strength=0.25, softening=20.0, compression=500.0))},
+    )
+    runs = [
+        march(Evolution(problem), 0.36, step=0.12, solver=solver, max_time=60.0)
+        for solver in (None, hv.NonsmoothMultigrid())
+    ]
+    assert all(run.finished for run in runs)
+    assert runs[0]["jumped"].tolist() == runs[1]["jumped"].tolist() == [0, 0, 0, 1]
+    assert runs[0]["margin"][1:].max() < -12.0
+    for column in ("normal_force", "elastic", "contact", "jumps"):
+        np.testing.assert_allclose(runs[1][column], runs[0][column], rtol=0.0, atol=1e-7, err_msg=column)
