@@ -395,6 +395,8 @@ class Advance:
             guess, multiplier, initial = found, own, solution
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
+        off = solution.residual  # it is told against all that the tolerance was held against
+        solution = replace(solution, residual=replace(off, scale=off.scale + self._size(stage)))
         reached = self._reached_by(stage, solution.unknowns)
         return _Solved(stage, solution, reached, point, own, resistance, leaps)
 
@@ -508,13 +510,15 @@ class Advance:
 
     def _controls(self, stage: Stage) -> Controls:
         """Tolerances: a load that is left where all balances already is no measure."""
+        return self.controls.within(self.controls.rtol * self._size(stage))
+
+    def _size(self, stage: Stage) -> float:
+        """Size of the forces that act on a stage: what is left of its load, and the contact forces before it."""
         contact, n, lam = self.discrete.problem.contact, stage.problem.unknowns, stage.before.multiplier
         if self.discrete.vectors.alone:
             load = self.products.norm(stage.load) if stage.held else norm(stage.load[:n])
-            scale = load + norm(contact.pressed(contact.weights[:, None] * lam))
-        else:
-            scale = float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
-        return self.controls.within(self.controls.rtol * scale)
+            return load + norm(contact.pressed(contact.weights[:, None] * lam))
+        return float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
 
     def _end(
         self, before: Moment, solved: list[_Solved], step: float, time: float, start: Acting, end: Acting
