@@ -117,6 +117,19 @@ def _thrown(mesh: Mesh) -> Evolution:
     )
 
 
+def _fallen(mesh: Mesh) -> Evolution:
+    """A body that falls upon one foundation, which some ranks have no part of."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, density=2.0),
+            contact={"bottom": hv.Contact(hv.Compliance(50.0), hv.Tresca(0.1), gap=0.02)},
+        ),
+        inertia=True,
+        velocity=(0.4, -0.8),
+    )
+
+
 def _rising(x: Array, t: float) -> Array:
     """A foundation that comes up, ever more slowly."""
     return 0.02 - 0.05 * t + 0.02 * t**2 + 0.0 * x[:, 0]
@@ -272,6 +285,10 @@ CASES = {
     ),
     "midpoint": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _thrown, 0.12, Midpoint(), options={"step": 0.02}
+    ),
+    # a rank without contact points
+    "midpoint, conserving": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _fallen, 0.12, Midpoint(True), options={"step": 0.02}
     ),
     "impact": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _hit, 0.1, MoreauJean(0.5), options={"step": 0.02}
