@@ -117,6 +117,19 @@ def _thrown(mesh: Mesh) -> Evolution:
     )
 
 
+def _fallen(mesh: Mesh) -> Evolution:
+    """A body that falls upon one foundation, which some ranks have no part of."""
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.lame(4.0, 4.0, density=2.0),
+            contact={"bottom": hv.Contact(hv.Compliance(50.0), hv.Tresca(0.1), gap=0.02)},
+        ),
+        inertia=True,
+        velocity=(0.4, -0.8),
+    )
+
+
 def _rising(x: Array, t: float) -> Array:
     """A foundation that comes up, ever more slowly."""
     return 0.02 - 0.05 * t + 0.02 * t**2 + 0.0 * x[:, 0]
@@ -224,6 +237,20 @@ def _torn(mesh: Mesh, viscosity: float | None = None) -> Evolution:
     )
 
 
+def _peeled(mesh: Mesh) -> Evolution:
+    """A strip that is peeled off glue whose tension falls faster than the strip is stiff, and is held by what falls."""
+    glue = hv.Adhesive(stiffness=50.0, strength=0.25, softening=20.0, compression=500.0)
+    return Evolution(
+        hv.ContactProblem(
+            mesh=mesh,
+            material=hv.Material.young(100.0, 0.3),
+            supports={"left": hv.Clamped()},
+            tractions={"right": lambda x, t: np.stack([0.0 * x[:, 0], 0.6 * t + 0.0 * x[:, 0]], axis=1)},
+            contact={"bottom": hv.Contact(glue)},
+        )
+    )
+
+
 CASES = {
     # a coarser mesh below, and a support that moves
     "block": Case(
@@ -260,6 +287,10 @@ CASES = {
     "midpoint": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _thrown, 0.12, Midpoint(), options={"step": 0.02}
     ),
+    # a rank without contact points
+    "midpoint, conserving": Case(
+        lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _fallen, 0.12, Midpoint(True), options={"step": 0.02}
+    ),
     "impact": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), _hit, 0.1, MoreauJean(0.5), options={"step": 0.02}
     ),
@@ -270,6 +301,7 @@ CASES = {
     "viscous jumps": Case(
         lambda times: hv.rectangle((1.0, 1.0), (6, 6)), lambda mesh: _torn(mesh, 0.01), 0.72, options={"step": 0.04}
     ),
+    "peeled": Case(lambda times: hv.rectangle((3.0, 1.0), (12, 4)), _peeled, 0.36, options={"step": 0.12}),
     "cube": Case(
         lambda times: hv.box((1.0, 1.0, 1.0), (4, 4, 4)), _cube, 0.2, GeneralizedAlpha(0.5), options={"step": 0.04}
     ),

@@ -12,6 +12,7 @@ from hemivar.engines.petsc import evolution as engine
 from hemivar.engines.petsc import family, march_on_ranks, world
 from hemivar.engines.petsc.evolution import EvolutionOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
+from hemivar.engines.petsc.ranks_advance import AdvanceOnRanks
 from hemivar.evolution import Checkpoint
 from tests.engines.evolutions import CASES
 
@@ -22,7 +23,7 @@ parser.add_argument("--resume", action="store_true")
 parser.add_argument("--steps", type=int)
 given = parser.parse_args()
 
-done = {"assembled": 0, "set up": 0}
+done = {"assembled": 0, "set up": 0, "solved": 0}
 
 
 def counted(owner: Any, name: str, what: str) -> None:
@@ -38,6 +39,7 @@ def counted(owner: Any, name: str, what: str) -> None:
 
 counted(engine, "assemble", "assembled")
 counted(Multigrid, "build", "set up")
+counted(AdvanceOnRanks, "_solved", "solved")
 
 ranks = world()
 with all_or_none(ranks):
@@ -48,7 +50,7 @@ with all_or_none(ranks):
         kept = None if given.checkpoint is None else Checkpoint(given.checkpoint, 0.0)
         plan = case.plan(checkpoint=kept, resume=given.resume)
         taken = 0
-        done.update({"assembled": 0, "set up": 0})
+        done.update(dict.fromkeys(done, 0))
 
         def watch(stepped: object) -> bool:
             global taken

@@ -133,6 +133,14 @@ def test_matrices_and_cycles_outlive_their_step() -> None:
         assert said[name]["done"]["set up"] <= (len(said[name]["table"][0]) - 1) // 2
 
 
+def test_a_jump_takes_few_steps_where_points_rest_on_laws_that_soften() -> None:
+    """Against a resistance of 15 times the stiffness it creeps there: 400 problems of one step and more."""
+    said, serial = _over_ranks(2, *CASES)["peeled"], _serial("peeled")
+    assert serial["margin"][1:].max() < -12.0
+    assert serial["jumped"].sum() == 1
+    assert said["done"]["solved"] < 60 * len(serial.rows[1:])
+
+
 @pytest.mark.parametrize(("name", "steps"), [("block", 4), ("thrown", 7), ("block, adaptive", 5), ("braked", 4)])
 def test_a_march_goes_on_bit_for_bit(name: str, steps: int, tmp_path: Path) -> None:
     file = tmp_path / "run.ckpt"

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import MoreauJean, Save, march
+from hemivar.evolution import March, MoreauJean, Save, march, marching
+from hemivar.evolution.discrete import discretize_evolution
 from hemivar.gallery import moving_bar
 
 
@@ -73,3 +76,33 @@ def test_a_wall_that_sets_out_later_hits_later() -> None:
         np.testing.assert_allclose(later.velocity, early.velocity, atol=1e-7)
         np.testing.assert_allclose(later.multiplier, early.multiplier, atol=1e-6)
     assert max(frame.multiplier.max() for frame in found[0]) > 0.1
+
+
+@pytest.mark.parametrize(("restitution", "theta"), [(0.0, 0.5), (0.5, 0.5), (0.5, 0.6), (0.5, 1.0 / 1.5), (1.0, 0.5)])
+def test_what_a_step_takes_from_the_energy_is_known(restitution: float, theta: float) -> None:
+    """``P v (1 - theta (1 + e))`` of points that are hit with v, and what theta damps.
+
+    A point that leaves and is pressed back adds energy, unless ``theta = 1/(1 + e)``.
+    """
+    step = 0.01
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), (6, 6)),
+        material=hv.Material.lame(4.0, 4.0, density=1.0),
+        body_force=(0.0, -1.0),
+        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.05)},
+    )
+    evolution = hv.Evolution(problem, inertia=True, velocity=(0.3, -0.2))
+    plan = March(2.4, step=step, scheme=MoreauJean(restitution, theta), controls=hv.Controls(rtol=1e-12))
+    discrete, taken = discretize_evolution(evolution), []
+    moments = [event.moment for event in marching(evolution, plan)]
+    assert discrete.mass is not None
+    weights = discrete.problem.contact.weights
+    for before, after in pairwise(moments):
+        impulse = step * weights * after.multiplier[:, 0]
+        moved, gained = after.body.place - before.body.place, after.body.velocity - before.body.velocity
+        lost = (1.0 - theta * (1.0 + restitution)) * float(impulse @ before.local.velocity[:, 0])
+        lost += (theta - 0.5) * float(moved @ discrete.stiffness.times(moved) + gained @ discrete.mass.times(gained))
+        taken.append(after.ledger.numerical - before.ledger.numerical)
+        assert taken[-1] == pytest.approx(lost, abs=1e-11)
+    assert (min(taken) < -1e-7) == (theta == 0.5 and restitution < 1.0)
+    assert moments[-1].ledger.numerical > (1e-3 if restitution < 1.0 else -1e-11)

@@ -266,3 +266,23 @@ def test_viscosity_that_slows_the_body_down_is_told() -> None:
     assert sum("lags behind what acts on it by up to 0.108, " in message for message in late.messages) == 1
     soon, _ = cycle("viscous", 0.002, until=0.4)
     assert not any("lags" in message for message in soon.messages)
+
+
+def test_points_that_rest_on_what_falls_are_found_by_multigrid_too() -> None:
+    """A strip peeled off glue that falls 13 times as fast as the strip is stiff, without the graph of the law."""
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((3.0, 1.0), (12, 4)),
+        material=hv.Material.young(100.0, 0.3),
+        supports={"left": hv.Clamped()},
+        tractions={"right": lambda x, t: np.stack([0.0 * x[:, 0], 0.6 * t + 0.0 * x[:, 0]], axis=1)},
+        contact={"bottom": hv.Contact(hv.Adhesive(stiffness=50.0, strength=0.25, softening=20.0, compression=500.0))},
+    )
+    runs = [
+        march(Evolution(problem), 0.36, step=0.12, solver=solver, max_time=60.0)
+        for solver in (None, hv.NonsmoothMultigrid())
+    ]
+    assert all(run.finished for run in runs)
+    assert runs[0]["jumped"].tolist() == runs[1]["jumped"].tolist() == [0, 0, 0, 1]
+    assert runs[0]["margin"][1:].max() < -12.0
+    for column in ("normal_force", "elastic", "contact", "jumps"):
+        np.testing.assert_allclose(runs[1][column], runs[0][column], rtol=0.0, atol=1e-7, err_msg=column)

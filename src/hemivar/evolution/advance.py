@@ -403,6 +403,8 @@ class Advance:
             guess, multiplier, initial = found, own, solution
         else:
             solution = replace(solution, status=Status.NOT_CONTRACTING)
+        off = solution.residual  # it is told against all that the tolerance was held against
+        solution = replace(solution, residual=replace(off, scale=off.scale + self._size(stage)))
         reached = self._reached_by(stage, solution.unknowns)
         return _Solved(stage, solution, reached, point, own, resistance, leaps)
 

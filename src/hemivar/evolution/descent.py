@@ -11,12 +11,15 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.state_chain import state_chain_of
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import residual
+from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
-from hemivar.solvers import Controls, Solution, Solver, Status, solve
+from hemivar.solvers import Controls, NonsmoothMultigrid, Solution, Solver, Status, solve
+from hemivar.solvers.base import State
+from hemivar.solvers.loop import finish
+from hemivar.systems.body import Body
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["CREEPS", "TIGHT", "bottom", "downhill", "resistance_against"]
+__all__ = ["CREEPS", "TIGHT", "Looks", "bottom", "bottom_of_pieces", "downhill", "resistance_against"]
 
 #: Least resistance to a jump in units of the stiffness.
 _LEAST = 0.05
@@ -32,6 +35,27 @@ TIGHT = 1e-3
 _ONWARD = 0.01
 #: Part of the largest motion below which a point at a kink of its law rests there.
 _RESTS = 1e-9
+#: Of the solution of Newton's equation on the pieces of the laws, in terms of the load.
+_EXACT = 1e-13
+
+
+class Looks:
+    """When to look at the bottom of the pieces of the laws: once all points stay on them, and then ever more rarely."""
+
+    def __init__(self) -> None:
+        self._wait = self._left = 1
+
+    def due(self, stays: bool) -> bool:
+        """Whether after this step; ``stays`` tells whether all points are on the pieces that they were on before it."""
+        if not stays:
+            self._wait = self._left = 1
+            return False
+        self._left -= 1
+        if self._left:
+            return False
+        self._wait *= 2
+        self._left = self._wait
+        return True
 
 
 def resistance_against(excess: float) -> float:
@@ -109,6 +133,7 @@ def downhill(
     K, load = problem.linear.stiffness, problem.linear.load
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
+    looks = Looks()
     for _ in range(CREEPS):
         start, before, here = u, problem.local(u), load + resistance * np.asarray(K @ u)
         solution = solve(slow.with_(load=here), solver, tight, initial=u, workspace=workspace)
@@ -132,9 +157,14 @@ def downhill(
         if problem.law.state_dependent:
             continue
         after = problem.local(u)
-        smooth = problem.law.linearise(after)
-        held = problem.law.clamp(before, after)
-        if np.array_equal(held, after) and not (np.linalg.eigvalsh(smooth.hessian) < 0.0).any():
+        softens = bool((np.linalg.eigvalsh(problem.law.linearise(after).hessian) < 0.0).any())
+        stays = np.array_equal(problem.law.clamp(before, after), after)
+        if softens:
+            if looks.due(stays):
+                found = _on_pieces(problem, u, solver, controls, workspace)
+                if found is not None:
+                    return found
+        elif stays:
             # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
             there = solve(problem, solver, controls, initial=u, workspace=workspace)
             if np.array_equal(problem.law.clamp(after, there.local), there.local):
@@ -172,3 +202,39 @@ def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
     while max(2.0 * times, 1.0) <= most and falls(max(2.0 * times, 1.0)):
         times = max(2.0 * times, 1.0)
     return u + times * way
+
+
+def _on_pieces(
+    problem: DiscreteProblem, u: Array, solver: Solver | None, controls: Controls, workspace: Workspace
+) -> Solution | None:
+    """The bottom of the pieces on which a place lies, where laws that soften leave the body stable there."""
+    method = solver if isinstance(solver, NonsmoothMultigrid) else NonsmoothMultigrid()
+    if method.refuse(problem) is not None:
+        return None
+    body = method.prepare(problem, workspace)
+    found = bottom_of_pieces(method, body, u, controls)
+    if found is None:
+        return None
+    x, multiplier, off = found
+    return Solution(problem, x, multiplier, Status.CONVERGED, off, method.name, 1)
+
+
+def bottom_of_pieces(
+    method: NonsmoothMultigrid, body: Body, u: Array, controls: Controls
+) -> tuple[Array, Array, Residual] | None:
+    """The bottom of the pieces on which a place lies, with its multiplier and residual; None if there is none there.
+
+    Parameters
+    ----------
+    method : NonsmoothMultigrid
+    body : Body
+        Under the load of the step.
+    u : array (n,)
+        The place.
+    controls : Controls
+    """
+    x = replace(method, tolerance=_EXACT).on_pieces(body, u)
+    if x is None:
+        return None
+    x, multiplier, off, status = finish(body, State(x, body.multiplier(x)), Status.INACCURATE, controls)
+    return (x, multiplier, off) if status is Status.CONVERGED else None

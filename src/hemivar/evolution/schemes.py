@@ -287,7 +287,8 @@ class MoreauJean(Scheme):
     restitution : float
         In [0, 1]: part of its velocity with which a contact node leaves the obstacle that it hits.
     theta : float
-        At least 1/2, which keeps the energy of a linear body; at most 1/(1 + restitution), for impacts to give none.
+        At least 1/2, which keeps the energy of a linear body; at most 1/(1 + restitution), for impacts to give none. A
+        point that leaves the obstacle while it overlaps, and is pressed back, may give some unless it is just this.
     """
 
     name: ClassVar[str] = "moreau-jean"

@@ -20,10 +20,10 @@ from hemivar.engines.petsc.solve import Saved, solve_distributed
 from hemivar.engines.petsc.step_body import StepBody
 from hemivar.evolution import Jump
 from hemivar.evolution.advance import Advance, Taken
-from hemivar.evolution.descent import CREEPS, TIGHT, resistance_against
+from hemivar.evolution.descent import CREEPS, TIGHT, Looks, bottom_of_pieces, resistance_against
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
-from hemivar.solvers import Controls, Solution, Status
+from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Status
 from hemivar.solvers.base import State
 
 __all__ = ["AdvanceOnRanks", "MarginsOnRanks"]
@@ -111,6 +111,7 @@ class AdvanceOnRanks(Advance):
         ranks, law = self.discrete.ranks, body.law
         tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
         slow = self.bodies.slow(body, resistance)
+        looks = Looks()
         for _ in range(CREEPS):
             before, here = body.local(u), body.load + resistance * body.multiply(u)
             solution = self._solved(problem, slow.under(here, body.offset, law), u, tight)
@@ -120,8 +121,16 @@ class AdvanceOnRanks(Advance):
             if off.below(controls.atol, controls.rtol) or solution.status is not Status.CONVERGED:
                 return solution
             after = body.local(u)
-            softens = bool((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
-            if ranks.largest(float(softens or not np.array_equal(law.clamp(before, after), after)))[0]:
+            softens = float((np.linalg.eigvalsh(law.linearise(after).hessian) < 0.0).any())
+            leaves = float(not np.array_equal(law.clamp(before, after), after))
+            softening, leaving = ranks.largest(softens, leaves).tolist()
+            if softening:
+                if looks.due(not leaving):
+                    found = self._bottom(problem, body, u, controls)
+                    if found is not None:
+                        return found
+                continue
+            if leaving:
                 continue
             # On pieces where all laws harden there is no barrier: straight to the bottom, if it lies there.
             there = self._solved(problem, body, u, controls)
@@ -129,6 +138,16 @@ class AdvanceOnRanks(Advance):
             if not ranks.largest(float(not np.array_equal(law.clamp(after, reached), reached)))[0]:
                 return there
         return replace(solution, status=Status.STALLED)
+
+    def _bottom(self, problem: DiscreteProblem, body: StepBody, u: Array, controls: Controls) -> Solution | None:
+        """The bottom of the pieces on which a place lies, if laws that soften leave the body stable there."""
+        inner = self.solver.inner if isinstance(self.solver, FixedPoint) else self.solver
+        method = inner if isinstance(inner, NonsmoothMultigrid) else NonsmoothMultigrid()
+        found = bottom_of_pieces(method, body, u, controls)
+        if found is None:
+            return None
+        x, multiplier, off = found
+        return Solution(problem, x, multiplier, Status.CONVERGED, off, "petsc", 1)
 
 
 def _body_of(problem: DiscreteProblem) -> StepBody:

@@ -75,7 +75,7 @@ class AffineLaw(LawOfOne):
 
     @property
     def _rows(self) -> int:
-        return int(max(self.theta.size, self.c.size, self.base.knots.shape[0]))
+        return int(np.broadcast_shapes(self.theta.shape, self.c.shape, self.base.knots.shape[:1])[0])
 
     def _outer(self, s: Array) -> Array:
         """The place r that belongs to each argument."""

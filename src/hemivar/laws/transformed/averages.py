@@ -80,7 +80,7 @@ class AveragedLaw(LawOfOne):
     @cached_property
     def _numbers(self) -> tuple[Array, Array, Array, Array, Array, IntArray]:
         """Knots (m, K); a, b, c and the constant of the value (m, K + 1); the knot that is r_n (m,)."""
-        rows = max(self.base.knots.shape[0], self.before.size)
+        (rows,) = np.broadcast_shapes(self.base.knots.shape[:1], self.before.shape)
         start = np.broadcast_to(self.before, (rows,))
         own = np.broadcast_to(self.base.knots, (rows, self.base.knots.shape[-1]))
         knots = merged(np.concatenate([own, start[:, None]], axis=-1))
