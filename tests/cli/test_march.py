@@ -58,6 +58,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def test_stops_of_a_file_are_met(folder: Path) -> None:
+    text = (STATIC + TIMED).replace("step = 0.05", "step = 0.05\nstops = [0.12, 0.33]")
+    (folder / "stops.toml").write_text(text)
+    assert main(["march", "stops.toml", "--quiet"]) == 0
+    times = read_history_table(folder / "run.csv")["time"]
+    assert all(np.abs(times - stop).min() < 1e-14 for stop in (0.12, 0.33, 1.0))
+
+
 def test_a_file_with_time_is_marched(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["march", "timed.toml"]) == 0
     out = capsys.readouterr().out

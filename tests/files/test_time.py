@@ -72,6 +72,7 @@ step = { rtol = 1e-3, first = 1e-3, max = 0.05 }
 inertia = true
 initial = { displacement = [0.0, "0.1 * x"], velocity = [0.0, -1.0] }
 jump = "stop"
+stops = [0.1, 1.5]
 [output]
 every = 0.01
 fields = "run.pvd"
@@ -126,6 +127,7 @@ def test_what_is_read_is_what_the_library_states() -> None:
         FormulaArray((0.0, Formula("0.1 * x")), (2,)),
         np.array([0.0, -1.0]),
         "stop",
+        (0.1, 1.5),
     )
     assert difference(time, found.time) is None
     output = OutputSettings(
@@ -176,6 +178,7 @@ def test_everything_comes_back(tmp_path: Path) -> None:
         {"loads": "bedding = '2 + sin(x)'"},
         {"time": "until = 1\nstep = 0.1"},
         {"time": "until = 1e3\nscheme = 'implicit-euler'"},
+        {"time": "until = 1\nstops = [0.25, 0.5]"},
         {"time": "until = 1\nscheme = { name = 'midpoint' }\nstep = { rtol = 1e-3 }\njump = 'global'"},
         {"time": "until = 1\ninitial = { displacement = ['x', 0.1] }", "output": "probes = { 'a b' = [1, 0.5] }"},
         {"time": "until = 1", "output": "checkpoint = 'run.ckpt'\nfields = 'a.xdmf'\nanimation = 'a.gif'"},
@@ -394,6 +397,9 @@ BAD: dict[str, tuple[dict[str, str], str]] = {
         "formula 't' uses t, but this cannot",
     ),
     "initial key": ({"time": "until = 1\ninitial = { speed = [0, 1] }"}, "initial.speed: unknown key"),
+    "stops": ({"time": "until = 1\nstops = 0.5"}, "stops: must be a list of times, not the number 0.5"),
+    "stops late": ({"time": "until = 1\nstops = [0.5, 1.5]"}, "stops: names 1.5; give times between 0 and until = 1"),
+    "stops text": ({"time": "until = 1\nstops = ['a']"}, "stops: must be"),
     "jump": ({"time": "until = 1\njump = 'high'"}, "jump: 'high' is not known"),
     "time key": ({"time": "untill = 1"}, r"\[time\] untill: unknown key; did you mean 'until'"),
     "output alone": ({"output": "every = 0.1"}, "output: says what is kept on the way through time; add a table"),

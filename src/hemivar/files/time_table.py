@@ -105,6 +105,8 @@ class TimeSettings:
         At the beginning; of one component a number or a function of the place.
     jump : str or None
         One of :data:`JUMPS`.
+    stops : tuple of float
+        Times at which a step ends exactly.
     """
 
     until: float
@@ -114,6 +116,7 @@ class TimeSettings:
     displacement: VectorData | ScalarData | None = None
     velocity: VectorData | ScalarData | None = None
     jump: str | None = None
+    stops: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -182,7 +185,19 @@ def read_time(table: Table, mesh: Mesh, inert: bool, scalar: ScalarKind | None =
     if "velocity" in found and not inertia:
         raise start.error("velocity", "is given to bodies with inertia only; add inertia = true, or remove it")
     jump = table.text("jump", None, JUMPS) if "jump" in table else None
-    return TimeSettings(until, step, scheme, inertia, found.get(names[0]), found.get("velocity"), jump)
+    stops = _stops(table, until) if "stops" in table else ()
+    return TimeSettings(until, step, scheme, inertia, found.get(names[0]), found.get("velocity"), jump, stops)
+
+
+def _stops(table: Table, until: float) -> tuple[float, ...]:
+    value = table.data["stops"]
+    if not isinstance(value, list):
+        raise table.error("stops", f"must be a list of times, not {kind(value)}")
+    stops = tuple(table.number("stops", time) for time in value)
+    for stop in stops:
+        if not 0.0 < stop < until:
+            raise table.error("stops", f"names {stop:g}; give times between 0 and until = {until:g}")
+    return stops
 
 
 def _step(table: Table, until: float) -> float | StepSettings | None:
@@ -252,7 +267,9 @@ def time_record(time: TimeSettings, scalar: ScalarKind | None = None) -> dict[st
     }
     if initial:
         record["initial"] = initial
-    return record if time.jump is None else record | {"jump": time.jump}
+    if time.jump is not None:
+        record["jump"] = time.jump
+    return record | {"stops": list(time.stops)} if time.stops else record
 
 
 # ---- [output] ---------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "material.regions.*": _MATERIAL,
         "loads": ("body", "traction", "pressure", "bedding"),
         "contact.*": ("normal", "friction", "gap", "obstacle", "normals", "damping", "memory"),
-        "time": ("until", "step", "scheme", "inertia", "initial", "jump"),
+        "time": ("until", "step", "scheme", "inertia", "initial", "jump", "stops"),
         "output": ("every", "fields", "animation", "table", "checkpoint", "probes"),
         "solver": ("method", "rtol", "max_steps", "max_time"),
     }

@@ -181,6 +181,7 @@ def plan_of(stated: ProblemFile, settings: MarchSettings) -> March:
         scheme=_scheme(stated, settings),
         step=_stepping(stated, settings),
         save=Save(every=every, probes=probes),
+        stops=() if time is None else time.stops,
         jump=jump,
         solver=settings.solver,
         controls=settings.controls,
