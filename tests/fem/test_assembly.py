@@ -212,6 +212,15 @@ def test_loads(name: str, order: int) -> None:
     np.testing.assert_allclose(varying.sum(axis=0), 0.5 * direction, atol=1e-14)
 
 
+def test_loads_are_the_same_in_whatever_order_they_are_stated() -> None:
+    """To the last bit: a problem file states pressures after tractions."""
+    mesh = rectangle((1.0, 1.0), 3)
+    stated = {"top": (0.1, 1.0 / 3.0), "right": Pressure(0.7), "left": (1e-3, 0.2), "bottom": Pressure(1.0 / 7.0)}
+    turned = dict(reversed(stated.items()))
+    one, two = (load_vector(mesh, 1, (0.3, -1.1), tractions) for tractions in (stated, turned))
+    assert one.tobytes() == two.tobytes()
+
+
 @pytest.mark.parametrize(
     ("body_force", "tractions", "words"),
     [

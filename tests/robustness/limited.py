@@ -59,7 +59,7 @@ class Run:
     seconds : float
         Of processor time.
     peak : int
-        Bytes of memory that were in use at once.
+        Bytes of memory that were in use at once, beside those of this process that a copy of it has.
     stack : str
         Where a run that hung was at the end.
     """
@@ -121,6 +121,7 @@ def run_limited(
     told, stack_file = _Pipes(), folder.parent / f"{folder.name}.stack"
     sys.stdout.flush()
     sys.stderr.flush()
+    begun = _size(1)
     pid = os.fork()
     if pid == 0:
         code = 1
@@ -147,9 +148,16 @@ def run_limited(
         stdout=stdout,
         stderr=stderr,
         seconds=seconds,
-        peak=usage.ru_maxrss << 10,
+        peak=_own(usage.ru_maxrss << 10, begun, words is not None),
         stack=stack.decode(errors="replace"),
     )
+
+
+def _own(peak: int, begun: int, fresh: bool) -> int:
+    """What a process took itself, of which the system tells the larger of that and of what it began with."""
+    if fresh:
+        return peak if peak > begun else 0
+    return max(peak - begun, 0)
 
 
 def _child(
@@ -184,7 +192,7 @@ def _child(
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
     resource.setrlimit(resource.RLIMIT_CPU, (limits.processor, limits.processor + 2))
-    space = (600 << 20 if words else _address_space()) + limits.memory
+    space = (600 << 20 if words else _size(0)) + limits.memory
     resource.setrlimit(resource.RLIMIT_AS, (space, space))
     if words is not None:
         for number in (out, *told.ends, *told.readers, stack, null):
@@ -247,9 +255,10 @@ class _Pipes:
         return b"".join(self.parts[0]), b"".join(self.parts[1])
 
 
-def _address_space() -> int:
+def _size(column: int) -> int:
+    """Bytes of this process: 0 of its addresses, 1 of what is in memory, with which a copy of it begins."""
     with open("/proc/self/statm", encoding="ascii") as file:
-        return int(file.read().split()[0]) * resource.getpagesize()
+        return int(file.read().split()[column]) * resource.getpagesize()
 
 
 def _wait(pid: int, limits: Limits, told: _Pipes) -> tuple[int, resource.struct_rusage, bool]:

@@ -443,7 +443,7 @@ def load_vector(
         for node, part in zip(mesh.cell_nodes(order).T, weights @ shape_values(order, barycentric), strict=True):
             share += part * np.bincount(node, weights=mesh.volumes, minlength=nodes)
         load += share[:, None] * evaluate_vector(body_force, mesh.points[:1], "body_force")
-    for name, traction in (tractions or {}).items():
+    for name, traction in sorted((tractions or {}).items()):  # in whatever order they are stated: the same sum
         facets = mesh.boundaries[name]
         normals, measures = mesh.facet_normals(facets)
         what = f"tractions['{name}']"
