@@ -228,6 +228,12 @@ def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme,
     assert (errors[1] < 0.01).all()
 
 
+def test_an_impulse_that_is_not_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hemivar.evolution.setting_out_anew._STEPS", 1)
+    with pytest.raises(hv.ProblemError, match=r"t = 0 the impulse of the foundation .* could not be found"):
+        march(shaken(), END, step=0.05, scheme=hv.Newmark())
+
+
 def warm() -> Evolution:
     """The same body, which friction and its deformation heat and heat stretches."""
     problem = hv.ContactProblem(

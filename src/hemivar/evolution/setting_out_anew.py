@@ -21,6 +21,8 @@ __all__ = ["set_out_anew"]
 _ROUNDED = 1e-9
 #: Part of a blow that conjugate gradients leave, and their steps at most.
 _LEFT, _STEPS = 1e-11, 500
+#: Part of the velocities by which a body may miss the rate of a foundation that holds it.
+_MISSED = 1e-6
 
 
 def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
@@ -43,7 +45,7 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     Raises
     ------
     ProblemError
-        The mass matrix cannot be solved.
+        The mass matrix cannot be solved, or the impulse of a foundation not be found.
     """
     discrete = advance.discrete
     if discrete.mass is None or advance.scheme.forgets(step):
@@ -61,6 +63,14 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     change[:n] = _struck(advance, -discrete.mass.times(change)[:n], want, glued)
     velocity = moment.body.velocity + change
     rate = np.where(opened, contact.traced(velocity[:n]) - gaps.velocity, moment.local.velocity)
+    missed, fast, carried = discrete.vectors.largest(
+        *(float(np.abs(part).max(initial=0.0)) for part in (rate[glued], velocity, gaps.velocity))
+    ).tolist()
+    if missed > _MISSED * max(fast, carried):
+        raise ProblemError(
+            f"at t = {moment.time:.10g} the impulse of the foundation that holds the body could not be found; take "
+            "implicit-euler, which needs none"
+        )
     after = replace(
         moment,
         body=replace(moment.body, velocity=velocity),
