@@ -17,7 +17,9 @@ the mean of these is printed.  BLAS takes one thread if ``OMP_NUM_THREADS=1`` is
 
 ``direct`` condenses the body onto its contact points, ``multigrid`` works on all unknowns.  ``overhead`` is about the
 direct rows: ``beyond_ms`` is a step without the time that passes inside of sparse solves.  ``memory`` holds what Python
-and NumPy have allocated in a march of many steps against one of few, no frames being saved.
+and NumPy have allocated in a march of many steps against one of few, no frames being saved.  ``coulomb`` marches a body
+under Coulomb's law and, in turn, under Tresca's: ``ratio`` is that of their steps, and ``newton`` and ``fallbacks`` are
+those of Coulomb's.
 """
 
 from __future__ import annotations
@@ -53,8 +55,8 @@ from hemivar.linear.threads import one_thread
 
 STEP = 0.01
 RTOL = 1e-9
-#: Marks: step over linear step, and milliseconds beyond the solves.
-MULTIGRID, SUPERLU, HALVES, BEYOND = 1.3, 2.2, 1.3, 2.0
+#: Marks: step over linear step, milliseconds beyond the solves, and a step of Coulomb's law over one of Tresca's.
+MULTIGRID, SUPERLU, HALVES, BEYOND, COULOMB = 1.3, 2.2, 1.3, 2.0, 4.0
 LAWS = {
     (2, "survey"): lambda n: gallery.survey("5.1", n, "right"),
     (2, "softening"): lambda n: gallery.survey_logarithmic(0.3, n, "right"),
@@ -89,6 +91,7 @@ class Counted:
     solves: float = 0.0
     seconds: float = 0.0
     factors: int = 0
+    fallbacks: float = 0.0
     depth: int = field(default=0, repr=False)
 
 
@@ -155,6 +158,7 @@ def stepped(discrete: DiscreteEvolution, steps: int, solver: hv.Solver | None) -
             whole.append(time.perf_counter() - began)
             beyond.append(whole[-1] - counted.seconds)
             counted.newton += row.solver_steps
+            counted.fallbacks += row.values.get("fallbacks", 0.0)
         gc.enable()
     return np.array(whole), np.array(beyond), counted
 
@@ -250,6 +254,41 @@ def compared(dim: int, law: str, n: int, steps: int, repeats: int, multigrid: bo
     return row
 
 
+def rubbing(dim: int, n: int, normal: hv.Superpotential, friction: hv.Friction) -> DiscreteEvolution:
+    """One of the survey's bodies with mass and viscosity that rubs on a foundation."""
+    stated = LAWS[dim, "survey"](n)
+    material = replace(stated.material, density=1.0, viscosity=(0.4, 0.4))
+    contact = dict.fromkeys(stated.contact, hv.Contact(normal, friction))
+    return discretize_evolution(hv.Evolution(replace(stated, material=material, contact=contact), inertia=True))
+
+
+def coulomb(dim: int, n: int, normal: hv.Superpotential, steps: int, repeats: int) -> dict[str, Any]:
+    """One row about Coulomb's law: its steps beside those of Tresca's."""
+    bodies = [rubbing(dim, n, normal, hv.Tresca(bound)) for bound in (0.05, hv.CoulombBound(0.3))]
+    times = [np.full(steps, np.inf) for _ in bodies]
+    for _ in range(repeats):
+        for k, discrete in enumerate(bodies):
+            found, _, counted = stepped(discrete, steps, None)
+            times[k] = np.minimum(times[k], found)
+    tresca_ms, coulomb_ms = (1e3 * float(found.mean()) for found in times)
+    ratio = coulomb_ms / tresca_ms
+    row = {
+        "law": f"coulomb, {normal.name}",
+        "dim": dim,
+        "n": n,
+        "contact": bodies[0].problem.contact.trace.nnz,
+        "tresca_ms": tresca_ms,
+        "coulomb_ms": coulomb_ms,
+        "ratio": ratio,
+        "mark": COULOMB,
+        "newton": counted.newton / steps,
+        "fallbacks": int(counted.fallbacks),
+        "met": "yes" if ratio <= COULOMB else "no",
+    }
+    print(json.dumps(row), file=sys.stderr)
+    return row
+
+
 def allocated(n: int, steps: int) -> float:
     """KiB that a march of so many steps has allocated at the most after its first steps, beyond what it had then."""
     discrete = discretize_evolution(statement(2, "survey", n))
@@ -269,7 +308,7 @@ def allocated(n: int, steps: int) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parts = ("direct", "overhead", "multigrid", "memory")
+    parts = ("direct", "overhead", "multigrid", "coulomb", "memory")
     parser.add_argument("--parts", nargs="+", choices=parts, default=parts)
     parser.add_argument("--steps", type=int, default=40, help="steps of each march")
     parser.add_argument("--repeats", type=int, default=5)
@@ -301,6 +340,10 @@ def main() -> None:
         ]
     if rows:
         show(rows, options.json)
+    if "coulomb" in options.parts:
+        kinds = [(2, 16), (2, 32), (3, 8)]
+        laws: tuple[hv.Superpotential, ...] = (hv.Compliance(50.0), hv.Signorini())
+        show([coulomb(*kind, law, options.steps, options.repeats) for kind in kinds for law in laws], None)
     if "direct" in options.parts and not mumps_available():
         print("PARDISO and MUMPS, whose half sweeps the mark of 1.3 is for: neither is installed, nothing was run")
     if "memory" in options.parts:

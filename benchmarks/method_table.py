@@ -201,7 +201,8 @@ def report(runs: list[Run], n: int, seconds: float) -> str:
         f"For {known} of the problems the margin shows that there is one solution: there the largest relative distance "
         f"to it in the energy norm is {max((run.difference or 0.0) for run in far):.0e}, over all methods that say "
         "`CONVERGED`. For the others there may be several, methods may find different ones, and any "
-        "Clarke-stationary point counts. Where a bound depends on the solution, the method runs inside `FixedPoint`.",
+        "Clarke-stationary point counts. Where a bound depends on the solution, `newton` takes it into its equation, "
+        "and every other method runs inside `FixedPoint`.",
         "",
         f"Wrong answers with status `CONVERGED`: {len(wrong)} of {len(converged)}.",
         "",

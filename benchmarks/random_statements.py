@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import hemivar as hv
+from hemivar.formula import Formula, FormulaArray
 from hemivar.laws.friction import PenetrationBound
 from hemivar.mesh import Mesh, box, rectangle
 
@@ -240,6 +241,13 @@ def _friction(rng: np.random.Generator, p: float, L: float, soft: float) -> tupl
     return hv.Logarithmic(min(bound, soft * u(0.05, 0.6) * L), 1.0 / L), "logarithmic"
 
 
+def _varying(function: str, slope: Array, shift: float, vector: Array) -> FormulaArray:
+    """A vector times a function of a linear one, as formulas."""
+    inner = " + ".join(f"{float(a)!r}*{name}" for a, name in zip(slope, "xyz", strict=False))
+    entries = tuple(Formula(f"{float(v)!r}*{function}({inner} + {shift!r})") for v in vector)
+    return FormulaArray(entries, (len(vector),))
+
+
 def _loads(rng: np.random.Generator, body: Body) -> tuple[dict[str, Any], str]:
     """Loads that press onto the foundation, and along it."""
     dim, turn = body.problem.mesh.dim, body.turn
@@ -252,7 +260,7 @@ def _loads(rng: np.random.Generator, body: Body) -> tuple[dict[str, Any], str]:
     words = "constant"
     if rng.uniform() < 0.12:
         wave = rng.uniform(-3.0, 3.0, dim) / L
-        found["body_force"] = lambda x: np.sin(x @ wave + 1.0)[:, None] * force
+        found["body_force"] = _varying("sin", wave, 1.0, force)
         words = "varying"
     free = [name for name in ("top", "right", "notch") if name in body.problem.mesh.boundaries]
     free = [name for name in free if name not in body.problem.supports and name not in body.problem.contact]
@@ -262,7 +270,7 @@ def _loads(rng: np.random.Generator, body: Body) -> tuple[dict[str, Any], str]:
         value = turn @ rng.uniform(-1.0, 1.0, dim) * size * 0.3 * p
         if rng.uniform() < 0.1:
             slope = rng.uniform(-1.0, 1.0, dim) / L
-            found.setdefault("tractions", {})[name] = lambda x, v=value, s=slope: np.exp(x @ s)[:, None] * v
+            found.setdefault("tractions", {})[name] = _varying("exp", slope, 0.0, value)
             words += f", varying on {name}"
         elif rng.uniform() < 0.3:
             found.setdefault("tractions", {})[name] = hv.Pressure(float(size * 0.3 * p * rng.uniform(-0.5, 1.0)))

@@ -237,6 +237,26 @@ def test_slow_packages_are_imported_where_they_are_used(path: Path) -> None:
             assert function, f"{path}:{line}: import {name} inside the function that uses it"
 
 
+def unlocked(node: ast.AST, locked: bool = False) -> Iterator[int]:
+    """Lines of imports from this package in functions, outside ``with IMPORTS``."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.ImportFrom) and not locked and (child.module or "").startswith("hemivar"):
+            yield child.lineno
+        holds = isinstance(child, ast.With) and any(getattr(x.context_expr, "id", "") == "IMPORTS" for x in child.items)
+        yield from unlocked(child, locked or holds)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: module_name(path) or "hemivar")
+def test_imports_on_first_use_stand_under_the_lock(path: Path) -> None:
+    """Two threads that load one package from different ends are given modules that are half loaded."""
+    if layer(module_name(path)) == "cli":
+        return  # one thread
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    lines = [line for function in functions for line in unlocked(function)]
+    assert not lines, f"{path}:{lines}: import under basics.first_use.IMPORTS"
+
+
 @pytest.mark.parametrize(
     ("module", "absent"),
     [
@@ -265,6 +285,7 @@ OPENING = (
     "engines.petsc.checkpoint",
     "engines.petsc.files",
     "engines.petsc.march_checkpoint",
+    "basics.packed",
     "evolution.march_state",
     "report.on_ranks",
 )

@@ -289,7 +289,7 @@ def test_cube_friction() -> None:
     assert np.count_nonzero(found["slipping"]) > 0
     assert found["length"][found["slipping"]] == pytest.approx(0.4, abs=1e-9)
     assert found["length"].max() <= 0.4 + 1e-9
-    assert found["along"][found["slipping"]] == pytest.approx(1.0, abs=1e-6)
+    assert found["along"][found["slipping"]] == pytest.approx(-1.0, abs=1e-6)
     assert np.abs(found["balance"]).max() < 1e-9
 
 

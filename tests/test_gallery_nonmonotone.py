@@ -193,7 +193,7 @@ def test_all_slips_of_the_shear_column(bound: float, rate: float, free: float, k
     for solution, slip in zip(found, exact, strict=True):
         force = 4.0 * (free - slip)
         np.testing.assert_allclose(solution.unknowns, slip + (force * y - 4.0 * free * y**2) / 4.0, atol=1e-12)
-        assert solution.friction[0, 0] == pytest.approx(force, abs=1e-11)
+        assert solution.friction[0, 0] == pytest.approx(-force, abs=1e-11)
 
 
 # ---- examples, problem files, methods -----------------------------------------------------------------------

@@ -60,6 +60,7 @@ def examples() -> dict[str, list[object]]:
         hv.SlipTable(1.0, [0.0, 1.0], [1.0, 0.5]),
         hv.Tresca(hv.CoulombBound(0.3)), hv.CoulombBound(0.3), hv.PenetrationBound("min(8*s, 0.8)", 3.0),
         hv.PenetrationBound(([0.0, 1.0], [0.0, 2.0])), *hv.METHODS.values(), hv.FixedPoint(hv.NonsmoothNewton()),
+        hv.SemismoothNewton(rounds=20),
         hv.LoadStepping(hv.NonsmoothNewton(), 3), hv.Powell(), hv.LBFGS(), hv.ProximalBundle(), hv.ExactInner(),
         hv.NewtonKrylov(), hv.Controls(1e-6, 1.0, 3, 2.0, print), gallery.SURVEY_DATA["5.1"], gallery.weighted_block(),
         *(one.problem for one in SCALAR), SCALAR[0].problem.area, SCALAR[1].problem.contact["bottom"], *SCALAR,

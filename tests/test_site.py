@@ -18,7 +18,7 @@ import hemivar as hv
 
 ROOT = Path(__file__).parents[1]
 SITE = ROOT / "docs" / "_build" / "html"
-TUTORIALS = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer")
+TUTORIALS = ("tutorial-teacher", "tutorial-mathematician", "tutorial-engineer", "tutorial-failure")
 EXAMPLES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
 pytestmark = pytest.mark.skipif(not (SITE / "objects.inv").exists(), reason="make -C docs html has not been run")
 

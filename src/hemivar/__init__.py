@@ -13,6 +13,8 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from hemivar.basics.first_use import IMPORTS
+
 __version__ = "0.1.0"
 
 _EXPORTS = {
@@ -110,6 +112,7 @@ _EXPORTS = {
         "Powell",
         "PrimalDualActiveSet",
         "ProximalBundle",
+        "SemismoothNewton",
         "Solution",
         "Status",
         "solve",
@@ -165,11 +168,12 @@ __all__ = ["__version__", *sorted(_HOME)]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOMS:
-        return importlib.import_module(f"hemivar.{name}")
-    if name not in _HOME:
+    if name not in _ROOMS and name not in _HOME:
         raise AttributeError(f"module 'hemivar' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOME[name]), name)
+    with IMPORTS:
+        if name in _ROOMS:
+            return importlib.import_module(f"hemivar.{name}")
+        value = getattr(importlib.import_module(_HOME[name]), name)
     globals()[name] = value
     return value
 
@@ -205,8 +209,8 @@ if TYPE_CHECKING:
         "NonsmoothMultigrid", "NonsmoothNewton", "Normals", "Path", "PenetrationBound", "PenetrationMemory",
         "PiecewiseQuadratic", "Plane", "Powell", "Prescribed", "Pressure", "PrimalDualActiveSet",
         "ProblemError", "ProximalBundle", "Quadrature", "RateAndState", "Release", "Roller", "SDIRK2", "Save",
-        "SawTooth", "ScalarContact", "ScalarProblem", "Secant", "SignedDistance", "Signorini", "Slip",
-        "SlipSum", "SlipTable", "SlipWeakening", "Smallness", "Softening", "Solution", "SolutionSet", "Sphere",
+        "SawTooth", "ScalarContact", "ScalarProblem", "Secant", "SemismoothNewton", "SignedDistance", "Signorini",
+        "Slip", "SlipSum", "SlipTable", "SlipWeakening", "Smallness", "Softening", "Solution", "SolutionSet", "Sphere",
         "StaticKinetic", "Status", "Study", "Superpotential", "SurveyLaw", "Sweep", "Touch", "Tresca",
         "ViscousFoundation", "Wear", "When", "Workspace", "affine", "bonded", "box", "certify", "condense",
         "discretize", "envelope", "exact_distance", "find_solutions", "follow_path", "goal_named", "goal_value",
@@ -344,6 +348,7 @@ if TYPE_CHECKING:
         Powell,
         PrimalDualActiveSet,
         ProximalBundle,
+        SemismoothNewton,
         Solution,
         Status,
         solve,

@@ -273,3 +273,31 @@ def test_meshes_end_where_only_the_solves_err(size: float) -> None:
         mesh, hv.Material.lame(4.0, 4.0), supports={"left": moved}, body_force=(0.0, 1e-3 / size)
     )
     assert solve_adaptive(pulled, rtol=0.2).ended == "reached"
+
+
+@pytest.mark.parametrize(("limit", "meshes"), [(4.9, 1), (5.1, 2)])
+def test_the_next_mesh_is_predicted_to_take_longer_as_it_has_more_cells(
+    limit: float, meshes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a clock on which the first mesh takes a second: the next one, with four times as many cells, takes four."""
+
+    class Clock:
+        def __init__(self) -> None:
+            self.seconds = 0.0
+
+        def perf_counter(self) -> float:
+            return self.seconds
+
+    clock, solved = Clock(), hv.solve
+
+    def solve(*given: object, **options: object) -> hv.Solution:
+        clock.seconds += 1.0
+        return solved(*given, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(loop, "time", clock)
+    monkeypatch.setattr(loop, "solve", solve)
+    problem = replace(survey("5.1", 4), contact={"bottom": hv.Contact(hv.Compliance(10.0))})
+    run = solve_adaptive(problem, rtol=1e-6, share=1.0, max_time=limit)
+    assert all(len(level.distance.cells) == 4 * len(run.levels[0].distance.cells) for level in run.levels[1:])
+    assert len(run.levels) == meshes
+    assert run.ended == "max_time"

@@ -33,7 +33,10 @@ def test_stress_is_in_equilibrium(name: str) -> None:
     for seed in range(3):
         assert imbalance(stress, seed, order=1 if name in VARYING else 2) < 1e-13
     scale = np.abs(stress.data.loads).max() + np.abs(stress.data.facet_loads).max()
-    assert np.abs(stress.tractions.defect).max() < 1e-12 * scale  # a solution leaves nothing but rounding
+    left = (
+        stress.tractions.defect - stress.tractions.missed
+    )  # what the rule of the assembly misses of the loads is known
+    assert np.abs(left).max() < 1e-12 * scale  # a solution leaves nothing but rounding
     assert np.all(stress.misfit > 0.0)
 
 

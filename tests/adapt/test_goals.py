@@ -11,6 +11,7 @@ import hemivar as hv
 from hemivar.adapt import GoalValue, body_constants, exact_distance, goal_named, goal_value, known_goals
 from hemivar.adapt.functionals import functionals
 from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds
+from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey, weighted_block
@@ -293,10 +294,12 @@ def test_names() -> None:
 def test_a_goal_decides_where_the_mesh_is_fine() -> None:
     """For the mean displacement of the right side few cells are spent where the energy needs them; the estimate is met
     with fewer unknowns than by bounding the whole solution."""
-    found = hv.solve_adaptive(square(), goal="boundary.right.displacement", rtol=0.03)
+    found = hv.solve_adaptive(square(), goal="boundary.right.displacement", rtol=0.03, max_unknowns=2000)
     assert found.ended == "estimated"
     assert not found.reached
     assert found.goal is not None
+    assert found.goal.relative > 0.03
+    assert f"within {rounded_up(100.0 * found.goal.relative, 2)} % of the value; within 3 % takes" in found.remedy
     fine = overkill(square(), ("boundary.right.displacement",), 4)["boundary.right.displacement"]
     assert np.linalg.norm(found.goal.corrected - fine) < 0.03 * np.linalg.norm(fine)
     assert (found.goal.lower <= fine).all()
@@ -306,8 +309,44 @@ def test_a_goal_decides_where_the_mesh_is_fine() -> None:
     assert found.record()["goal"]["goal"] == "boundary.right.displacement"
 
 
+def test_a_goal_ends_with_the_guaranteed_interval() -> None:
+    """The estimate is as asked meshes before; where a limit lies between, the end says how wide the interval is."""
+    options = {"goal": "contact.bottom.force", "rtol": 0.2}
+    found = hv.solve_adaptive(square(), **options)
+    assert found.ended == "reached"
+    assert found.goal is not None
+    assert found.goal.guaranteed
+    assert found.goal.relative <= 0.2
+    early = next(level for level in found.levels if level.estimated(0.2))
+    assert early.goal is not None
+    assert early.goal.relative > 0.3
+    last = found.levels[-1].unknowns
+    assert 0.3 * last < early.needed(0.2) < 3.0 * last
+    for limit in ({"max_unknowns": 120}, {"max_memory": early.unknowns * 2e4}, {"max_time": early.seconds * 1e-3}):
+        stopped = hv.solve_adaptive(square(), **options, **limit)
+        assert not stopped.reached
+        assert stopped.goal is not None
+        assert (stopped.ended == "estimated") == (stopped.goal.estimated <= 0.2)
+        assert stopped.ended != "estimated" or "the guaranteed interval is within" in stopped.remedy
+
+
 @pytest.mark.slow
 def test_a_goal_converges_at_twice_the_rate() -> None:
     found = hv.solve_adaptive(square(), goal="contact.bottom.force", rtol=1e-6, max_unknowns=4000)
     assert found.ended == "max_unknowns"
     assert 0.85 < found.rate < 1.2
+
+
+def test_an_interval_of_a_mean_displacement_counts_what_its_dual_solution_misses() -> None:
+    """Half of it is ``B |z|_a``, at least that of the solution z of the unit traction on a mesh eight times finer."""
+    problem = square(2, contact={"bottom": hv.Contact(hv.Compliance(10.0))})
+    constants = as_if_proved(problem)
+    solution = hv.solve(problem).raise_for_status()
+    distance = exact_distance(problem, solution.displacement, constants)
+    value = goal_value(goal_named(problem, "boundary.right.displacement"), solution, distance, constants)
+    pulled = replace(problem, mesh=problem.mesh.refined(3), body_force=(0.0, 0.0), contact={})
+    for axis in range(2):
+        pull = hv.solve(replace(pulled, tractions={"right": tuple(np.eye(2)[axis])})).raise_for_status()
+        size = np.sqrt(-2.0 * pull.energy)  # at the solution the energy is -|z|^2 / 2
+        half = 0.5 * float(value.upper[axis] - value.lower[axis])
+        assert size <= half / distance.distance <= 1.2 * size

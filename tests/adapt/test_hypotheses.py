@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import hemivar as hv
 from hemivar.adapt.body_data import body_data
+from hemivar.adapt.body_shape import body_shape
 from hemivar.adapt.contact_traces import contact_traces
 from hemivar.adapt.exact_distance import exact_distance
 from hemivar.adapt.hypotheses import unmet_hypotheses
@@ -61,6 +63,40 @@ def test_a_polygon_is_told_from_a_curve() -> None:
     assert unmet_hypotheses(on_mesh(hv.Mesh(points, box.cells, dict(box.boundaries)))) == []
 
 
+def disc(sides: int) -> hv.Mesh:
+    """A regular polygon of triangles around its centre."""
+    turn = 2.0 * np.pi * np.arange(sides) / sides
+    points = np.vstack([[[0.0, 0.0]], np.column_stack([np.cos(turn), np.sin(turn)])])
+    after = np.arange(1, sides + 1) % sides + 1
+    mesh = hv.Mesh(points, np.column_stack([np.zeros(sides, dtype=int), np.arange(1, sides + 1), after]))
+    return mesh.with_boundaries({"left": mesh.boundary_facets[:1], "bottom": mesh.boundary_facets[1:2]})
+
+
+@pytest.mark.parametrize("sides", [5, 11, 12, 40])
+def test_what_the_body_is_taken_for_is_said(sides: int) -> None:
+    """Up to 11 sides of a regular polygon are corners, from 12 on a curve is suspected: said in either case."""
+    problem = on_mesh(disc(sides).refined())
+    found = hv.solve(problem).certify(exact=True).exact
+    assert found is not None
+    assert found.guaranteed == (sides < 12)
+    assert found.geometry == f"a polygon with {sides} straight sides"
+    assert f"the body is a polygon with {sides} straight sides" in "\n".join(found.lines())
+    assert found.record()["geometry"] == found.geometry
+
+
+@pytest.mark.parametrize(
+    ("mesh", "words"),
+    [
+        (hv.rectangle((1.0, 1.0), 3), "a polygon with 4 straight sides"),
+        (hv.rectangle((1.0, 1.0), 3).rotated(0.3), "a polygon with 4 straight sides"),
+        (round_plate(4), "a polygon with 10 straight sides"),
+        (hv.box((1.0, 2.0, 1.0), 2), "a polyhedron with 6 plane faces"),
+    ],
+)
+def test_straight_sides_are_counted(mesh: hv.Mesh, words: str) -> None:
+    assert body_shape(mesh) == body_shape(mesh.refined()) == words
+
+
 def test_a_curve_in_space_or_without_a_name() -> None:
     box = hv.box((1.0, 1.0, 1.0), 4)
     points = box.points.copy()
@@ -94,6 +130,34 @@ def test_laws_that_vary_along_the_boundary_make_an_estimate(contact: hv.Contact,
     assert found.distance < np.inf
     assert not found.guaranteed
     assert f"the law of contact 'bottom' varies along the boundary ({named})" in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("bound", "proved"),
+    [
+        ("0.1 + 0.05*max(min(s, 0.5), 0)", True),
+        (([0.0, 0.5], [0.1, 0.125]), True),
+        (lambda s: 0.1 + 0.05 * np.clip(s, 0.0, 0.5), False),
+        (lambda s: np.full(np.shape(s), 0.1), False),  # as far as samples tell
+    ],
+    ids=["formula", "table", "function", "constant function"],
+)
+@pytest.mark.parametrize("beside", [False, True], ids=["one law", "two laws"])
+def test_friction_that_is_sampled_makes_an_estimate(bound: Any, proved: bool, beside: bool) -> None:
+    """Also where it stands beside another law, and in the law that is taken at the solution."""
+    problem = survey("5.1", 3)
+    contact = {"bottom": hv.Contact(hv.SurveyLaw(0.3, 2.0), hv.Tresca(hv.PenetrationBound(bound)))}
+    if beside:
+        contact = {"right": hv.Contact(hv.Compliance(1.0)), **contact}
+        problem = replace(problem, tractions={"top": (0.0, -0.1)})
+    problem = replace(problem, contact=contact)
+    solution = hv.solve(problem)
+    assert solution.certify().unique is (True if proved else None)
+    found = exact_distance(problem, solution.displacement, PROVED)
+    assert found.distance < np.inf
+    assert found.guaranteed == proved
+    if not proved:
+        assert "how the friction bound depends on the penetration is known from samples only" in found.reasons
 
 
 def test_parameters_of_contact_points_are_refused() -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hemivar.adapt.body_data import body_data
 from hemivar.adapt.contact_traces import contact_traces
 from hemivar.adapt.exact_distance import exact_distance
-from hemivar.adapt.low_mode import confined_error, low_mode
+from hemivar.adapt.low_mode import SoftModes, confined_error
 from hemivar.adapt.trace_bounds import guaranteed_trace_bounds
 from hemivar.adapt.vertex_moments import shared_forces
 from hemivar.laws import Logarithmic, Softening, SurveyLaw
@@ -84,9 +86,14 @@ def test_the_mode_of_the_discrete_problem_sees_next_to_nothing() -> None:
     assert traces is not None
     count = len(traces.facets)
     zeta = traces.allowed(traces.interpolated(shared_forces(data)))
-    theta, seen = low_mode(data, traces, zeta, np.zeros(count), np.full(count, 3.0))
+    modes = SoftModes(traces)
+    mode = modes.softest(np.zeros(count), np.full(count, 3.0))
+    theta, seen = mode.theta, modes.seen(mode, zeta)
     constants = guaranteed_trace_bounds(solution.problem)
     assert theta == pytest.approx(3.0 / constants.tangential, rel=0.08)
     assert theta < 3.0 / constants.tangential
     whole = exact_distance(problem, solution.displacement, constants).parts
     assert seen < 0.3 * (whole.misfit + whole.contact)
+    # what is unknown of loads may work against the mode
+    hidden = replace(data, varying=replace(data.varying, unknown=np.ones(len(data.displacement))))
+    assert SoftModes(replace(traces, data=hidden)).seen(mode, zeta) > seen + 1.0

@@ -251,11 +251,6 @@ LESSENED: dict[str, tuple[Callable[[], Any], str, str]] = {
         "estimate",
         "the mesh interpolates",
     ),
-    "a displacement that is no solution": (
-        lambda: bound(u=U + 0.01 * np.where(PROBLEM.mesh.points[:, :1] > 0.0, 1.0, 0.0)),
-        "estimate",
-        "no solution of the disc",
-    ),
     "a penetration that the law forbids": (
         lambda: bound(foundation(hv.Signorini()), U - 0.5 * PROBLEM.mesh.points[:, :1] * [0.0, 1.0]),
         "estimate",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
+import types
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -105,6 +106,32 @@ def test_what_a_function_names_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert digest(named) == before
     monkeypatch.setattr(sys.modules[__name__], "TABLE", np.array([0.0, 1.0, 3.0]))
     assert digest(named) != before
+
+
+def test_what_a_function_calls_in_a_module_of_the_user_counts() -> None:
+    """Also through a function of that module, and not what else it holds."""
+
+    def under(text: str) -> str:
+        module = types.ModuleType("usermod")
+        exec(text, module.__dict__)
+        made: dict[str, object] = {"usermod": module}
+        exec("load = lambda x, t: usermod.load(x, t)", made)
+        return digest(made["load"])
+
+    plain = "SCALE = 2.0\ndef help(t): return SCALE * t\ndef load(x, t): return help(t)\n"
+    assert under(plain) == under(plain)
+    assert under(plain) == under(plain + "def another(): return 3\n")
+    assert under(plain) != under(plain.replace("help(t)\n", "help(t) + 1.0\n"))
+    assert under(plain) != under(plain.replace("SCALE * t", "SCALE + t"))
+    assert under(plain) != under(plain.replace("2.0", "3.0"))
+
+
+def test_packages_that_are_installed_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: dict[str, object] = {"np": np}
+    exec("load = lambda x, t: np.full(len(x), t)", made)
+    before = digest(made["load"])
+    monkeypatch.setattr(np, "full", np.zeros)
+    assert digest(made["load"]) == before
 
 
 def test_where_something_stands_does_not_count() -> None:

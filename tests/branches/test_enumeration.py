@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from hemivar.branches import enumeration, find_solutions, search
+from hemivar.branches.chain import chain_of
+from hemivar.branches.enumeration import enumerate_points
+from hemivar.branches.polish import polish
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.point_kind import PointKind
-from hemivar.laws import Compliance, ContactLaw, PiecewiseQuadratic, Tresca, table_law
-from hemivar.solvers import Status, solve
+from hemivar.laws import Compliance, ContactLaw, PiecewiseQuadratic, Signorini, Tresca, table_law
+from hemivar.solvers import Controls, Status, solve
+from hemivar.systems import CondensedProblem, Workspace
 
 from .random_problems import random_problem
 
@@ -103,3 +107,41 @@ def test_too_many_singular_combinations_are_left_undecided(monkeypatch: pytest.M
     monkeypatch.setattr(enumeration, "_LINES", 0)
     found = find_solutions(body)
     assert not found.exhaustive
+
+
+def yielding_beside_rigid(load: tuple[float, float]) -> CondensedProblem:
+    """A point that softens as fast as the body is stiff, from 0.1 to 0.3, and one on rigid ground."""
+    law = PiecewiseQuadratic([0.0, 0.1, 0.3], [0.0, 2.0, -1.0, 0.0], [0.0, 0.0, 0.0])
+    laws = ContactLaw.concatenate([(ContactLaw(law), 1), (ContactLaw(Signorini()), 1)])
+    stiffness = np.array([[1.0, 0.5], [0.5, 2.0]])
+    body = DiscreteProblem.of_arrays(stiffness, np.array(load), np.eye(2), np.ones(2), np.zeros(2), laws)
+    return Workspace().condensed(body)
+
+
+def test_the_point_of_a_continuum_has_forces_that_its_kinks_bear() -> None:
+    """``r + lam = 0.3`` all along the falling piece; the rigid point is pressed by ``(0.12 - r) / 2``, up to 0.12."""
+    chain = chain_of(yielding_beside_rigid((0.3, 0.06)))
+    found = enumerate_points(chain)
+    assert found.continuum
+    inside = [one for one in found.candidates if one.r[1] == 0.0 and 0.1 < one.r[0] < 0.12]
+    assert len(inside) == 1
+    r, lam = inside[0].r, inside[0].lam
+    np.testing.assert_allclose(lam, [0.3 - r[0], 0.5 * (0.12 - r[0])], atol=1e-12)
+
+
+def test_refinement_moves_forces_at_kinks() -> None:
+    """From a force of the rigid ground that is 2e-3 off: that of ``3 r = 0.05`` is ``0.5 - r / 2``."""
+    system = yielding_beside_rigid((0.05, 0.5))
+    chain = chain_of(system)
+    (known,) = enumerate_points(chain).candidates
+    segment, kink = known.segment, chain.pick(chain.kink, known.segment)
+    assert kink.tolist() == [False, True]
+    at = np.where(
+        kink, (known.lam - chain.pick(chain.value, segment)) * chain.tau, known.r - chain.pick(chain.value, segment)
+    )
+    theta = chain.pick(chain.origin, segment) + at + np.array([0.0, 1e-3])
+    r, lam = chain.local(theta, segment)
+    assert abs(lam[1, 0] - (0.5 - 0.05 / 6.0)) > 1e-3
+    found = polish(system, chain, r, lam, theta, segment, Controls())
+    np.testing.assert_allclose(found.unknowns, [0.05 / 3.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(found.multiplier[:, 0], [0.1 / 3.0, 0.5 - 0.05 / 6.0], rtol=1e-12)

@@ -84,10 +84,33 @@ def test_words_of_an_estimate() -> None:
     lines = found.lines()
     assert lines[0] == "exact solution    about 0.1 away, relative 20 %: an estimate, no bound"
     assert lines[1].strip() == "made of misfit 12 %, contact 6 %, oscillation 2 %, c = 0.25; in 1 s"
-    assert lines[2].strip() == "because it is so; and so"
+    assert lines[2].strip() == "60 % of it is misfit: refine the mesh, as --adaptive does where it is needed"
+    assert lines[3].strip() == "because it is so; and so"
     assert "no bound" in DistanceToExact.none("nothing is known").lines()[0]
     nothing = DistanceToExact.none("there is no bound: the foundation softens too much")
     assert nothing.lines() == ["exact solution    no bound of the distance: the foundation softens too much"]
+
+
+@pytest.mark.parametrize(
+    ("parts", "gap", "words"),
+    [
+        ((3.0, 1.0, 0.0, 0.0), 0.0, "75 % of it is misfit: refine the mesh"),
+        ((1.0, 3.0, 0.0, 0.0), 0.0, "75 % of it is contact: refine the mesh along the contact boundary"),
+        ((1.0, 0.0, 0.0, 0.0), 20.0, "80 % of it is contact"),  # 1 + 4 = (1 + sqrt(1 + 4 * 20)) / 2
+        ((1.0, 0.0, 4.0, 0.0), 0.0, "80 % of it is oscillation: refine the mesh where the loads vary"),
+        ((1.0, 0.0, 0.0, 3.0), 0.0, "75 % of it is algebraic: solve more accurately"),
+    ],
+)
+def test_the_part_that_is_most_of_the_bound_is_named(parts: tuple[float, ...], gap: float, words: str) -> None:
+    for c in (0.0, 0.4, 0.8):
+        whole = sum(parts)
+        bound = (whole + np.sqrt(whole**2 + 4.0 * (1.0 - c) * gap)) / (2.0 * (1.0 - c))
+        found = DistanceToExact(bound, 0.1, True, (), *parts, gap, c)
+        assert found.advice.startswith(words)
+        assert ("softening (c) multiplies it by" in found.advice) == (c == 0.8)
+        assert found.advice in "\n".join(found.lines())
+        assert found.record()["advice"] == found.advice
+    assert DistanceToExact.none("nothing is known").advice == DistanceToExact(0.0, 0.0, True, ()).advice == ""
 
 
 def test_without_numbers_it_says_why() -> None:

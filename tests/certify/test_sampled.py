@@ -56,6 +56,8 @@ def check_words(problem: DiscreteProblem, sampled: bool) -> None:
     [
         ("min(max(s, 0), 0.5)/4", False),
         (lambda s: np.clip(s, 0.0, 0.5) / 4.0, True),
+        (lambda s: np.full(np.shape(s), 0.1), True),
+        (lambda s: 0.1 + np.maximum(0.0, 1e4 * (1e-6 - np.abs(s - 1.2346543))), True),  # no sample meets the spike
         (([0.0, 0.5], [0.0, 0.125]), False),
         ("0.1 + 0.01*s^2", True),
     ],

@@ -315,3 +315,15 @@ def test_pairs_beyond_the_largest_friction_bound_are_left_out() -> None:
     assert error_bound(point, 0.5, np.array([here * 0.999])) == np.inf
     for margin in (0.0, -1.0, np.nan, -np.inf):
         assert error_bound(point, margin) == np.inf
+
+
+@pytest.mark.parametrize("weight", [0.01, 1.0, 30.0])
+def test_bounds_of_all_solutions_hold_that_of_the_solution_whatever_the_weight(weight: float) -> None:
+    """One point pressed to ``r = 1 / (2 + w 3)`` has friction ``r / 20``, which weakens by 2; seen from less deep."""
+    law = ContactLaw(Compliance(3.0), Friction(PenetrationBound(([0.0, 1.0], [0.0, 0.05])), weakening(0.4, 2.0)))
+    K, w = np.diag([2.0, 5.0]), np.array([weight])
+    problem = DiscreteProblem.of_arrays(K, np.array([1.0, 0.0]), np.eye(2), w, np.zeros(1), law)
+    r = 1.0 / (2.0 + 3.0 * weight)
+    for part in (0.0, 0.3, 0.9, 1.0):
+        found = smallness(problem, displacement=np.array([part * r, 0.0]))
+        assert 2.0 * 0.05 * r * (1.0 - 1e-12) <= found.alpha_tangential < np.inf

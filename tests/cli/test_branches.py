@@ -161,7 +161,7 @@ def test_each_solution_is_drawn_and_all_side_by_side(
         own = (tmp_path / f"all_{number}.svg").read_text()
         assert f"solution {number}: {energy}" in own
         assert "von Mises stress" in own
-        assert ">residual " in own
+        assert "residual " in own
     assert f"all_{len(energies)}.svg" in capsys.readouterr().out
     assert not (tmp_path / f"all_{len(energies) + 1}.svg").exists()
 

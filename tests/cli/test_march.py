@@ -185,7 +185,8 @@ def test_what_is_refused_on_the_way_leaves_what_was_computed(folder: Path, capsy
     assert read_history_table(folder / "run.csv")["time"][-1] == pytest.approx(0.5)
     assert read_film(folder / "run.pvd").times == pytest.approx([0.0, 0.25, 0.5])
     assert main(["march", "timed.toml", "--checkpoint", "a.ckpt", "--resume"]) == 2
-    assert capsys.readouterr().out.count("note  ") == 1
+    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note  ")]
+    assert len([note for note in notes if "beyond small strains" not in note]) == 1
 
 
 def test_a_refusal_before_the_first_step_prints_no_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

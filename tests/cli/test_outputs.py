@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -373,7 +375,7 @@ def test_names_cannot_steer_the_terminal(folder: Path, capsys: pytest.CaptureFix
         _, out, err = run(capsys, *arguments)
         for c in out + err:
             assert c in "\n" or c.isprintable(), arguments
-        assert "d\n" not in out
+        assert "\n.toml" not in out  # the line end of a name
     assert "written           d\\x1b]0;owned\\x07" in run(capsys, "new", f"d{escape}\n.toml", "--force")[1]
 
 
@@ -480,3 +482,73 @@ def test_a_very_long_name_does_not_hide_what_is_wrong(capsys: pytest.CaptureFixt
     assert len(message) < 1100
     assert "aaa ... aaa" in message
     assert "file name too long" in message.lower()
+
+
+MARCH = """
+[mesh]
+rectangle = [1.0, 1.0]
+cells = [2, 2]
+[material]
+lame = [4.0, 4.0]
+[loads]
+body = [0.0, "-t"]
+[supports]
+top = "clamped"
+[time]
+until = 0.03
+step = 0.01
+"""
+
+
+def test_frames_of_a_march_neither_overwrite_nor_remove_what_was_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The table of a law has the name of a frame, and another frame's name leads to the problem file."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    table, problem = tmp_path / "run" / "run_000777.vtu", tmp_path / "p.toml"
+    table.write_text("r,derivative\n0,0\n1,10\n")
+    law = '[contact.bottom]\nnormal = { law = "table", file = "run/run_000777.vtu" }\n'
+    problem.write_text(MARCH.replace("[time]", law + "[time]"))
+    before = table.read_bytes(), problem.read_bytes()
+    (tmp_path / "run" / "run_000000.vtu").symlink_to(problem)
+    assert main(["march", str(problem), "--fields", "run.pvd", "--quiet"]) == 2
+    assert (table.read_bytes(), problem.read_bytes()) == before
+    assert "was read for this problem" in capsys.readouterr().err
+
+
+@contextlib.contextmanager
+def ends_within(seconds: int) -> Iterator[None]:
+    def late(*_: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes")
+def test_a_frame_is_not_written_into_a_pipe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    os.mkfifo(tmp_path / "run" / "run_000001.vtu")
+    (tmp_path / "p.toml").write_text(MARCH)
+    with ends_within(20):
+        assert main(["march", "p.toml", "--fields", "run.pvd", "--quiet"]) == 2
+    assert "it is a pipe" in capsys.readouterr().err
+
+
+def test_the_folder_of_the_survey_is_not_one_that_holds_this_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert main(["survey", "--out", ".."]) == 2
+    assert "holds the current folder" in capsys.readouterr().err
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["here"]

@@ -87,7 +87,7 @@ def _compare(problem: Path, result: Path) -> dict[str, object]:
     np.testing.assert_allclose(contact["pressure"], reference.pressure, atol=1e-7 * size)
     assert discrete.contact.without_friction is not None
     assert contact["without_friction"] == discrete.contact.without_friction.tolist()
-    assert record["warnings"] == list(discrete.warnings)
+    assert record["warnings"] == list(reference.warnings)
     return record  # type: ignore[no-any-return]
 
 
@@ -98,7 +98,7 @@ def test_the_serial_solution_on_any_number_of_ranks(tmp_path: Path, name: str, r
     done = _solve(ranks, problem, "--json", tmp_path / "r.json", "--rtol", "1e-12")
     assert done.returncode == 0, done.stderr
     record = _compare(problem, tmp_path / "r.json")
-    assert bool(record["warnings"]) == (name == "corner")
+    assert any("friction is left out" in warning for warning in record["warnings"]) == (name == "corner")  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("name", "ranks"), list(zip(FILES, (2, 3, 3, 2), strict=True)))
@@ -125,6 +125,8 @@ def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
     assert list(record) == list(serial)
     for key in ("contact", "certificate", "resultants", "residual_parts"):
         assert list(record[key]) == list(serial[key])  # type: ignore[call-overload]
+    rubs = [one["resultants"]["friction_force"] for one in (record, serial)]  # type: ignore[index]
+    np.testing.assert_allclose(*rubs, atol=1e-9)
     for name, expected in serial["boundaries"].items():
         assert list(record["boundaries"][name]) == list(expected)  # type: ignore[index]
         for key, value in expected.items():

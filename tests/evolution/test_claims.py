@@ -24,11 +24,12 @@ KAPPA, VISCOUS = 3.0, 0.6
 def block(contact: hv.Contact, viscous: float | None = VISCOUS, **more: Any) -> Evolution:
     """A unit square between rollers, modulus 3, viscosity 0.6, held at its top."""
     stated = {name: more.pop(name) for name in ("inertia", "heat") if name in more}
+    modulus = more.pop("modulus", KAPPA)
     options = {name: more.pop(name) for name in ("density", "branches") if name in more}
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 1),
         material=hv.Material.lame(
-            0.0, 0.5 * KAPPA, viscosity=None if viscous is None else (0.0, 0.5 * viscous), **options
+            0.0, 0.5 * modulus, viscosity=None if viscous is None else (0.0, 0.5 * viscous), **options
         ),
         supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
         tractions={"bottom": (0.0, -0.1)},
@@ -43,6 +44,7 @@ def falling(r: np.ndarray) -> np.ndarray:
 
 
 SAMPLED = FunctionLaw(derivative=falling)
+FLAT = hv.Tresca(hv.PenetrationBound(lambda s: np.full(np.shape(s), 0.1)))  # as far as samples tell
 DASHPOT = hv.PiecewiseQuadratic([0.0], [1.0, 1.0], [0.0])
 FALLING = hv.PiecewiseQuadratic([0.0, 1.0], [1.0, -0.5, 0.0], [0.0, 0.0])
 
@@ -123,6 +125,30 @@ def test_the_largest_step_with_one_solution(alpha: float) -> None:
         assert margins.margin(taken) == pytest.approx(1.0 - alpha / (KAPPA + VISCOUS / tau), rel=1e-6)
 
 
+@pytest.mark.parametrize("tau", [0.005, 0.01, 0.02, 0.05, 0.1])
+def test_the_largest_step_beside_damping(tau: float) -> None:
+    """``36 < 12 + (.9 + .4)/tau`` while the damper hides the softening: tau below 1.3/24, whichever step it is asked
+    from; the damper alone makes the law of a step convex below .4/36."""
+    damped = hv.Contact(hv.Softening(24.0, 0.1, 36.0), damping=hv.Compliance(0.4))
+    evolution = block(damped, 0.9, modulus=12.0)
+    discrete = discretize_evolution(evolution)
+    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    margins = Margins(advance)
+    taken = advance.take(initial_moment(advance), tau)
+    exact = 1.3 / 24.0
+    assert 0.985 * exact <= margins.largest_step(taken) <= exact * (1.0 + 1e-9)
+    assert margins.margin(taken) == pytest.approx(1.0 - max(36.0 - 0.4 / tau, 0.0) / (12.0 + 0.9 / tau), abs=1e-7)
+
+
+def test_the_largest_step_of_a_long_way_off_is_no_infinite_one() -> None:
+    """``alpha < kappa + c/tau``: a hundred million times the step is finite."""
+    discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, 3.5))))
+    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    exact = VISCOUS / (3.5 - KAPPA)
+    found = Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-8 * exact))
+    assert 0.985 * exact <= found <= exact * (1.0 + 1e-9)
+
+
 def test_steps_of_any_length_or_none() -> None:
     """Where the body alone is stiff enough there is no largest step; without viscosity there is none at all."""
     for contact, viscous, largest in (
@@ -162,9 +188,10 @@ def test_a_law_that_falls_at_once_is_refused_in_words() -> None:
         (hv.Contact(hv.Compliance(2.0), hv.Tresca(0.1), memory=(hv.Wear(0.1),)), {}, "only for given wear"),
         (hv.Contact(hv.Compliance(2.0)), {"heat": Heat(1.0, 1.0)}, "only for given heat"),
         (hv.Contact(SAMPLED), {}, "as far as samples of the law tell"),
+        (hv.Contact(hv.Compliance(2.0), FLAT), {}, "as far as samples of the law tell"),
         (hv.Contact(hv.Softening(50.0, 0.01, 10.0)), {"viscous": None}, "1 step may have several solutions"),
     ],
-    ids=["softening", "wear", "heat", "function", "steep"],
+    ids=["softening", "wear", "heat", "function", "friction", "steep"],
 )
 def test_one_solution_is_said_of_steps_where_it_is_shown(contact: hv.Contact, more: dict[str, Any], words: str) -> None:
     """What a step iterates, and constants from samples, are no part of the margin."""

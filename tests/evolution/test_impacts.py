@@ -9,7 +9,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.evolution import March, MoreauJean, Save, march, marching
+from hemivar.evolution import Evolution, March, MoreauJean, Save, march, marching
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.gallery import moving_bar
 
@@ -106,3 +106,26 @@ def test_what_a_step_takes_from_the_energy_is_known(restitution: float, theta: f
         assert taken[-1] == pytest.approx(lost, abs=1e-11)
     assert (min(taken) < -1e-7) == (theta == 0.5 and restitution < 1.0)
     assert moments[-1].ledger.numerical > (1e-3 if restitution < 1.0 else -1e-11)
+
+
+@pytest.mark.parametrize(("ramp", "says"), [(0.0, True), (0.4, False)], ids=["jump", "ramp"])
+def test_an_obstacle_that_jumps_into_the_body_is_reported(ramp: float, says: bool) -> None:
+    """A law of velocities leaves a body that is not seen to touch in the step of the jump where it is."""
+
+    def gap(x: Array, t: float) -> Array:
+        part = min(max((t - 0.505) / ramp, 0.0), 1.0) if ramp else float(t > 0.505)
+        return np.full(len(x), 0.03 - 0.05 * part)
+
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), (1, 1)),
+        material=hv.Material.lame(4, 4, density=1.0),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
+        contact={"bottom": hv.Contact(hv.Signorini(), gap=gap)},
+    )
+    found = march(Evolution(problem, inertia=True), 1.0, step=0.02, scheme=hv.MoreauJean())
+    told = [message for message in found.messages if "jumps into the body" in message]
+    assert (len(told) == 1) == says
+    if says:
+        assert "by 0.05 in the step to t = 0.52" in told[0]
+        assert f"{found['penetration'][26]:.3g}" in told[0]
+        assert found["penetration"][26] > 5e-3

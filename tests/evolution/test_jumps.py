@@ -14,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, History, March, descent, march, marching
 from hemivar.formula import Formula
 from hemivar.solvers import solve
+from tests.evolution.messages import said_of
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2.
 KAPPA, STIFF, DELTA, FALL = 1.0, 2.0, 0.1, 2.0
@@ -152,7 +153,7 @@ def test_smooth_laws_jump_where_they_must_without_crawling(law: str, monkeypatch
     found = np.diff(history["jumps"])
     near = 1e-6 if law == "function" else 5e-3  # of the table's chords
     assert found[found > 0.0] == pytest.approx(lost, rel=near)
-    told = history.messages[0].split("t = ")[1].split(":")[0]
+    told = said_of(history)[0].split("t = ")[1].split(":")[0]
     assert float(told) == pytest.approx(pushed[0], abs=1e-5)
     assert abs(history.ledger["gap"]) < 1e-12
     assert count < 300

@@ -20,6 +20,7 @@ from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.formula import Formula, FormulaArray
 from hemivar.solvers import Controls
+from tests.evolution.messages import said_of
 
 
 def beam(inertia: bool = True, load: float = -0.5, **contact: Any) -> Evolution:
@@ -82,7 +83,7 @@ def test_a_checkpoint_beyond_the_end_is_told(tmp_path: Path) -> None:
     early = march(beam(), 0.1, step=0.05, checkpoint=kept, resume=True)
     assert early.times[-1] == 0.2
     assert "the checkpoint is at t = 0.2, beyond the end at 0.1" in early.messages[-1]
-    assert march(beam(), 0.3, step=0.05, checkpoint=kept, resume=True).messages == ()
+    assert said_of(march(beam(), 0.3, step=0.05, checkpoint=kept, resume=True)) == ()
 
 
 def test_a_rejected_step_leaves_no_trace() -> None:
@@ -430,3 +431,21 @@ def test_a_step_that_is_solved_has_the_residual_that_was_asked_for(law: hv.Super
     history = hv.march(hv.Evolution(problem), 0.5, step=0.05, controls=hv.Controls(rtol=1e-11))
     assert history.finished
     assert history["residual"].max() <= 1e-11
+
+
+def test_a_march_goes_on_to_a_later_end_beyond_kinks_and_stops(tmp_path: Path) -> None:
+    """A kink at t = 1.2 and a stop at t = 1.3 lie between the first end and the later one."""
+    kept, whole = hv.Checkpoint(tmp_path / "run.ckpt"), hv.Checkpoint(tmp_path / "whole.ckpt")
+    options: dict[str, Any] = {"step": 0.25, "stops": (0.6, 1.3)}
+    problem = dataclasses.replace(
+        beam(False).problem, body_force=FormulaArray((0.0, Formula("-0.1 * min(t, 1.2)")), (2,))
+    )
+    march(Evolution(problem), 1.0, checkpoint=kept, **options)
+    resumed = march(Evolution(problem), 2.0, checkpoint=kept, resume=True, **options)
+    once = march(Evolution(problem), 2.0, checkpoint=whole, **{**options, "stops": (0.6, 1.0, 1.3)})
+    assert resumed.finished
+    assert {1.2, 1.3} <= set(resumed.times)
+    assert np.array_equal(resumed.times, once.times)
+    assert np.array_equal(resumed.moment.body.place, once.moment.body.place)
+    with pytest.raises(FileError, match="another evolution"):
+        march(Evolution(problem), 2.0, checkpoint=kept, resume=True, step=0.25, stops=(0.7, 1.3))

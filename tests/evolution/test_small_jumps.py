@@ -14,6 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, History, march
 from hemivar.solvers import NonsmoothMultigrid, Solver
+from tests.evolution.messages import said_of
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2; up at 0.3, down at 0.2.
 KAPPA, STIFF, DELTA, FALL = 1.0, 2.0, 0.1, 2.0
@@ -167,7 +168,7 @@ def test_a_law_that_weakens_with_time_is_no_jump(jump: str) -> None:
         assert history.ledger["jumps"] == 0.0
     assert (history["margin"][1:] < 0.0).all()
     assert not history["jumped"].any()
-    assert not history.messages
+    assert not said_of(history)
 
 
 def reached_with_branch(until: float, instant: float, rest: float, time: float) -> float:
@@ -202,7 +203,7 @@ def test_a_branch_yields_at_once_and_chooses_nothing(jump: str) -> None:
     else:
         assert up < when < up + step + 1e-9
     if jump in ("arc-length", "dynamic"):
-        (told,) = re.findall(r"jumped at t = ([0-9.]+):", history.messages[0])
+        (told,) = re.findall(r"jumped at t = ([0-9.]+):", said_of(history)[0])
         assert float(told) == pytest.approx(up, abs=1e-4)
 
 
@@ -251,7 +252,29 @@ def test_leaving_rest_on_a_kink_of_the_law_is_no_jump(jump: str) -> None:
     history = march(Evolution(problem), 0.2, step=0.05, jump=jump)
     assert history.finished
     assert not history["jumped"].any()
-    assert not history.messages
+    assert not said_of(history)
     force = history["normal_force"]
     np.testing.assert_allclose(force, force[-1] * history.times / 0.2, rtol=1e-9)
     assert history.ledger["jumps"] == 0.0
+
+
+def test_what_a_branch_holds_together_does_not_jump() -> None:
+    """A spring of 1/2 beside a branch of 1 on a law that falls by 1.2 up to 0.3, and by 3 only beyond it.
+
+    The margin is lost for what lies beyond; the body follows the fall: ``1.5 r + 0.4 - 1.2 (r - 0.1) = 0.58`` at last.
+    """
+    law = hv.table_law([0.0, 0.1, 0.3, 0.3 + 0.16 / 3.0], [0.0, 0.4, 0.16, 0.0])
+    material = hv.Material.lame(0.0, 0.25, branches=[hv.Branch(lame=(0.0, 0.5), time=1e6)])
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 1),
+        material=material,
+        supports={"top": hv.Clamped(), "left": hv.Roller(), "right": hv.Roller()},
+        contact={"bottom": hv.Contact(law)},
+        tractions={"bottom": lambda x, t: np.tile([0.0, -0.58 * t], (len(x), 1))},
+    )
+    history = march(Evolution(problem), 1.0, step=0.05)
+    assert history.finished
+    assert history["penetration"][-1] == pytest.approx(0.2, rel=1e-5)
+    assert history.margin == pytest.approx(1.0 - 3.0 / 1.5, rel=1e-5)
+    assert not history["jumped"].any()
+    assert not said_of(history)

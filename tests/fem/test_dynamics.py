@@ -510,3 +510,13 @@ def test_implicit_euler_of_a_viscoelastic_block(
         found = (0.5 * float(u @ (K @ u)), viscous, 0.5 * float(v @ (M @ v)), numerical)
         np.testing.assert_allclose(found, energies, atol=1e-11)
         assert float(f @ u) == pytest.approx(sum(energies), abs=1e-10)
+
+
+def test_a_bedding_in_part_made_of_mass_adds_what_its_factor_says() -> None:
+    """``2 + 5 3`` per volume everywhere: the mass matrix of that density, whose entries add up to it by component."""
+    bedding = Bedding(2.0, Material.lame(1, 1, density=3.0), 5.0)
+    mesh = rectangle((2.0, 1.0), 2)
+    assert bedding.constant == pytest.approx(17.0)
+    found = mass_matrix(mesh, bedding, 1)
+    np.testing.assert_allclose(found.toarray(), 17.0 * mass_matrix(mesh, Bedding(1.0), 1).toarray(), rtol=1e-12)
+    assert found.sum() == pytest.approx(2 * 2.0 * 17.0)

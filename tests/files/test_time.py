@@ -412,8 +412,8 @@ BAD: dict[str, tuple[dict[str, str], str]] = {
     "table": ({"time": "until = 1", "output": "table = 3"}, "table: must be a text, not the number 3"),
     "checkpoint": ({"time": "until = 1", "output": "checkpoint = ''"}, "checkpoint: has an empty name"),
     "checkpoint minutes": (
-        {"time": "until = 1", "output": "checkpoint = { file = 'a', minutes = 0 }"},
-        "checkpoint.minutes: is 0; it must be positive",
+        {"time": "until = 1", "output": "checkpoint = { file = 'a', minutes = -1 }"},
+        "checkpoint.minutes: is -1; give a time of at least 0",
     ),
     "checkpoint file": ({"time": "until = 1", "output": "checkpoint = { minutes = 1 }"}, "checkpoint.file: is missing"),
     "probe": (

@@ -234,7 +234,7 @@ def test_a_contact_law_says_whether_a_constant_of_its_bound_is_sampled() -> None
         (exact, sampled, True),
         (0.5, sampled, False),
         (CoulombBound(0.3), sampled, False),
-        (PenetrationBound(lambda s: 0.5 + 0.0 * s), sampled, False),
+        (PenetrationBound(lambda s: 0.5 + 0.0 * s), sampled, True),  # samples may have missed a slope
     ):
         found = law(bound, profile)
         assert found.lipschitz_sampled is expected

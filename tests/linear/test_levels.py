@@ -287,3 +287,12 @@ def test_early_end() -> None:
     assert found.iterations == 4
     assert seen == [1, 2, 3, 4]
     assert 0.5 * found.solution @ (matrix @ found.solution) - b @ found.solution < 0.0
+
+
+def test_the_way_down_never_leads_against_the_load() -> None:
+    """Whatever the preconditioner makes of it: after a step to (10, 0) its direction is (-2, 1), and b is (1, 1)."""
+    answers = iter([np.array([1.0, 0.0]), np.array([-3.0, 1.0])])
+    A, b = sp.csr_array(np.diag([0.1, -1.0])), np.array([1.0, 1.0])
+    found = conjugate_gradients(A, np.abs(A.diagonal()), b, lambda _: next(answers), 1e-12, 5)
+    assert found.negative is not None
+    np.testing.assert_allclose(found.negative, [2.0, -1.0], rtol=1e-12)

@@ -18,8 +18,8 @@ from hemivar.certify import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.gallery import survey, survey_cube
-from hemivar.laws import Softening
-from hemivar.mechanics import Contact
+from hemivar.laws import Signorini, Softening
+from hemivar.mechanics import Contact, ContactProblem
 from hemivar.mesh import rectangle
 from hemivar.report.notebook import html_of
 from hemivar.solvers import Solution, Status, solve
@@ -100,6 +100,15 @@ def test_problems(plane: Solution, bar: Solution) -> None:
     assert shown(plane.problem).row("unknowns") == str(plane.problem.unknowns)
     assert shown(bar.problem).pictures == []
     assert shown(survey_cube("5.1", 2)).row("elements") == "of order 1"
+
+
+def test_a_card_names_friction_only_where_it_was_stated(plane: Solution) -> None:
+    stated = plane.problem.origin
+    assert isinstance(stated, ContactProblem)
+    smooth = replace(stated, contact={"bottom": Contact(Signorini())})
+    assert shown(smooth).row("contact: bottom") == "signorini"
+    assert "friction" not in discretize(smooth)._repr_html_()
+    assert "friction" in plane.problem._repr_html_()
 
 
 def test_certificate(plane: Solution) -> None:

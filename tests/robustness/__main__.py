@@ -1,4 +1,7 @@
-"""``python -m tests.robustness --cases 3000 --seed 1 --jobs 2``: run hostile cases and print what became of them."""
+"""``python -m tests.robustness --cases 3000 --seed 1 --jobs 2``: run hostile cases and print what became of them.
+
+``python -m tests.robustness bounds --cases 300`` holds random bounds against finer solutions instead.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from tests.robustness import bounds
 from tests.robustness.case import leave_command
 from tests.robustness.generate import FAMILIES, make_case
 from tests.robustness.judge import FAULTS, Outcome, as_record, run_and_judge, table
@@ -18,6 +22,8 @@ from tests.robustness.pool import run_cases
 
 
 def main() -> int:
+    if sys.argv[1:2] == ["bounds"]:
+        return bounds.main(sys.argv[2:])
     parser = argparse.ArgumentParser(prog="python -m tests.robustness", description=__doc__)
     parser.add_argument("--cases", type=int, default=300, help="how many (300)")
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (1)")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-__all__ = ["Body", "isotropic", "load_of_body", "load_of_facets", "stiffness"]
+__all__ = ["Body", "gauss_rule", "isotropic", "load_of_body", "load_of_facets", "mass", "stiffness"]
 
 _PAIRS = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
 
@@ -64,7 +64,7 @@ def _slopes(order: int, place: np.ndarray) -> np.ndarray:
     return np.concatenate(rows)
 
 
-def _rule(dim: int, points: int) -> tuple[np.ndarray, np.ndarray]:
+def gauss_rule(dim: int, points: int) -> tuple[np.ndarray, np.ndarray]:
     """Barycentric places and weights (of sum 1) of a Gauss rule on a cube that is collapsed to a simplex."""
     x, w = np.polynomial.legendre.leggauss(points)
     x, w = 0.5 * (x + 1.0), 0.5 * w
@@ -102,7 +102,7 @@ def stiffness(body: Body, material: Callable[[np.ndarray], np.ndarray], points: 
     edges = body.corners[:, 1:] - body.corners[:, :1]
     inverse = np.linalg.inv(edges)  # columns: gradients of the barycentric coordinates 1..d
     gradients = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse], axis=2).transpose(0, 2, 1)
-    places, weights = _rule(d, max(points, 2))
+    places, weights = gauss_rule(d, max(points, 2))
     fixed = material(body.corners.mean(axis=1)) if points == 0 else None
     count = body.cells.shape[1]
     total = np.zeros((len(body.cells), count * d, count * d))
@@ -122,6 +122,20 @@ def stiffness(body: Body, material: Callable[[np.ndarray], np.ndarray], points: 
     columns = np.tile(unknowns, (1, count * d)).ravel()
     size = len(body.nodes) * d
     return sp.csr_array(sp.coo_array((total.ravel(), (rows, columns)), shape=(size, size)))
+
+
+def mass(body: Body) -> sp.csr_array:
+    """Mass matrix of a density of one, for unknowns ``node d + i``."""
+    d, count = body.dim, body.cells.shape[1]
+    places, weights = gauss_rule(d, 2 * body.order)
+    shapes = np.array([_shapes(body.order, place) for place in places])
+    local = np.einsum("q,qa,qb->ab", weights, shapes, shapes)
+    blocks = np.kron(local, np.eye(d)) * body.volumes[:, None, None]
+    unknowns = (body.cells[:, :, None] * d + np.arange(d)).reshape(len(body.cells), -1)
+    rows = np.repeat(unknowns, count * d, axis=1).ravel()
+    columns = np.tile(unknowns, (1, count * d)).ravel()
+    size = len(body.nodes) * d
+    return sp.csr_array(sp.coo_array((blocks.ravel(), (rows, columns)), shape=(size, size)))
 
 
 def load_of_body(body: Body, force: Callable[[np.ndarray], np.ndarray], points: int = 4) -> np.ndarray:
@@ -150,7 +164,7 @@ def _load(
     points: int,
 ) -> np.ndarray:
     load = np.zeros(nodes.shape)
-    places, weights = _rule(corners.shape[1] - 1, points)
+    places, weights = gauss_rule(corners.shape[1] - 1, points)
     for place, weight in zip(places, weights, strict=True):
         shape = _shapes(order, place)
         where = np.einsum("k,mkd->md", place, corners)

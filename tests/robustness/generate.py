@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from tests.robustness.case import Case
+from tests.robustness.evolutions import random_evolution
 from tests.robustness.formulas import ATTACKS, BOUNDS, LAWS, nested, random_formula
 from tests.robustness.meshes import foreign, other_model, renumbered, tokens
 from tests.robustness.msh import FORMATS, grid_mesh, write_msh
@@ -592,6 +593,13 @@ class _Maker:
                 words = plot
         return Case(self.name, "surroundings", f"{name}, {kind}: {' '.join(words)}"[:200], words, files, **others)
 
+    def evolution(self) -> Case:
+        """An evolution of a small body, every step of which can be enumerated."""
+        data, tables, note = random_evolution(self.rng)
+        words = ["march", "problem.toml", "--json", "march.json", "--fields", "run.pvd", "--max-time", "10"]
+        files = {"problem.toml": dump(data).encode(), **{name: text.encode() for name, text in tables.items()}}
+        return Case(self.name, "evolution", note, words, files, problem="problem.toml", answer="march.json")
+
 
 #: Generators with their weights.
 FAMILIES: dict[str, tuple[Callable[[_Maker], Case], int]] = {
@@ -607,6 +615,7 @@ FAMILIES: dict[str, tuple[Callable[[_Maker], Case], int]] = {
     "options": (_Maker.options, 7),
     "files": (_Maker.files, 5),
     "surroundings": (_Maker.surroundings, 3),
+    "evolution": (_Maker.evolution, 6),
 }
 
 

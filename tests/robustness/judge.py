@@ -185,7 +185,7 @@ def _untidy(case: Case, folder: Path, run: Run) -> str:
     words = " ".join(case.arguments)
     strange = []
     for path in folder.iterdir():
-        stem = path.name.removesuffix("_contact.vtu")
+        stem = path.name.removesuffix("_contact.vtu").removesuffix("_contact.pvd")
         stem = stem.rpartition(".")[0] or stem
         if path.name not in (*known, "problem.toml", "survey-output") and stem not in words:
             strange.append(path.name)
@@ -193,6 +193,7 @@ def _untidy(case: Case, folder: Path, run: Run) -> str:
 
 
 def _ask_the_oracle(case: Case, folder: Path, outcome: Outcome) -> None:
+    from tests.robustness.moving import examine_march
     from tests.robustness.oracle import Verdict, examine, examine_many, examine_record
 
     if case.problem is None or case.answer is None or "--help" in case.arguments:
@@ -220,6 +221,8 @@ def _ask_the_oracle(case: Case, folder: Path, outcome: Outcome) -> None:
     elif kind == "solutions":
         mesh = _mesh_of(case, folder)
         verdict = examine_many(folder, case.problem, case.answer, mesh, "mesh.json")
+    elif kind == "march":
+        examine_march(folder, case.problem, case.answer, "run.pvd", verdict)
     elif kind == "compare":
         _compared(json.loads(answer.read_text(encoding="utf-8")), folder / case.problem, verdict)
     elif kind == "path":

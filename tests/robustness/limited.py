@@ -86,6 +86,7 @@ def warm_up() -> None:
     import hemivar.branches
     import hemivar.certify
     import hemivar.cli
+    import hemivar.evolution
     import hemivar.files.problem_file
     import hemivar.report
     import hemivar.solvers

@@ -18,7 +18,7 @@ from tests.robustness.graphs import Graph, SenselessError, normal_graph, read_ta
 from tests.robustness.msh import MshMesh, read_msh
 from tests.robustness.obstacles import signed_distance, way_along
 
-__all__ = ["Physics", "Verdict"]
+__all__ = ["Physics", "Verdict", "read_vtu"]
 
 _EPS = float(np.finfo(float).eps)
 #: Bounds of relative errors are multiplied by this before they are complained about.
@@ -66,7 +66,7 @@ class Physics:
         self.folder, self.data, self.record, self.verdict = folder, data, record, verdict
         self.rtol = rtol
         verdict.demand(rtol < 1.0, f"a tolerance of {rtol:g} was accepted")
-        self.body, shown = _read_vtu(folder / fields)
+        self.body, shown = read_vtu(folder / fields)
         if self.body.nodes.size > 60_000:
             raise UnknownError("the mesh is large")
         self.dim = self.body.dim
@@ -433,7 +433,7 @@ class Physics:
             clear = not supported and not corner
             vector = pressure[i] * normal[i]
             if clear or d == 2:
-                vector = vector + friction[i] @ tangents
+                vector = vector - friction[i] @ tangents  # of the body on the foundation
             if clear:
                 worst_slip = max(worst_slip, float(np.abs(tangents @ moved - slip[i]).max(initial=0.0)))
             if not clear and d == 3:
@@ -607,12 +607,12 @@ class Physics:
             )
             return False
         if slid > 2.0 * shift + 1e-7 * float(np.abs(self.u).max()):
-            along = float(t @ s) / slid
-            across = float(np.linalg.norm(t - along * s / slid))
+            along = -float(t @ s) / slid
+            across = float(np.linalg.norm(t + along * s / slid))
             turned = high * high_bound * min(1.0, 2.0 * shift / slid)
             if along < low * low_bound - give - turned or across > give + turned:
                 self.verdict.wrong.append(
-                    f"friction {t} at slip {s}, x = {point['x']}: the law asks for {low * low_bound:.6g} along it"
+                    f"friction {t} at slip {s}, x = {point['x']}: the law asks for {low * low_bound:.6g} against it"
                 )
                 return False
         return True
@@ -664,7 +664,7 @@ def _matches(first: np.ndarray, second: np.ndarray, near: float) -> bool:
     return bool(apart.min(axis=0).max() <= near and apart.min(axis=1).max() <= near)
 
 
-def _read_vtu(path: Path) -> tuple[Body, np.ndarray | None]:
+def read_vtu(path: Path) -> tuple[Body, np.ndarray | None]:
     """Nodes, cells and displacement of a VTU file."""
     import meshio
 

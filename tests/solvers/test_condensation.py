@@ -154,4 +154,4 @@ def test_fixed_slip_carries_the_friction_of_the_law() -> None:
         found = solve(problem, method)
         if method.name != "direct-powell":
             assert found.status is Status.CONVERGED, method
-            assert found.friction[0, 0] == pytest.approx(-0.5)
+            assert found.friction[0, 0] == pytest.approx(0.5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 
 import hemivar as hv
 from hemivar.discrete import DiscreteProblem
@@ -28,6 +29,7 @@ from hemivar.solvers import (
     Controls,
     FixedPoint,
     LoadStepping,
+    NonsmoothMultigrid,
     NonsmoothNewton,
     Search,
     Solution,
@@ -35,6 +37,7 @@ from hemivar.solvers import (
     solve,
     suited,
 )
+from hemivar.solvers.newton import _descend
 from hemivar.systems import Workspace, condense
 
 from ..problems import bar, discrete_square, relative_difference
@@ -164,7 +167,7 @@ def frozen(solution: Solution) -> DiscreteProblem:
     return problem.with_(law=problem.law.frozen(solution.local, solution.multiplier))
 
 
-def test_a_bound_that_depends_on_the_penetration_is_solved_by_a_fixed_point() -> None:
+def test_a_bound_that_is_a_python_function_is_solved_by_a_fixed_point() -> None:
     problem = strip(CAPPED, Logarithmic(PenetrationBound(ramp)))
     found = solve(problem)
     assert found.method == "fixed-point(newton)"
@@ -239,7 +242,7 @@ def test_other_methods_want_to_be_wrapped(method: str) -> None:
     with pytest.raises(MethodError, match="FixedPoint"):
         solve(problem, METHODS[method])
     wrapped = suited(METHODS[method], problem)
-    assert wrapped.name == f"fixed-point({method})"
+    assert wrapped.name == ("semismooth-newton" if method == "newton" else f"fixed-point({method})")
     assert suited(wrapped, problem) is wrapped
 
 
@@ -285,3 +288,23 @@ def test_a_potential_that_cancels_keeps_no_solution_from_its_tolerance(down: flo
     r = float(solution.local[0, 0])
     pressed = 2.0 * mu * (down - r)  # a bar of the stiffness 2 mu, of force per area
     assert 20.0 * r * np.exp(-10.0 * r) == pytest.approx(pressed, rel=1e-7)
+
+
+# ---- what methods ask of what they are made of ------------------------------------------------------------------
+
+
+def test_a_matrix_that_is_not_definite_counts_by_the_sizes_of_its_eigenvalues() -> None:
+    """The direction is ``(H H)^-1/2 g``, so that steps along negative curvature are as long as others."""
+    rng = np.random.default_rng(2)
+    axes = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    H, g = (axes * [3.0, 0.5, -2.0, -0.25]) @ axes.T, rng.standard_normal(4)
+    direction, convex = _descend(H.copy(), g)
+    assert not convex
+    np.testing.assert_allclose(np.real(la.sqrtm(H @ H)) @ direction, g, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(("own", "asked"), [(1e-6, 1e-9), (1e-9, 1e-6)])
+def test_steps_of_a_load_are_as_accurate_as_the_finer_of_both_tolerances(own: float, asked: float) -> None:
+    inner = LoadStepping(NonsmoothMultigrid(), rtol=own).for_tolerance(asked)
+    assert isinstance(inner, LoadStepping)
+    assert inner.inner == NonsmoothMultigrid().for_tolerance(1e-9) != NonsmoothMultigrid().for_tolerance(1e-6)

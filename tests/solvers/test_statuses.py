@@ -45,6 +45,7 @@ REMEDIES = {
     Status.NONFINITE: ("no longer finite", "NonsmoothNewton"),
     Status.NOT_CONTRACTING: ("does not contract", "FixedPoint", "finer load step"),
     Status.UNBOUNDED: ("no lower bound",),
+    Status.NOT_CARRIED: ("may exceed what the foundation can carry", "hemivar path", "hemivar.follow_path"),
     Status.INTERRUPTED: ("interrupted", "best iterate"),
     Status.OUT_OF_MEMORY: ("memory gave out", "multigrid"),
 }

@@ -174,3 +174,18 @@ def test_whole_vectors() -> None:
     np.testing.assert_allclose(WHOLE.norms(np.full(4, 1e200), np.zeros(0)), [2e200, 0.0])
     assert WHOLE.lowest(3.0) == (3.0, True)
     assert WHOLE.before(7) == 0
+
+
+def test_all_tangential_components_of_a_point_move_together() -> None:
+    """The lowest energy of the slip of one point, a vector, by hand.
+
+    With stiffness k, force f and friction h it slips by ``(|f| - h w) / k`` along f: ``(|f| - h w)^2 / (2 k)`` less.
+    """
+    k, w, h = 8.0, 0.5, 0.6
+    force = np.array([[0.0, 0.3, 0.4], [0.0, -0.9, 1.2]])
+    law = hv.ContactLaw(hv.Signorini(), hv.Tresca(np.full(2, h)))
+    free = np.ones((2, 3), dtype=bool)
+    body = Points(WHOLE, law, np.full(2, w), k * np.eye(6), free, np.zeros((2, 3)))
+    moved, gained = best_component(body, np.zeros((2, 3)), force)
+    np.testing.assert_allclose(moved, [[0.0, 0.0, 0.0], [0.0, -0.6 * 1.2 / k, 0.8 * 1.2 / k]], rtol=1e-12)
+    assert gained == pytest.approx(-(1.2**2) / (2.0 * k), rel=1e-12)

@@ -140,7 +140,7 @@ def test_stick_slip() -> None:
     begun = times[1:][stuck[1:] & ~stuck[:-1] & (times[1:] > 1.0)]
     assert len(begun) >= 3
     assert np.diff(begun) == pytest.approx(sticks + slips, rel=0.12)
-    friction = found["friction_force"]
+    friction = -found["friction_force"]  # the ground moves the foot back
     assert 0.6 * 1.0 * 2.0 >= friction[found.times > 1.0].max() > 0.8 * 1.2  # static, nearly everywhere at once
     assert friction[found.times > 1.0].min() == pytest.approx(0.6 * 0.5 * 2.0, rel=0.1)  # kinetic
 

@@ -131,10 +131,10 @@ def test_orders_of_stick_and_slip() -> None:
     x = found.problem.contact.points[:, 0]  # type: ignore[index]
     slips = found.state == hv.ContactState.SLIP
     assert np.abs(x[slips].min()) < 2.1 / 64
-    np.testing.assert_allclose(found.friction[slips, 0], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(found.friction[slips, 0], -1.0, rtol=1e-9)
     inside = np.abs(x) < 0.9
     np.testing.assert_allclose(
-        found.friction[inside, 0], known.multiplier(found.problem.contact.points)[inside], atol=0.03
+        found.friction[inside, 0], -known.multiplier(found.problem.contact.points)[inside], atol=0.03
     )
     assert found.certify().unique
 
@@ -402,7 +402,7 @@ def test_a_block_between_rubbing_plates() -> None:
         found = hv.solve(problem).raise_for_status()
         np.testing.assert_allclose(found.slip[:, 0], slip, atol=1e-12)
         force = np.clip(2.0 * shift, -bound, bound)
-        np.testing.assert_allclose(found.friction[:, 0], force, atol=1e-11)
+        np.testing.assert_allclose(found.friction[:, 0], -force, atol=1e-11)
         assert found.reactions["top"][0] == pytest.approx(2.0 * force)
         assert sp.issparse(found.problem.contact.trace)
 

@@ -121,7 +121,7 @@ def test_friction_opposes_slip_and_keeps_its_bound() -> None:
     sliding = length > 1e-8
     assert sliding.any()
     work = np.einsum("md,md->m", solution.friction, solution.slip)
-    np.testing.assert_allclose(work[sliding], 0.5 * length[sliding], rtol=1e-6)
+    np.testing.assert_allclose(work[sliding], -0.5 * length[sliding], rtol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -246,3 +246,23 @@ def test_a_table_has_a_line_for_each_point(whole: hv.Sweep, tmp_path: Path) -> N
 def test_processes_find_the_same_bits(whole: hv.Sweep, tmp_path: Path) -> None:
     found = hv.sweep(softening_bar, AXES, jobs=2, keep=tmp_path / "a.jsonl")
     assert found.points == whole.points
+
+
+def rubbing_point(mu: float) -> DiscreteProblem:
+    """One point, whose friction weakens with the slip and grows with the penetration."""
+    friction = hv.SlipWeakening(hv.PenetrationBound(([0.0, 1.0], [0.0, 4.0 * mu])), 1.0, 0.5, 1.5)
+    law = hv.ContactLaw(hv.Compliance(4.0), friction)
+    stiffness, load = np.diag([3.0, 2.0]), np.array([1.0, 0.7])
+    return DiscreteProblem.of_arrays(stiffness, load, np.eye(2), np.array([0.5]), np.zeros(1), law)
+
+
+def test_where_friction_depends_on_the_state_the_margin_is_that_at_the_solution() -> None:
+    """By hand: ``1 - w (alpha_tau h(r) / k_tau + h' / sqrt(k_nu k_tau))`` with ``r = 1 / (3 + w 4)`` and w = 1/2.
+
+    At any other penetration the friction may be larger, and so may its weakening: nothing bounds the margin there.
+    """
+    found = hv.sweep(rubbing_point, {"mu": (0.1, 0.3)})
+    mu, r = np.array([0.1, 0.3]), 1.0 / (3.0 + 0.5 * 4.0)
+    by_hand = 1.0 - 0.5 * (0.5 * 1.5 * 4.0 * mu * r / 2.0 + 4.0 * mu / np.sqrt(3.0 * 2.0))
+    np.testing.assert_allclose(found.margin, by_hand, atol=1e-6)
+    assert (found.count == 1.0).all()

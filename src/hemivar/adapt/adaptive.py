@@ -6,7 +6,8 @@ the mesh before.  Cells are marked by Doerfler's rule: the fewest that hold a sh
     eta_T^2 + |xi - zeta|_F^2 / Lambda + G_F,
 
 what a cell and its contact facets add to the bound (:mod:`hemivar.adapt.exact_distance`). With a goal the share is one
-of what cells add to the error of that quantity (:mod:`hemivar.adapt.goal_values`).
+of what cells add to the error of that quantity (:mod:`hemivar.adapt.goal_values`) until the estimate of it is as asked;
+from there on that of the bound, with which the guaranteed interval shrinks.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.memory import available_bytes, size_in_words
+from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array, BoolArray, Record
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -44,6 +46,8 @@ __all__ = ["AdaptiveLevel", "AdaptiveSolution", "solve_adaptive", "solving_adapt
 _BYTES = {2: 6e3, 3: 3e4}
 #: Cells of the first mesh that is refined where it is asked to, at least: coarser ones are refined everywhere.
 _FEW = {2: 32, 3: 48}
+#: Ends by a limit.
+_LIMITS = (AdaptiveEnd.MAX_UNKNOWNS, AdaptiveEnd.MAX_TIME, AdaptiveEnd.MAX_MEMORY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +94,19 @@ class AdaptiveLevel:
     def relative(self) -> float:
         """Relative bound of the distance; with a goal half its interval over its value."""
         return self.distance.relative if self.goal is None else self.goal.relative
+
+    def estimated(self, rtol: float) -> bool:
+        """Whether there is a goal and its estimate is within rtol, whatever is guaranteed."""
+        return self.goal is not None and self.goal.estimated <= rtol
+
+    def needed(self, rtol: float) -> float:
+        """Unknowns from which on the interval of a goal is expected to be guaranteed within rtol; inf if it is none.
+
+        It shrinks with the energy norm of the error: in d dimensions as the power -1/d of the unknowns.
+        """
+        if self.goal is None or not (self.goal.guaranteed and math.isfinite(self.goal.relative)):
+            return math.inf
+        return self.unknowns * max(self.goal.relative / rtol, 1.0) ** self.distance.stress.data.table.dim
 
     def row(self) -> dict[str, float]:
         """Numbers of the mesh, see :meth:`AdaptiveSolution.rows`."""
@@ -258,7 +275,8 @@ def solving_adaptive(
     rtol : float
     goal : Goal or str, optional
         A quantity of interest, such as ``"contact.bottom.force"`` (:func:`hemivar.adapt.goal_named`): cells are marked
-        by what they add to its error, and it ends where the error of this quantity is at most rtol times its size.
+        by what they add to its error, and it ends where the guaranteed interval of this quantity is within rtol of its
+        size; with ``"estimated"`` where only the estimate is, and no mesh within the limits would make the interval so.
     share : float
         Part of the sum of the indicators that the marked cells hold.
     max_unknowns : int
@@ -306,7 +324,8 @@ def solving_adaptive(
             if last is not None:
                 ended = last
                 break
-            mesh = problem.mesh.refined_where(_marked(levels[-1].indicator, share))
+            indicator = _indicator(distance, constants) if levels[-1].estimated(rtol) else levels[-1].indicator
+            mesh = problem.mesh.refined_where(_marked(indicator, share))
             grown = mesh.number_of_cells / problem.mesh.number_of_cells
             if time.perf_counter() - began + grown * (now - started) > max_time:
                 ended = AdaptiveEnd.MAX_TIME
@@ -328,6 +347,10 @@ def solving_adaptive(
             break
     status = levels[-1].solution.status
     note = refused if status is Status.CONVERGED else f"{status.value}: {status.remedy}"
+    if ended in _LIMITS and levels[-1].estimated(rtol):
+        ended = AdaptiveEnd.ESTIMATED
+    if ended is AdaptiveEnd.ESTIMATED and levels[-1].goal is not None:
+        note = _interval(levels[-1], rtol)
     return AdaptiveSolution(tuple(levels), rtol, ended, note)
 
 
@@ -369,7 +392,7 @@ def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: i
         return AdaptiveEnd.of(level.solution.status)
     if level.relative <= rtol:
         return AdaptiveEnd.REACHED if level.guaranteed else AdaptiveEnd.ESTIMATED
-    if goal is not None and goal.estimated <= rtol:
+    if level.estimated(rtol) and not level.needed(rtol) <= max_unknowns:
         return AdaptiveEnd.ESTIMATED
     if told:
         return AdaptiveEnd.STOPPED
@@ -378,6 +401,18 @@ def _ended(level: AdaptiveLevel, rtol: float, told: bool | None, max_unknowns: i
     if goal is None and level.distance.parts.algebraic > rtol * level.distance.energy_norm:
         return AdaptiveEnd.ALGEBRAIC
     return AdaptiveEnd.MAX_UNKNOWNS if level.unknowns > max_unknowns else None
+
+
+def _interval(level: AdaptiveLevel, rtol: float) -> str:
+    """How wide the guaranteed interval of a goal is that is only estimated to be as asked, and what would mend that."""
+    if not math.isfinite(level.needed(rtol)):
+        return "no interval is guaranteed, see the reasons"
+    wide, asked = rounded_up(100.0 * level.relative, 2), f"{100.0 * rtol:.3g}"
+    return (
+        f"the guaranteed interval is within {wide} % of the value; within {asked} % takes about "
+        f"{rounded_up(level.needed(rtol), 2)} unknowns: raise max_unknowns, "
+        "max_time or max_memory, or take a larger rtol"
+    )
 
 
 def _too_large(needed: float, most: float) -> str:
@@ -399,7 +434,7 @@ def _initial(solution: Solution, finer: DiscreteProblem) -> Array:
 
 def _indicator(distance: ExactDistance, constants: TraceBounds) -> Array:
     """What each cell adds, (M,)."""
-    found = distance.cells.copy()
+    found = distance.cells + distance.missed
     table = distance.stress.data.table
     if len(distance.facets) and 0.0 < constants.both < np.inf:
         owner = table.owners[table.numbers(distance.facets), 0]

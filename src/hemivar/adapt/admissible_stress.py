@@ -12,12 +12,12 @@ those that nearest to ``C eps``.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from hemivar.adapt.body_data import BodyData
 from hemivar.adapt.vertex_moments import Tractions, UnsettledTractions, equilibrated
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_values

@@ -1,17 +1,20 @@
 """What an admissible stress of a body must fulfil: loads of cells and facets, and what the supports leave unknown.
 
-All integrals are those of the discretisation, rule by rule, so that the equilibrium of the nodes that a discrete
-solution fulfils is that of the data here.
+Integrals of stresses are those of the discretisation, rule by rule, so that the equilibrium of the nodes that a
+discrete solution fulfils is that of the data here. Loads are those that were stated; what the assembled ones miss is
+known.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from hemivar.adapt.load_values import LoadValues, load_values
 from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, tensors
@@ -20,14 +23,46 @@ from hemivar.fem.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.fem.held_facets import held_facets
 from hemivar.fem.split_element import facet_mass, pulled_back
 from hemivar.mechanics.bedding import bedding_of
-from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector
+from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector, traction_value
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
 
-__all__ = ["BodyData", "body_data"]
+__all__ = ["BodyData", "VaryingLoads", "body_data"]
 
 #: Part of a modulus by which it may vary within a cell and count as constant.
 _CONSTANT = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class VaryingLoads:
+    """Loads that are functions of the place.
+
+    Attributes
+    ----------
+    body : LoadValues or None
+    tractions : mapping of boundary name to (facets, LoadValues)
+    missed : array, shape (nodes, d)
+        By how much the loads of the nodes are more than those of the discrete problem, which is assembled by a rule.
+    unknown : array, shape (nodes,)
+        By how much the loads against the linear functions of the vertices may be off; 0 at midpoints.
+    """
+
+    body: LoadValues | None
+    tractions: Mapping[str, tuple[IntArray, LoadValues]]
+    missed: Array
+    unknown: Array
+
+    @classmethod
+    def none(cls, missed: Array) -> VaryingLoads:
+        """No such load, with as many nodes as there are in ``missed``."""
+        return cls(None, {}, np.zeros(missed.shape), np.zeros(len(missed)))
+
+    @property
+    def doubts(self) -> list[str]:
+        """Why what is known of them is no bound, one sentence each."""
+        named = [] if self.body is None else [("body_force", self.body)]
+        named += [(f"tractions['{name}']", values) for name, (_, values) in self.tractions.items()]
+        return [f"{name} {values.doubt}" for name, values in named if values.doubt]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +93,8 @@ class BodyData:
         ``int_T f0 phi_a``.
     facet_loads : array, shape (F, k, d)
         ``int_F f_N phi_a`` of the tractions that are given.
+    varying : VaryingLoads
+        The loads that are no constants.
     unknown : array, shape (F, d, d)
         Projections on the components of the traction that nothing prescribes: all of them inside, those along which
         supports hold the body on its boundary.
@@ -77,6 +114,7 @@ class BodyData:
     forces: Array
     loads: Array
     facet_loads: Array
+    varying: VaryingLoads
     unknown: Array
     contact: IntArray
 
@@ -193,7 +231,7 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
         contact[table.numbers(mesh.boundaries[name])] = number
     return BodyData(
         problem, table, u, cell_nodes, facet_nodes, strains, stresses, tensor, weights, forces,
-        _cell_loads(problem, cell_nodes), _facet_loads(problem, table, facet_nodes), _unknown(problem, table), contact,
+        *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact,
     )  # fmt: skip
 
 
@@ -236,46 +274,67 @@ def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: A
     return strains, stresses, forces
 
 
-def _cell_loads(problem: ContactProblem, cell_nodes: IntArray) -> Array:
-    mesh, force = problem.mesh, problem.body_force
-    dim, order = mesh.dim, problem.order
-    barycentric, weights = quadrature_rule(dim, 4 if callable(force) else order)
-    shapes = shape_values(order, barycentric)
-    if not callable(force):
-        value = evaluate_vector(force, mesh.points[:1], "body_force")[0]
-        shares = np.full(dim + 1, 1.0 / (dim + 1)) if order == 1 else weights @ shapes
-        return np.asarray(mesh.volumes[:, None, None] * shares[:, None] * value)
-    places = np.einsum("qa,mad->mqd", barycentric, mesh.points[mesh.cells])
-    values = evaluate_vector(force, places.reshape(-1, dim), "body_force").reshape(places.shape)
-    local = np.einsum("q,qa,mqd,m->mad", weights, shapes, values, mesh.volumes, optimize=True)
-    return _reordered(local, mesh.cell_nodes(order), cell_nodes)
-
-
-def _reordered(values: Array, nodes: IntArray, wanted: IntArray) -> Array:
-    """Values (k, l, d) at nodes (k, l) in another order of the same nodes."""
-    place = np.take_along_axis(np.argsort(nodes, axis=1), np.argsort(np.argsort(wanted, axis=1), axis=1), axis=1)
-    return np.asarray(np.take_along_axis(values, place[:, :, None], axis=1))
-
-
-def _facet_loads(problem: ContactProblem, table: FacetTable, facet_nodes: IntArray) -> Array:
-    mesh, order = problem.mesh, problem.order
+def _loads(
+    problem: ContactProblem, table: FacetTable, cell_nodes: IntArray, facet_nodes: IntArray, count: int
+) -> tuple[Array, Array, VaryingLoads]:
+    """Loads of cells (M, l, d) and of facets (F, k, d), and what of them varies."""
+    mesh, order, force = problem.mesh, problem.order, problem.body_force
     dim = mesh.dim
-    loads = np.zeros((*facet_nodes.shape, dim))
-    barycentric, weights = quadrature_rule(dim - 1, 5)
+    corners = mesh.points[table.cells]
+    body = None
+    cells, pushed = np.zeros((*cell_nodes.shape, dim)), np.zeros((*facet_nodes.shape, dim))
+    missed, unknown = np.zeros((count, dim)), np.zeros(count)
+    if callable(force):
+        body = load_values(force, corners, table.volumes, "body_force")
+        cells += body.moments(len(cells), order)
+        point, weight = quadrature_rule(dim, 4)
+        places = np.einsum("qa,mad->mqd", point, corners)
+        values = evaluate_vector(force, places.reshape(-1, dim), "body_force").reshape(places.shape)
+        _add_missed(missed, cell_nodes, cells, point, weight, table.volumes, order, values)
+        np.add.at(unknown, table.cells, body.unknown(len(cells)))
+    else:
+        value = evaluate_vector(force, mesh.points[:1], "body_force")[0]
+        barycentric, weights = quadrature_rule(dim, order)
+        shares = np.full(dim + 1, 1.0 / (dim + 1)) if order == 1 else weights @ shape_values(order, barycentric)
+        cells += table.volumes[:, None, None] * shares[:, None] * value
+    tractions = {}
+    point, weight = quadrature_rule(dim - 1, 5)
+    shares = weight @ shape_values(order, point)
     for name, traction in problem.tractions.items():
-        facets = mesh.boundaries[name]
-        normals, measures = mesh.facet_normals(facets)
-        places = np.einsum("qa,kad->kqd", barycentric, mesh.points[facets])
-        flat, what = places.reshape(-1, dim), f"tractions['{name}']"
-        if isinstance(traction, Pressure):
-            values = -evaluate_scalar(traction.value, flat, what)[:, None] * np.repeat(normals, len(weights), axis=0)
+        given, what = traction_value(traction), f"tractions['{name}']"
+        number = np.unique(table.numbers(mesh.boundaries[name]))
+        measures, normals = table.measures[number], table.normals[number]
+        pushes = isinstance(traction, Pressure)
+        if not callable(given):
+            flat = mesh.points[table.facets[number, 0]]
+            force = (
+                -evaluate_scalar(given, flat, what)[:, None] * normals if pushes else evaluate_vector(given, flat, what)
+            )
+            pushed[number] += measures[:, None, None] * shares[:, None] * force[:, None]
+            continue
+        corners = mesh.points[table.facets[number]]
+        found = load_values(given, corners, measures, what, normals if pushes else None)
+        own = found.moments(len(number), order)
+        pushed[number] += own
+        tractions[name] = number, found
+        places = np.einsum("qa,kad->kqd", point, corners)
+        flat = places.reshape(-1, dim)
+        if pushes:
+            values = -evaluate_scalar(given, flat, what).reshape(places.shape[:2])[:, :, None] * normals[:, None]
         else:
-            values = evaluate_vector(traction, flat, what)
-        shapes = shape_values(order, barycentric)
-        local = np.einsum("q,qa,kqd,k->kad", weights, shapes, values.reshape(places.shape), measures)
-        number = table.numbers(facets)
-        loads[number] += _reordered(local, mesh.facet_nodes(facets, order), facet_nodes[number])
-    return loads
+            values = evaluate_vector(given, flat, what).reshape(places.shape)
+        _add_missed(missed, facet_nodes[number], own, point, weight, measures, order, values)
+        np.add.at(unknown, table.facets[number], found.unknown(len(number)))
+    return cells, pushed, VaryingLoads(body, tractions, missed, unknown)
+
+
+def _add_missed(
+    missed: Array, nodes: IntArray, loads: Array, point: Array, weight: Array, measures: Array, order: int,
+    values: Array,
+) -> None:  # fmt: skip
+    """Add to nodes what loads (k, l, d) are more than the rule of the assembly finds by values (k, q, d)."""
+    local = np.einsum("q,qa,kqd,k->kad", weight, shape_values(order, point), values, measures, optimize=True)
+    np.add.at(missed, nodes, loads - local)
 
 
 def _unknown(problem: ContactProblem, table: FacetTable) -> Array:

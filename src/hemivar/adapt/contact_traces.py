@@ -7,11 +7,11 @@ facet; in space facets are cut into sixteen. A local displacement that misses a 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from hemivar.adapt.body_data import BodyData
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.contact_points import shares
@@ -55,6 +55,8 @@ class ContactTraces:
         Penetration and slip; what misses a kink by rounding is put there.
     law : ContactLaw
         At the k q points; a friction bound that depends on the penetration is taken there.
+    stated : ContactLaw
+        The same, its friction bound as it was stated: what its constants are, and whether they are sampled.
     beyond : float
         By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
     """
@@ -67,6 +69,7 @@ class ContactTraces:
     frames: Array
     local: Array
     law: ContactLaw
+    stated: ContactLaw
     beyond: float
 
     @cached_property
@@ -136,6 +139,16 @@ class ContactTraces:
         flat = self.law.nearest_multiplier(self._flat(self.local), self._flat(forces))
         return flat.reshape(forces.shape)
 
+    def coupling(self) -> Array:
+        """By how much the friction grows with the penetration at the points, (k, q): ``L G``, inf where it may jump."""
+        if not self.stated.state_dependent:
+            return np.zeros(self.weights.shape)
+        steepest, growing = self.stated.friction.profile.growth
+        rate = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
+        slope = self.stated.lipschitz
+        found = np.where(slope > 0.0, np.where(slope > 0.0, slope, 1.0) * rate, 0.0)
+        return np.broadcast_to(found, self.weights.size).reshape(self.weights.shape)
+
     def _flat(self, values: Array) -> Array:
         return values.reshape(-1, values.shape[-1])
 
@@ -191,11 +204,10 @@ def contact_traces(data: BodyData) -> ContactTraces | None:
     frames = np.concatenate([_padded(part[3], width) for part in parts])
     local = np.concatenate([_padded(part[4], width) for part in parts])
     local, beyond = _snapped(law, local.reshape(-1, dim), _scale(data, local))
-    if law.state_dependent:
-        law = law.frozen_at(local)
     return ContactTraces(
-        data, facets, barycentric, shapes, weights, frames, local.reshape(frames.shape[:3]), law, beyond
-    )
+        data, facets, barycentric, shapes, weights, frames, local.reshape(frames.shape[:3]), law.frozen_at(local), law,
+        beyond,
+    )  # fmt: skip
 
 
 def _filled(part: tuple[IntArray, Array, Array, Array, Array, ContactLaw], width: int) -> IntArray:

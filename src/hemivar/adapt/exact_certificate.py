@@ -8,6 +8,7 @@ import time
 import numpy as np
 
 from hemivar.adapt.body_constants import body_constants
+from hemivar.adapt.body_shape import body_shape
 from hemivar.adapt.exact_distance import ExactDistance, exact_distance
 from hemivar.basics.types import Array
 from hemivar.certify.distance_to_exact import DistanceToExact
@@ -89,6 +90,7 @@ def statement_of(found: ExactDistance, seconds: float = 0.0) -> DistanceToExact:
         gap=parts.gap,
         constant=found.constant,
         seconds=seconds,
+        geometry=body_shape(found.stress.data.table.mesh),
     )
 
 

@@ -25,9 +25,9 @@ from hemivar.adapt.body_data import BodyData, body_data
 from hemivar.adapt.contact_traces import ContactTraces, contact_traces
 from hemivar.adapt.fenchel import FenchelGap, fenchel_gap, following
 from hemivar.adapt.hypotheses import unmet_hypotheses
-from hemivar.adapt.low_mode import confined_error, low_mode
+from hemivar.adapt.low_mode import SoftModes, confined_error
 from hemivar.adapt.one_sided import one_sided_constants
-from hemivar.adapt.oscillation import Oscillation, oscillation
+from hemivar.adapt.oscillation import Oscillation, linear_square, oscillation
 from hemivar.adapt.patches import PatchKind
 from hemivar.adapt.sweeps import ContactPrice, Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
@@ -35,14 +35,14 @@ from hemivar.adapt.vertex_moments import unsettled
 from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
 from hemivar.basics.types import Array, IntArray
+from hemivar.certify.contact_normals import has_constant_normals
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
 
-#: Part of eta, and of ``|u_h|_a``, from which what nodes lack for equilibrium is more than rounding.
-_LARGE = 1e-6
-_ROUNDING = 1e-10
+#: Part of c by which what a displacement shows may be larger, by rounding.
+_CONTRADICTED = 1e-6
 #: Softening c from which the softest mode is looked at by itself.
 _SOFT = 0.15
 #: Weights of the gap, over Lambda, among which the best is looked for, as powers of ten; that of the first tractions.
@@ -76,7 +76,8 @@ class DistanceParts:
     gap : float
         G.
     oscillation : float
-        What the loads add to eta that no linear field on a cell or facet sees.
+        What the loads add to eta that no linear field on a cell or facet sees, and what the discrete problem, which
+        integrates them by a rule, misses of them.
     algebraic : float
         What the displacement lacks for equilibrium in the discrete space: rounding, or an unfinished solve.
     correction : float
@@ -114,6 +115,8 @@ class ExactDistance:
     stress : AdmissibleStress
     cells : array, shape (M,)
         ``eta_T^2``, the oscillation included.
+    missed : array, shape (M,)
+        Squares of what the discrete problem misses of the loads.
     facets : int array, shape (k, d)
         Contact facets by their nodes.
     facet_contact, facet_gap : arrays, shape (k,)
@@ -129,6 +132,7 @@ class ExactDistance:
     reasons: tuple[str, ...]
     stress: AdmissibleStress
     cells: Array
+    missed: Array
     facets: IntArray
     facet_contact: Array
     facet_gap: Array
@@ -236,7 +240,7 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
         return None
     forces = traces.forces(sweeper.moments)
     eta = float(np.sqrt(sweeper.misfit))
-    best = _chosen(traces, forces, replace(constants, weighted=None), eta, fine=False)
+    best = _chosen(traces, forces, replace(constants, weighted=None), eta)
     weight = best.weight
 
     def multiplier(forces: Array) -> Array:
@@ -285,45 +289,52 @@ def _bound(
     correction = float(np.sqrt(max(np.sum((stress.data.forces - data.forces) * change[data.cell_nodes]), 0.0)))
     reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
     reasons += unmet + _inexact(data)
-    rest = oscillation(stress)
+    rest = oscillation(stress, constants.body)
     eta, eta_all = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress, rest).sum()))
+    missed = float(np.sqrt(rest.missed.sum()))
     algebraic = _algebraic(stress, constants)
-    if algebraic > max(_LARGE * eta, _ROUNDING * np.sqrt(data.energy)):
-        reasons.append("the displacement is no solution of the discrete problem; what it lacks counts by its constants")
-    base = eta_all + algebraic
+    base = eta_all + missed + algebraic
 
     count = 0 if traces is None else len(traces.facets)
     nodes = table.facets[np.zeros(0, dtype=np.int64) if traces is None else traces.facets]
-    found = _Choice(base, 0.0, 0.0, 2, np.zeros(count), np.zeros(count))
+    found = _Choice(base, 0.0, 0.0, 2, np.zeros(count), np.zeros(count), (np.zeros(count), np.zeros(count)))
+    wrong = ""
     if traces is not None:
         if traces.beyond > 0.0:
             reasons.append(
                 f"the displacement leaves the domain of the law by {traces.beyond:.3g}, which is not accounted for"
             )
         reasons += _doubts(traces, constants)
-        found = _chosen(traces, traces.forces(stress.tractions.moments), constants, base)
+        modes = SoftModes(traces)
+        found = _chosen(traces, traces.forces(stress.tractions.moments), constants, base, modes)
+        if constants.guaranteed and any(part.any() for part in found.alpha) and found.value < np.inf:
+            wrong = _contradiction(found, modes)
+            found = replace(found, value=np.inf) if wrong else found
         if found.falls and not found.value < np.inf:
             reasons.append(
                 f"the displacement passes a downward jump of the law on {found.falls} contact facets, where no "
                 "constant of the law is finite"
             )
-    if not found.value < np.inf:
+    if wrong:
+        reasons.append(wrong)
+    elif not found.value < np.inf:
         reasons.append(
             "there is no bound: the foundation softens too much for the body (c >= 1), or nothing but contact holds it"
         )
     parts = DistanceParts(
-        eta, found.contact, float(found.facet_gap.sum()), max(eta_all - eta, 0.0), algebraic, correction
+        eta, found.contact, float(found.facet_gap.sum()), max(eta_all - eta, 0.0) + missed, algebraic, correction
     )
     return ExactDistance(
         found.value + correction, float(np.sqrt(data.energy)), parts, found.constant, found.theorem,
-        not reasons, tuple(reasons), stress, _cells(stress, rest), nodes, found.facet_contact, found.facet_gap,
+        not reasons, tuple(reasons), stress, _cells(stress, rest), rest.missed, nodes, found.facet_contact,
+        found.facet_gap,
     )  # fmt: skip
 
 
 def _inexact(data: BodyData) -> list[str]:
     """What of the statement the mesh and its rules of integration do not represent exactly."""
     problem = data.problem
-    found: list[str] = []
+    found = data.varying.doubts
     if data.varies:
         found.append("the material varies within cells, where it is seen by a rule of integration")
     elif not problem.material.uniform:
@@ -339,7 +350,7 @@ def _inexact(data: BodyData) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """The bound of one choice of zeta: value, c, rho, theorem, what each facet adds, the weight of the gap.
+    """The bound of one choice of zeta: value, c, rho, theorem, what facets add, alpha on them, the weight of the gap.
 
     ``falls`` counts the facets on which the displacement passes a downward jump of the law.
     """
@@ -350,6 +361,7 @@ class _Choice:
     theorem: int
     facet_contact: Array
     facet_gap: Array
+    alpha: tuple[Array, Array]
     weight: float | None = None
     falls: int = 0
 
@@ -360,15 +372,11 @@ def _cells(stress: AdmissibleStress, rest: Oscillation) -> Array:
 
 def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
     """``|g| / sqrt(Lambda)`` over the body, g the linear field on each cell with the moments of the defect."""
-    table = stress.data.table
-    if not stress.tractions.defect.any():
+    defect = stress.tractions.defect - stress.tractions.missed
+    if not defect.any():
         return 0.0
-    defect = stress.data.linear(stress.tractions.defect)
-    corners = table.dim + 1
-    scale = corners * (corners + 1) / table.volumes
-    square = np.einsum("m,mac,mac->", scale, defect, defect)
-    square -= np.einsum("m,mc,mc->", scale / (corners + 1), defect.sum(axis=1), defect.sum(axis=1))
-    return float(np.sqrt(max(square, 0.0) / constants.body)) if constants.body > 0.0 else np.inf
+    square = float(linear_square(stress.data, defect).sum())
+    return float(np.sqrt(square / constants.body)) if constants.body > 0.0 else np.inf
 
 
 def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
@@ -378,36 +386,62 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
         found.append("the friction bound depends on the pressure, or jumps with the penetration: there is no bound")
     if law.normal.alpha_sampled or law.friction.profile.alpha_sampled:
         found.append("a constant of the law is known from samples only")
-    if coupling > 0.0 and law.lipschitz_sampled:
+    if traces.stated.lipschitz_sampled:
         found.append("how the friction bound depends on the penetration is known from samples only")
     return found
 
 
-def _chosen(traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, fine: bool = True) -> _Choice:
-    """The better of both theorems."""
+def _chosen(
+    traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, modes: SoftModes | None = None
+) -> _Choice:
+    """The better of both theorems; without modes a quick look."""
     table, coupling = traces.data.table, _coupling(traces, constants)
     corners = table.mesh.points[table.facets[traces.facets]]
     allowed = traces.allowed(forces)
     normal, tangential = traces.square(forces - allowed)
-    near_normal, near_tangential = (part.max(axis=1) for part in one_sided_constants(traces, allowed))
-    c = constants.softening(corners, near_normal, near_tangential) + coupling
+    near = _softening(traces, *(part.max(axis=1) for part in one_sided_constants(traces, allowed)))
+    c = constants.softening(corners, *near) + coupling
     rho = constants.distance(normal, tangential)
     value = _value(base + rho, 0.0, c)
-    if constants.weighted is not None and _SOFT < c < np.inf and traces.data.problem.order == 1:
-        first, second = constants.weighted(corners, near_normal, near_tangential)
+    if modes is not None and constants.weighted is not None and _SOFT < c < np.inf and traces.data.problem.order == 1:
+        first, second = constants.weighted(corners, *near)
         if second < first and first + coupling < 1.0:
-            theta, seen = low_mode(traces.data, traces, allowed, near_normal, near_tangential)
-            value = min(value, confined_error(base + rho, seen, theta, first, second, coupling))
-    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)))
+            mode = modes.softest(*near)
+            seen = modes.seen(mode, allowed)
+            value = min(value, confined_error(base + rho, seen, mode.theta, first, second, coupling))
+    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)), near)
 
     if _weakly_convex(traces) and 0.0 < constants.both < np.inf:
-        alpha = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
-        c = constants.softening(corners, *(part.reshape(traces.weights.shape).max(axis=1) for part in alpha)) + coupling
-        value, gap = _best_gap(traces, forces, constants, base, c, fine)
+        every = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
+        alpha = _softening(traces, *(part.reshape(traces.weights.shape).max(axis=1) for part in every))
+        c = constants.softening(corners, *alpha) + coupling
+        value, gap = _best_gap(traces, forces, constants, base, c, modes is not None)
         if value < best.value:
             rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
-            best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, gap.weight)
-    return replace(best, falls=int((np.isinf(near_normal) | np.isinf(near_tangential)).sum()))
+            best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, alpha, gap.weight)
+    return replace(best, falls=int((np.isinf(near[0]) | np.isinf(near[1])).sum()))
+
+
+def _contradiction(choice: _Choice, modes: SoftModes) -> str:
+    """Why c is too small, where a displacement of the mesh shows a larger one; empty where none does.
+
+    Linear elements are among the displacements of the body, and the integrals are exact, so a right c is not below.
+    """
+    shown = modes.softest(*choice.alpha).theta
+    if not shown > choice.constant * (1.0 + _CONTRADICTED):
+        return ""
+    return (
+        f"there is no bound: the constants of the body make c = {choice.constant:.3g}, and a displacement of the mesh "
+        f"shows {shown:.3g}; so they are wrong: please report it"
+    )
+
+
+def _softening(traces: ContactTraces, normal: Array, tangential: Array) -> tuple[Array, Array]:
+    """Constants (k,) of the normal and of the tangential law; the larger for both where contact normals vary."""
+    if has_constant_normals(traces.data.problem):
+        return normal, tangential
+    larger = np.maximum(normal, tangential)
+    return larger, larger
 
 
 def _value(sum_: float, gap: float, c: float) -> float:
@@ -418,19 +452,13 @@ def _value(sum_: float, gap: float, c: float) -> float:
 
 
 def _coupling(traces: ContactTraces, constants: TraceBounds) -> float:
-    """What a friction bound that depends on the penetration adds to c: ``L G / sqrt(L_nu L_tau)``."""
-    names = traces.data.problem.contact
-    worst = 0.0
-    for contact in names.values():
-        law = contact.law
-        if not law.state_dependent:
-            continue
-        resolved = law.at(traces.data.problem.mesh.points[traces.data.table.facets[traces.facets]].mean(axis=1))
-        steepest, growing = resolved.friction.profile.growth
-        rate = np.where(growing > 0.0, np.inf, steepest)
-        product = np.where(resolved.lipschitz > 0.0, resolved.lipschitz * np.maximum(rate, 0.0), 0.0)
-        worst = max(worst, float(product.max(initial=0.0)))
+    """What a friction bound that depends on the penetration adds to c: a bound of ``L G int |v_nu| |v_tau| / a(v, v)``.
+
+    That is ``L G / sqrt(L_nu L_tau)``, or ``L G / (2 Lambda)`` where that is less.
+    """
+    worst = float(traces.coupling().max(initial=0.0))
     if worst == 0.0:
         return 0.0
-    both = constants.normal * constants.tangential
-    return float(worst / np.sqrt(both)) if both > 0.0 else np.inf
+    apart = np.sqrt(constants.normal) * np.sqrt(constants.tangential)
+    least = max(float(apart), 2.0 * constants.both)
+    return worst / least if least > 0.0 else np.inf

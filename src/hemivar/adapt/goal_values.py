@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.adapt.admissible_stress import AdmissibleStress, admissible_stress
-from hemivar.adapt.body_data import BodyData
+from hemivar.adapt.body_data import BodyData, VaryingLoads
 from hemivar.adapt.contact_traces import ContactTraces, contact_traces
 from hemivar.adapt.exact_distance import SWEEPS, ExactDistance
 from hemivar.adapt.functionals import Functional, functionals, linear_forces, nodal_forces, strained, work
@@ -174,6 +174,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
             plain = factorise(discrete.linear.stiffness, _NONE) if plain is None else plain
             centre, size = _mean_and_norm(part, data, discrete, plain)
         rest, why = _rest(part, traces, distance.distance, constants)
+        rest += float(data.varying.unknown @ np.linalg.norm(part.field, axis=1))
         reasons += [why] if why else []
         reasons += [part.why] if part.why else []
         half = math.inf if part.why else distance.distance * size + rest
@@ -229,7 +230,7 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
         total += float(traces.integral((np.where(on, c0, 0.0) + np.where(on, grown, 0.0)) * weight).sum())
         rates.append(np.where(on, c1, 0.0) * weight)
     if across.any():
-        rates[0] = rates[0] + _dependence(traces) * across  # both grow with the same part of the error
+        rates[0] = rates[0] + traces.coupling() * across  # both grow with the same part of the error
     moved = math.sqrt(float(traces.integral(rates[0] ** 2 + rates[1] ** 2).sum()))
     if moved > 0.0:
         total += moved * distance / math.sqrt(constants.both) if constants.both > 0.0 else math.inf
@@ -238,28 +239,14 @@ def _rest(part: Functional, traces: ContactTraces | None, distance: float, const
     return total, why
 
 
-def _dependence(traces: ContactTraces) -> Array:
-    """By how much the friction grows with the penetration at the points (k, q)."""
-    problem, table = traces.data.problem, traces.data.table
-    found = np.zeros(traces.weights.shape)
-    for number, contact in enumerate(problem.contact.values()):
-        if not contact.law.state_dependent:
-            continue
-        here = traces.data.contact[traces.facets] == number
-        resolved = contact.law.at(table.mesh.points[table.facets[traces.facets[here]]].mean(axis=1))
-        steepest, growing = resolved.friction.profile.growth
-        rate = np.where(growing > 0.0, np.inf, steepest)
-        found[here] = np.broadcast_to(resolved.lipschitz * rate, int(here.sum()))[:, None]
-    return found
-
-
 # ---- stresses of fields that answer ---------------------------------------------------------------------------------
 
 
 def _answering(data: BodyData, field: Array, tractions: Array, contact: IntArray) -> BodyData:
     """The data of a field without loads but tractions, on contact facets that are given."""
     moved = data.moved(field)
-    return replace(moved, loads=np.zeros(data.loads.shape), facet_loads=tractions, contact=contact)
+    loads, varying = np.zeros(data.loads.shape), VaryingLoads.none(data.varying.missed)
+    return replace(moved, loads=loads, facet_loads=tractions, varying=varying, contact=contact)
 
 
 def _swept(data: BodyData, traces: ContactTraces | None) -> AdmissibleStress:

@@ -9,6 +9,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
+from hemivar.adapt.body_shape import STRAIGHT, facet_angles
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
@@ -27,8 +28,6 @@ __all__ = ["unmet_hypotheses"]
 _BEND = np.pi / 6.0
 #: Part of the largest displacement by which supports may be missed.
 _HELD = 1e-8
-#: Angle that is rounding.
-_STRAIGHT = 1e-6
 
 
 def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None) -> list[str]:
@@ -152,18 +151,10 @@ def _bend(mesh: Mesh, facets: IntArray) -> float:
     """The largest angle in degrees by which facets of at least three directions follow each other; 0 if they do not."""
     if len(facets) < 3:
         return 0.0
-    normals, _ = mesh.facet_normals(facets)
-    dim = mesh.dim
-    owner = np.repeat(np.arange(len(facets)), dim)
-    sides = np.stack([np.delete(facets, i, axis=1) for i in range(dim)], axis=1).reshape(-1, dim - 1)
-    sides = np.sort(sides, axis=1)
-    order = np.lexsort(sides.T)
-    sides, owner = sides[order], owner[order]
-    same = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1))
-    one, two = normals[owner[same]], normals[owner[same + 1]]
-    angle = 2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(one - two, axis=1), 0.0, 1.0))
-    turning = (angle > _STRAIGHT) & (angle <= _BEND)
+    pairs, angle = facet_angles(mesh, facets)
+    one, two = mesh.facet_normals(facets)[0][pairs.T]
+    turning = (angle > STRAIGHT) & (angle <= _BEND)
     if not turning.any():
         return 0.0
-    directions = np.unique(np.round(np.concatenate([one[turning], two[turning]]) / _STRAIGHT / 10.0), axis=0)
+    directions = np.unique(np.round(np.concatenate([one[turning], two[turning]]) / STRAIGHT / 10.0), axis=0)
     return float(np.degrees(angle[turning].max())) if len(directions) > 2 else 0.0

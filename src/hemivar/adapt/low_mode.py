@@ -16,17 +16,20 @@ so that ``(1 - theta) t^2 - 2 d |t| y + (1 - tau) y^2 <= |R(psi)| |t| + H y`` co
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.adapt.body_data import BodyData
 from hemivar.adapt.contact_traces import ContactTraces
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.certify.bare_body import bare_body
-from hemivar.certify.norms import energy_norm
+from hemivar.certify.norms import EnergyNorm, MultigridNorm, energy_norm
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.discretize import discretize
 
-__all__ = ["confined_error", "low_mode"]
+__all__ = ["SoftModes", "SoftestMode", "confined_error"]
 
 #: Steps of inverse iteration: each makes the others smaller by the ratio of two eigenvalues.
 _STEPS = 6
@@ -35,49 +38,70 @@ _ANGLES = 4000
 _RAISED = 1e-5
 
 
-def low_mode(
-    data: BodyData, traces: ContactTraces, allowed: Array, normal: Array, tangential: Array
-) -> tuple[float, float]:
-    """``theta`` and ``|R(psi)|`` for the softest mode psi of the discrete space.
+@dataclass(frozen=True, eq=False)
+class SoftestMode:
+    """A field near to the softest mode of the discrete space.
 
-    Parameters
+    Attributes
     ----------
-    data : BodyData
-    traces : ContactTraces
-    allowed : array
-        zeta, as ``traces.allowed`` gives it.
-    normal, tangential : arrays, shape (k,)
-        alpha on the contact facets.
+    field : array, shape (nodes, d)
+        psi, linear on cells, ``a(psi, psi) = 1``.
+    theta : float
+        ``<alpha psi, psi>``, which no right c is below.
     """
-    table, dim = data.table, data.table.dim
-    mesh = table.mesh
-    body = discretize(bare_body(data.problem, coarsest=False), check_coercivity=False)
-    assert body.field is not None
-    basis, nodes = body.field.basis, table.facets[traces.facets]
-    normals, measures = table.normals[traces.facets], table.measures[traces.facets]
-    along = normals[:, :, None] * normals[:, None, :]
-    weight = normal[:, None, None] * along + tangential[:, None, None] * (np.eye(dim) - along)
-    mass = (np.eye(dim) + 1.0) / (dim * (dim + 1))
-    blocks = np.einsum("f,ab,fij->faibj", measures, mass, weight)
-    place = nodes[:, :, None] * dim + np.arange(dim)
-    rows = np.broadcast_to(place[:, :, :, None, None], blocks.shape)
-    columns = np.broadcast_to(place[:, None, None], blocks.shape)
-    size = mesh.number_of_nodes * dim
-    M = sp.csr_array(sp.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)))
-    M = sp.csr_array(basis.T @ M @ basis)
-    energy, K = energy_norm(body), body.linear.stiffness
-    x = np.random.default_rng(0).normal(size=M.shape[0])
-    for _ in range(_STEPS):
-        x = energy.riesz(M @ x)[0]
-        x /= np.sqrt(float(x @ (K @ x)))
-    field = np.asarray(basis @ x).reshape(-1, dim)
-    at = field[table.cells]
-    strain = np.einsum("mai,maj->mij", at, table.gradients)
-    work = float(np.einsum("mai,mai->", data.loads, at))
-    work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
-    work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
-    work -= float(np.einsum("fai,fai->", traces.moments(allowed), field[table.facets[traces.facets]]))
-    return float(x @ (M @ x)), abs(work)
+
+    field: Array
+    theta: float
+
+
+@dataclass(frozen=True, eq=False)
+class SoftModes:
+    """The softest modes of linear elements on the mesh of a displacement, for any constants of the law.
+
+    Attributes
+    ----------
+    traces : ContactTraces
+        Their frames are those along which penetration and slip are measured.
+    """
+
+    traces: ContactTraces
+
+    @cached_property
+    def _body(self) -> tuple[DiscreteProblem, EnergyNorm | MultigridNorm]:
+        body = discretize(bare_body(self.traces.data.problem, coarsest=False), check_coercivity=False)
+        return body, energy_norm(body)
+
+    def softest(self, normal: Array, tangential: Array) -> SoftestMode:
+        """For constants alpha (k,) of the normal and of the tangential law on the contact facets."""
+        traces, table, dim = self.traces, self.traces.data.table, self.traces.data.table.dim
+        body, energy = self._body
+        assert body.field is not None
+        basis, K = body.field.basis, body.linear.stiffness
+        weights = np.broadcast_to(np.column_stack([normal, tangential])[:, None], (*traces.weights.shape, 2))
+        blocks = replace(traces, shapes=traces.barycentric).mass(weights)
+        place = table.facets[traces.facets][:, :, None] * dim + np.arange(dim)
+        rows = np.broadcast_to(place[:, :, :, None, None], blocks.shape)
+        columns = np.broadcast_to(place[:, None, None], blocks.shape)
+        size = len(table.mesh.points) * dim
+        M = sp.csr_array(sp.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)))
+        M = sp.csr_array(basis.T @ M @ basis)
+        x = np.random.default_rng(0).normal(size=M.shape[0])
+        for _ in range(_STEPS):
+            x = energy.riesz(M @ x)[0]
+            x /= np.sqrt(float(x @ (K @ x)))
+        return SoftestMode(np.asarray(basis @ x).reshape(-1, dim), float(x @ (M @ x)))
+
+    def seen(self, mode: SoftestMode, allowed: Array) -> float:
+        """A bound of ``|R(psi)|`` with linear elements, for zeta as ``traces.allowed`` gives it."""
+        traces, data, field = self.traces, self.traces.data, mode.field
+        table = data.table
+        at = field[table.cells]
+        strain = np.einsum("mai,maj->mij", at, table.gradients)
+        work = float(np.einsum("mai,mai->", data.loads, at))
+        work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
+        work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
+        work -= float(np.einsum("fai,fai->", traces.moments(allowed), field[table.facets[traces.facets]]))
+        return abs(work) + float(data.varying.unknown @ np.linalg.norm(field, axis=1))
 
 
 def confined_error(total: float, seen: float, theta: float, first: float, second: float, coupling: float) -> float:

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from hemivar.adapt.patches import Batch, PatchKind, lowering, patch_batches, rig
 from hemivar.adapt.ring_sweeps import RingSweeps
 from hemivar.adapt.rings import Rings, ring_batches
 from hemivar.adapt.vertex_rings import VertexRings
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.fem.split_element import facet_mass
 

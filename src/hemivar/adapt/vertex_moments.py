@@ -44,11 +44,14 @@ class Tractions:
         Facet, node, component; of the outward normal of the first cell.
     defect : array, shape (M, l, d)
         Loads ``int_T g phi_a`` that had to be added to those of the body: what nodes without contact lack for
-        equilibrium, rounding or an unfinished solve.
+        equilibrium, rounding or an unfinished solve, and ``missed``.
+    missed : array, shape (M, l, d)
+        The part of it that comes from loads which the discrete problem integrates by a rule.
     """
 
     moments: Array
     defect: Array
+    missed: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class UnsettledTractions:
         The mean of both sides inside; those that share the forces of the nodes on contact facets.
     lack : array, shape (M, l, d)
         What the nodes of the cells lack for equilibrium with them.
-    defect : array, shape (M, l, d)
+    defect, missed : arrays, shape (M, l, d)
         As in :class:`Tractions`.
     sides : int array, shape (F, 2)
         Local numbers of the facets in their first and second cells.
@@ -70,6 +73,7 @@ class UnsettledTractions:
     moments: Array
     lack: Array
     defect: Array
+    missed: Array
     sides: IntArray
     _stars: _Stars
 
@@ -105,7 +109,7 @@ class UnsettledTractions:
         if data.order == 2:
             middle = facet_vertices(dim, 2)[first, dim]
             moments[:, dim] += np.einsum("fij,fj->fi", data.unknown, self.lack[table.owners[:, 0], middle])
-        return Tractions(moments, self.defect)
+        return Tractions(moments, self.defect, self.missed)
 
 
 def unsettled(data: BodyData) -> UnsettledTractions:
@@ -148,9 +152,15 @@ def unsettled(data: BodyData) -> UnsettledTractions:
     contact.add(data, contact.share[:, :, None] * total[contact.nodes], sides, moments, lack)
     total[contact.nodes] = 0.0
     around = np.bincount(nodes.ravel(), weights=np.repeat(table.volumes, nodes.shape[1]), minlength=len(total))
-    defect = np.take(total, nodes, axis=0) * (table.volumes[:, None] / around[nodes])[:, :, None]
+    share = (table.volumes[:, None] / around[nodes])[:, :, None]
+    defect = np.take(total, nodes, axis=0) * share
     lack -= defect
-    return UnsettledTractions(moments, lack, defect, sides, stars)
+    missed = np.zeros(defect.shape)
+    if data.varying.missed.any():
+        total = -np.einsum("nij,nj->ni", free, data.varying.missed)
+        total[contact.nodes] = 0.0
+        missed = np.take(total, nodes, axis=0) * share
+    return UnsettledTractions(moments, lack, defect, missed, sides, stars)
 
 
 def equilibrated(data: BodyData, pressures: Array, start: UnsettledTractions | None = None) -> Tractions:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray, Array
 from hemivar.errors import ProblemError
 
@@ -76,7 +77,8 @@ def real_matrix(value: object, name: str, *, own: bool = False) -> sp.csr_array:
     ProblemError
         As :func:`real_array`.
     """
-    import scipy.sparse as sp  # only here: laws and the command do without it
+    with IMPORTS:
+        import scipy.sparse as sp  # only here: laws and the command do without it
 
     if not sp.issparse(value):
         dense = real_array(value, name)

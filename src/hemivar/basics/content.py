@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import functools
+import sys
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from pathlib import Path
 
 import numpy as np
 
@@ -25,8 +27,9 @@ def content(value: object) -> Iterator[bytes]:
     """The content of a value, piece by piece.
 
     Numbers and arrays by all their bits, dataclasses by their fields, functions by their code: names, constants, values
-    that they enclose, defaults, and the numbers, arrays and functions of their module that they name.  Addresses,
-    names of files and what is kept for speed do not count.
+    that they enclose, defaults, and the numbers, arrays and functions of their module that they name, or of a module of
+    the user's that they name.  Addresses, names of files, what is kept for speed, installed packages, and what code
+    reaches by other ways than by its name (imports within a function, files that it reads) do not count.
 
     Parameters
     ----------
@@ -120,11 +123,39 @@ def _function(function: types.FunctionType) -> Iterator[object]:
             yield cell.cell_contents
         except ValueError:  # not bound yet
             yield None
-    for name in _named(code):
+    names = _named(code)
+    for name in names:
         if name in function.__globals__:
             found = function.__globals__[name]
-            plain = isinstance(found, (*_PLAIN, *_CODE))
-            yield (name, found if plain else type(found).__qualname__)
+            yield _used(name, found)
+            if isinstance(found, types.ModuleType):
+                yield from _used_of(found, names, ())
+
+
+def _used(name: str, found: object) -> tuple[str, object]:
+    """What counts of something that a function names."""
+    return name, found if isinstance(found, (*_PLAIN, *_CODE)) else type(found).__qualname__
+
+
+def _used_of(module: types.ModuleType, names: list[str], inside: tuple[types.ModuleType, ...]) -> Iterator[object]:
+    """What a function with these names uses of a module of the user's; packages that are installed do not change."""
+    if module in inside or _installed(module):
+        return
+    for name in names:
+        if name in vars(module):
+            found = vars(module)[name]
+            yield _used(name, found)
+            if isinstance(found, types.ModuleType):
+                yield from _used_of(found, names, (*inside, module))
+
+
+def _installed(module: types.ModuleType) -> bool:
+    """Whether a module belongs to Python, to this library or to a package that is installed."""
+    root, file = module.__name__.partition(".")[0], getattr(module, "__file__", None) or ""
+    parts = Path(file).parts
+    return (
+        root in sys.stdlib_module_names or root == "hemivar" or not {"site-packages", "dist-packages"}.isdisjoint(parts)
+    )
 
 
 def _named(code: types.CodeType) -> list[str]:

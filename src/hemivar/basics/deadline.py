@@ -22,6 +22,9 @@ class OutOfTime(Exception):  # noqa: N818 - a signal, not an error
     """Raised inside a method when the time limit is reached."""
 
 
+_LIMITS: ContextVar[tuple[Budget, ...]] = ContextVar("limits", default=())
+
+
 @dataclass(frozen=True)
 class Budget:
     """The time that is left.
@@ -35,7 +38,7 @@ class Budget:
     """
 
     limit: float
-    started: float = field(default_factory=time.perf_counter)
+    started: float = field(default_factory=lambda: time.perf_counter())
 
     @property
     def spent(self) -> float:
@@ -48,16 +51,16 @@ class Budget:
         return max(self.limit - self.spent, 0.0)
 
     def due(self) -> float:
-        """:data:`LATE` once the limit is passed, else 0.  Budgets that can be ended from outside say :data:`CALLED`."""
-        return LATE if self.spent > self.limit else 0.0
+        """:data:`LATE` once the limit is passed, or that of a block around this call, else 0.
+
+        Budgets that can be ended from outside say :data:`CALLED`.
+        """
+        return LATE if any(budget.spent > budget.limit for budget in (self, *_LIMITS.get())) else 0.0
 
     def check(self) -> None:
         """Raise :class:`OutOfTime` once the limit is passed."""
         if self.due():
             raise OutOfTime
-
-
-_LIMITS: ContextVar[tuple[Budget, ...]] = ContextVar("limits", default=())
 
 
 @contextmanager

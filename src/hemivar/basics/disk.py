@@ -7,7 +7,7 @@ import os
 import secrets
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
 from typing import IO
@@ -21,9 +21,11 @@ __all__ = [
     "make_folder",
     "noting_files_read",
     "open_new",
+    "protecting",
     "read_bytes",
     "read_text",
     "regular_file",
+    "remove_file",
     "same_file",
     "shown",
     "try_output",
@@ -47,6 +49,41 @@ def noting_files_read() -> Iterator[list[Path]]:
         yield files
     finally:
         _noted.reset(token)
+
+
+_protected: ContextVar[tuple[Path, ...]] = ContextVar("files that are not written", default=())
+
+
+@contextlib.contextmanager
+def protecting(files: Iterable[str | Path]) -> Iterator[None]:
+    """Within this block nothing here writes or removes these files, by whatever name or link it is asked to."""
+    token = _protected.set((*_protected.get(), *map(Path, files)))
+    try:
+        yield
+    finally:
+        _protected.reset(token)
+
+
+def _guard(path: str | Path, verb: str) -> None:
+    """Refuse what would change a protected file."""
+    for file in _protected.get():
+        if same_file(path, file):
+            raise FileError(f"cannot {verb} {shown(path)}: {shown(file)} was read for this problem; name another file")
+
+
+def remove_file(path: str | Path) -> None:
+    """Remove a file, or a link to one, if it is there.
+
+    Raises
+    ------
+    FileError
+        It is protected, or the system does not let it go.
+    """
+    _guard(path, "remove")
+    try:
+        Path(path).unlink(missing_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot remove {shown(path)}: {_reason(error)}") from error
 
 
 def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTES) -> Path:
@@ -195,6 +232,7 @@ def _target(path: str | Path) -> tuple[Path, int | None]:
 
     A protected file is refused though its folder would let it be replaced.
     """
+    _guard(path, "write")
     target = Path(os.path.realpath(path))
     try:
         mode = target.stat().st_mode
@@ -249,6 +287,7 @@ def append_line(path: str | Path, line: str) -> None:
     FileError
         In one sentence that names the file.
     """
+    _guard(path, "write")
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
         with os.fdopen(descriptor, "wb", buffering=0) as stream:

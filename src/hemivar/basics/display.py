@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.first_use import IMPORTS
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
@@ -26,7 +28,8 @@ class Displayed:
     """
 
     def _repr_html_(self) -> str:
-        from hemivar.report.notebook import html_of
+        with IMPORTS:
+            from hemivar.report.notebook import html_of
 
         return html_of(self)
 
@@ -40,7 +43,8 @@ class Displayed:
         ProblemError
             There is nothing to draw.
         """
-        from hemivar.report.notebook import picture_of
+        with IMPORTS:
+            from hemivar.report.notebook import picture_of
 
         return picture_of(self)
 
@@ -52,7 +56,8 @@ class Displayed:
         ProblemError
             pandas is not installed.
         """
-        from hemivar.report.frames import frame_of
+        with IMPORTS:
+            from hemivar.report.frames import frame_of
 
         return frame_of(self)
 

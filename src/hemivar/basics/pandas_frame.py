@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -28,7 +29,8 @@ def data_frame(columns: Mapping[str, object], instead: str) -> DataFrame:
         pandas is not installed.
     """
     try:
-        import pandas
+        with IMPORTS:
+            import pandas
     except ImportError as error:
         raise ProblemError(f"pandas is not installed; pip install pandas, or take {instead}") from error
     return pandas.DataFrame(dict(columns))

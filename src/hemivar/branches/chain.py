@@ -13,11 +13,11 @@ piecewise affine for piecewise quadratic laws.  Enumeration, deflation and path 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.segments import Segments, graph_segments, joined_rows
 from hemivar.discrete.point_kind import PointKind

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.certify import equilibrium_multiplier
@@ -205,7 +206,8 @@ class _Tables:
 
     def on_a_line(self, batch: _Batch, b: int) -> Candidate | None:
         """A point of a combination that has a continuum of them; None where all of it is off the segments."""
-        from scipy.optimize import linprog
+        with IMPORTS:
+            from scipy.optimize import linprog
 
         chain, rows, choice = self.chain, self.rows, batch.choice[b]
         small = np.abs(batch.values[b]) <= _SINGULAR * chain.size * np.abs(batch.values[b]).max()

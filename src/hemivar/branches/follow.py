@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hemivar.basics.arguments import expect, number, whole_number
 from hemivar.basics.deadline import Budget
 from hemivar.basics.generators import result_of
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, PathProgress, Track
 from hemivar.branches.path import Fold, Jump, Path, PathEnd
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
-from hemivar.fem import LoadLine
+from hemivar.fem import LoadLine, deformation
 from hemivar.fem.posed import Posable, posed
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, LoadStepping, Solution, Status, solve
 from hemivar.systems import CondensedProblem
 from hemivar.systems.workspace import Workspace
@@ -245,7 +246,8 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
         force = (1.0 - factor) * systems[0].force + factor * systems[2].force
         answer = float(system.weights @ system.law.value(local[i]))
         energy[i] = 0.5 * x @ (system.matrix @ x) - force @ x + answer + np.polyval(curve, factor)
-    folds = tuple(Fold(float(t[i]), i) for i in range(1, t.size - 1) if track.points[i].fold)
+    snaps, snap_size = _snaps(chain, track)
+    folds = tuple(Fold(float(t[i]), i, bool(snaps[i])) for i in range(1, t.size - 1) if track.points[i].fold)
     return Path(
         line=line,
         load_factor=t,
@@ -255,10 +257,56 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
         stable=np.array(stable, dtype=bool),
         curved=np.array([stretch.curved for stretch in track.stretches], dtype=bool),
         folds=folds,
-        jumps=_jumps(t, local, stable),
+        jumps=tuple(replace(jump, snaps=bool(snaps[jump.index])) for jump in _jumps(t, local, stable)),
         ended=track.ended,
         perturbed=perturbed,
+        snap_size=snap_size,
+        warnings=(*line.loaded.notes, *_strained(system, line, t, local, multiplier)),
     )
+
+
+def _snaps(chain: Chain, track: Track) -> tuple[BoolArray, float | None]:
+    """Points (k,) of a path beside which one contact point lets go alone; and the size of facets at which none does.
+
+    A component lets go alone where its law falls by more than the stiffness of the body with all others held: on an
+    unstable stretch on which the Hessian has a negative diagonal entry, or a law jumps down.
+    """
+    stiffness = np.diagonal(chain.matrix)
+    alone, steepest = np.zeros(len(track.stretches), dtype=bool), np.zeros(chain.size)
+    for i, stretch in enumerate(track.stretches):
+        if stretch.stable:
+            continue
+        kink = chain.pick(chain.kink, stretch.segment)
+        middle = 0.5 * (track.points[i].theta + track.points[i + 1].theta)
+        fall = np.where(kink, 0.0, -chain.evaluate(middle, stretch.segment)[3])
+        fall = np.where(kink & (chain.pick(chain.direction, stretch.segment) < 0.0), np.inf, fall)
+        one = chain.weights * fall > stiffness
+        alone[i] = one.any()
+        steepest = np.maximum(steepest, np.where(one, fall, 0.0))
+    beside = np.concatenate([[False], alone]) | np.concatenate([alone, [False]])
+    if not alone.any():
+        return beside, None
+    found = steepest > 0.0
+    return beside, float((stiffness[found] / steepest[found]).min())
+
+
+def _strained(system: CondensedProblem, line: LoadLine, t: Array, local: Array, multiplier: Array) -> tuple[str, ...]:
+    """That strains or rotations are large at the points of a path where that is to be expected first, if so."""
+    stated, end = line.loaded.origin, line.loaded.field
+    if not isinstance(stated, ContactProblem) or end is None:
+        return ()
+    nothing = np.zeros(system.problem.unknowns)
+    moved = end.full(nothing)  # prescribed displacements, which grow with the load
+    if line.unloaded is not None and line.unloaded.field is not None:
+        moved = moved - line.unloaded.field.full(nothing)
+    size = np.linalg.norm(local.reshape(t.size, -1), axis=1)
+    worst, told = 0.0, ""
+    for i in sorted({int(np.argmax(np.abs(t))), int(np.argmax(size)), t.size - 1}):
+        u, _ = system.for_problem(line.at(float(t[i]))).recover(local[i], multiplier[i])
+        found = deformation(stated, end.full(u) - (1.0 - t[i]) * moved)
+        if found.warning is not None and max(found.strain, found.rotation) > worst:
+            worst, told = max(found.strain, found.rotation), f"at load factor {t[i]:.6g} {found.warning}"
+    return (told,) if told else ()
 
 
 def _jumps(t: Array, local: Array, stable: list[bool]) -> tuple[Jump, ...]:

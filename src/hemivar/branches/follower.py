@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Generator
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
 from hemivar.basics.deadline import Budget, OutOfTime, check_time
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 
 import numpy as np
 
 from hemivar.basics.display import Displayed
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import LoadLine
+from hemivar.solvers.boundary_result import friction_of
 
 __all__ = ["Fold", "Jump", "Path", "PathEnd"]
+
+
+#: Part of the limit load by which the first instability may miss it and be the same.
+_SAME = 1e-9
+#: Folds, and jumps, up to which all count.
+_FEW = 4
 
 
 class PathEnd(StrEnum):
@@ -39,10 +46,14 @@ class Fold:
     load_factor : float
     index : int
         Number of the point on the path.
+    snaps : bool
+        Whether a single contact point lets go there: the slope alpha by which its law falls exceeds the stiffness of
+        the body at that point.  Such folds depend on the mesh; see :attr:`Path.snap_size`.
     """
 
     load_factor: float
     index: int
+    snaps: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +69,15 @@ class Jump:
         Whether it happens while the load grows (else while it falls).
     local : array (m, d) or None
         Local displacement on the stable branch of this path that is met at the same load; None if there is none.
+    snaps : bool
+        Whether a single contact point lets go there, as in :class:`Fold`.
     """
 
     load_factor: float
     index: int
     loading: bool
     local: Array | None
+    snaps: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +90,7 @@ class Path(Portable, Displayed):
         The problem at each load factor.
     load_factor : array (k,)
     local, multiplier : arrays (k, m, d)
-        Local displacement r, and pressure and friction.
+        Local displacement r; force per area of the body on the foundation: pressure (column 0), and minus the friction.
     energy : array (k,)
         E(u) at the load of the point.
     stable : bool array (k - 1,)
@@ -90,6 +104,13 @@ class Path(Portable, Displayed):
     perturbed : bool
         Whether several components met an event at once, so that the load was perturbed by 1e-9 of itself to order them;
         the path is then one of several that meet.
+    snap_size : float or None
+        Weight of a contact point (length of boundary) up to which none lets go alone: the least stiffness of the body
+        at a point that does, over the slope by which its law falls.  0 where a law falls at once, None where no point
+        lets go alone on this path.
+    warnings : tuple of str
+        What the numbers do not show by themselves; one sentence each.  Strains and rotations are looked at where the
+        load and the contact displacements are largest, and at the end.
     """
 
     line: LoadLine
@@ -103,6 +124,25 @@ class Path(Portable, Displayed):
     jumps: tuple[Jump, ...]
     ended: PathEnd
     perturbed: bool = False
+    snap_size: float | None = None
+    warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def limit_load(self) -> float | None:
+        """The largest load factor of a stable equilibrium of this path; None if it is not known to be the largest.
+
+        That is so where the path leaves the range at its upper end, or was not followed to its end.
+        """
+        if self.ended not in (PathEnd.LOWER_END, PathEnd.UNBOUNDED) or not self.stable.any():
+            return None
+        t = self.load_factor
+        return float(np.maximum(t[:-1], t[1:])[self.stable].max())
+
+    @cached_property
+    def first_instability(self) -> float | None:
+        """The load factor at which the body first loses stability while its load grows; None if it does not."""
+        lost = np.flatnonzero(self.stable[:-1] & ~self.stable[1:]) + 1
+        return float(self.load_factor[lost[0]]) if lost.size and self.stable[0] else None
 
     @property
     def reached_end(self) -> bool:
@@ -117,7 +157,46 @@ class Path(Portable, Displayed):
     def __repr__(self) -> str:
         t, folds, jumps = self.load_factor, len(self.folds), len(self.jumps)
         size = f"{len(self)} points from load factor {t[0]:.6g} to {t[-1]:.6g}, {folds} folds, {jumps} jumps"
-        return f"Path({size}; {self.ended})"
+        return f"Path({self.failure}; {size}; {self.ended})"
+
+    @cached_property
+    def main_folds(self) -> tuple[Fold, ...]:
+        """All folds if there are few; else those at limit load and first instability, and those of several points."""
+        return self.folds if len(self.folds) <= _FEW else tuple(fold for fold in self.folds if self._matters(fold))
+
+    @cached_property
+    def main_jumps(self) -> tuple[Jump, ...]:
+        """The same of the jumps."""
+        return self.jumps if len(self.jumps) <= _FEW else tuple(jump for jump in self.jumps if self._matters(jump))
+
+    def _matters(self, event: Fold | Jump) -> bool:
+        return not event.snaps or event.load_factor in (self.limit_load, self.first_instability)
+
+    @property
+    def snapping(self) -> str | None:
+        """How many folds are those of single contact points, and at which mesh size there are none; None for none."""
+        count = sum(fold.snaps for fold in self.folds)
+        if not count or self.snap_size is None:
+            return None
+        limit = self.limit_load
+        too = any(fold.snaps and fold.load_factor == limit for fold in self.folds)
+        words = f"{count} fold{'s' if count > 1 else ''} where a single contact point lets go: their number and loads"
+        words += f"{', and the limit load,' if too else ''} depend on the mesh"
+        if self.snap_size == 0.0:
+            return f"{words}, however fine, for a law falls at once; give its fall a slope"
+        return f"{words}; with cells of at most about {self.snap_size:.2g} along the boundary no point lets go alone"
+
+    @property
+    def failure(self) -> str:
+        """Limit load and first instability in words, rounded to four digits."""
+        limit, first = self.limit_load, self.first_instability
+        if limit is not None:
+            same = first is None or abs(first - limit) <= _SAME * abs(limit)
+            return f"limit load {limit:.4g}" + ("" if same else f" (first instability {first:.4g})")
+        own = (
+            "not reached" if self.ended is PathEnd.UPPER_END else "not known, for the path was not followed to its end"
+        )
+        return f"limit load {own}" + ("" if first is None else f" (first instability {first:.4g})")
 
     def __len__(self) -> int:
         return self.load_factor.size
@@ -134,13 +213,13 @@ class Path(Portable, Displayed):
 
     @cached_property
     def normal_force(self) -> Array:
-        """Resultant of the pressure, (k,)."""
+        """Resultant of the pressure, positive in compression, (k,)."""
         return np.asarray(self.multiplier[:, :, 0] @ self.problem.contact.weights)
 
     @cached_property
     def friction_force(self) -> Array:
-        """Resultant of the friction, (k, d - 1)."""
-        return np.asarray(np.einsum("m,kmc->kc", self.problem.contact.weights, self.multiplier[:, :, 1:]))
+        """Resultant of the friction on the body in local components, (k, d - 1)."""
+        return np.asarray(np.einsum("m,kmc->kc", self.problem.contact.weights, friction_of(self.multiplier)))
 
     def at(self, load_factor: float) -> list[tuple[Array, bool]]:
         """Local displacements (m, d) where the path crosses a load, in order, and whether they are stable.

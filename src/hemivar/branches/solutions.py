@@ -267,8 +267,11 @@ def _enumerated(search: SolutionSearch, chain: Chain) -> Generator[SearchProgres
     undecided = search.left_out + points.undecided
     law = search.system.law
     sampled = law.normal.constants_sampled or (search.system.shape[1] > 1 and law.friction.profile.constants_sampled)
-    complete = not (points.continuum or search.full_and_more or undecided or sampled)
+    limit = search.system.problem.limit
+    complete = not (points.continuum or search.full_and_more or undecided or sampled or limit)
     searched = f"all {count} of pieces and kinks were tried"
+    if limit:
+        searched += f"; the body is {limit}"
     if points.continuum:
         searched += "; there is a continuum of solutions, of which one or some are given"
     if undecided:

@@ -10,10 +10,9 @@ Nothing is frozen, so that the zeros of F are the solutions, and its Jacobian is
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.laws import ContactLaw, Friction, StateBound

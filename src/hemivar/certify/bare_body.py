@@ -16,7 +16,7 @@ _MOST = {2: 20_000, 3: 2_500}
 
 
 def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProblem:
-    """Supports at rest, no loads, contact boundaries without a law.
+    """Supports at rest, no loads, contact boundaries without a law; the directions of contact stay.
 
     Parameters
     ----------
@@ -44,7 +44,10 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
         problem,
         mesh=mesh,
         supports=supports,
-        contact={name: Contact(NoContact()) for name in problem.contact},
+        contact={
+            name: Contact(NoContact(), obstacle=contact.obstacle, normals=contact.normals)
+            for name, contact in problem.contact.items()
+        },
         tractions={},
         body_force=(0.0,) * mesh.dim,
         order=1,

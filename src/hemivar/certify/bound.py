@@ -10,7 +10,6 @@ Several such pairs are made and the smallest bound counts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -18,6 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from hemivar.basics.deadline import check_time
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.norms import EnergyNorm, Norm
 from hemivar.certify.trace_inverse import gram_solve, lift, symmetric_inverse

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +9,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.deadline import check_time
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.certify.subspace import Mode, counting_rows, start_vector
 from hemivar.linear.definite import indefinite, positive_pivots, rounding

@@ -5,7 +5,7 @@ They answer what :class:`hemivar.certify.EnergyNorm` answers, where a factorisat
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.deadline import check_time
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certify.subspace import Mode, Subspace, counting_rows, start_vector
 from hemivar.discrete.problem import DiscreteProblem, quadratic

@@ -14,6 +14,7 @@ from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.display import Displayed
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, Record
 from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify.distance_to_exact import DistanceToExact
@@ -25,6 +26,7 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
+from hemivar.fem.small_strain import deformation_of
 from hemivar.linear.definite import refuse_indefinite
 from hemivar.linear.threads import one_thread
 from hemivar.systems.workspace import Workspace
@@ -51,7 +53,7 @@ class Certifiable(Protocol):
 
     @property
     def multiplier(self) -> Array:
-        """Pressure and friction, (m, d)."""
+        """Force per area of the body on the foundation, (m, d): pressure, and minus the friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +204,8 @@ def certify(
         The unknowns u of the problem, or the displacement of all nodes of its mesh (checked to fulfil the supports);
         left out only where a solution is the first argument.
     multiplier : array (m, d), optional
-        Pressure and friction; recomputed from equilibrium (least squares) if not given.
+        Force per area of the body on the foundation: pressure, and minus the friction.  Recomputed from equilibrium
+        (least squares) if not given.
     factor : EnergyNorm or MultigridNorm, optional
         The norm to take in place of the one that suits the size of the problem.
     tolerance : float
@@ -262,7 +265,8 @@ def certify(
         found = _known(_certified(point, tolerance, kept if trace_constant else None, budget, exact))
     if not exact:
         return found
-    from hemivar.adapt.exact_certificate import distance_to_exact
+    with IMPORTS:
+        from hemivar.adapt.exact_certificate import distance_to_exact
 
     return replace(found, exact=distance_to_exact(problem, u, max_time=budget.left, workspace=kept))
 
@@ -364,6 +368,8 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
         asked = constants
         constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept, exact), constants)
     size = energy.norm(u)
+    deformed = deformation_of(problem, u)
+    strained = None if deformed is None else deformed.warning
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)
     return Certificate(
@@ -386,7 +392,7 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
         smallness=constants,
         method="factorisation" if energy.factorised else "multigrid",
         seconds=budget.spent,
-        warnings=problem.warnings,
+        warnings=problem.notes if strained is None else (*problem.notes, strained),
         error_bound_sampled=constants.sampled,
         left_out=tuple(left_out),
     )

@@ -12,6 +12,16 @@ __all__ = ["DistanceToExact"]
 
 #: What a reason may begin with, and the line says already.
 _NONE = "there is no bound: "
+#: Factor 1 / (1 - c) from which the softening is what counts.
+_SOFT = 2.0
+#: What to do about the part that is most of a bound.
+_REMEDIES = {
+    "misfit": "refine the mesh, as --adaptive does where it is needed",
+    "contact": "refine the mesh along the contact boundary, as --adaptive does",
+    "oscillation": "refine the mesh where the loads vary, or state smoother loads",
+    "algebraic": "solve more accurately, with a smaller rtol of [solver]",
+    "correction": "refine the mesh along the contact boundary, or take linear elements",
+}
 
 
 @dataclass(frozen=True)
@@ -41,6 +51,8 @@ class DistanceToExact:
         Spent on it.
     correction : float
         Added after that division: by how much a quadratic trace had to be moved to keep to a rigid law between nodes.
+    geometry : str
+        What the body is taken for, such as "a polygon with 4 straight sides": the exact solution is that of this body.
     """
 
     bound: float
@@ -55,6 +67,7 @@ class DistanceToExact:
     constant: float = math.nan
     seconds: float = 0.0
     correction: float = 0.0
+    geometry: str = ""
 
     @classmethod
     def none(cls, reason: str, seconds: float = 0.0) -> DistanceToExact:
@@ -94,10 +107,14 @@ class DistanceToExact:
         if self.constant > 0.0:
             parts.append(f"c = {self.constant:.3g}")
         took = f"; in {self.seconds:.2g} s" if self.seconds > 0.0 else ""
-        made = f"{blank}made of {', '.join(parts)}{took}"
+        made = [f"{blank}made of {', '.join(parts)}{took}"]
+        if self.advice:
+            made.append(f"{blank}{self.advice}")
+        if self.geometry:
+            made.append(f"{blank}the body is {self.geometry}")
         if self.guaranteed:
-            return [f"{label}at most {size}: guaranteed up to rounding and rules of integration", made]
-        return [f"{label}about {size}: an estimate, no bound", made, f"{blank}because {self.why}"]
+            return [f"{label}at most {size}: guaranteed up to rounding and rules of integration", *made]
+        return [f"{label}about {size}: an estimate, no bound", *made, f"{blank}because {self.why}"]
 
     @property
     def parts(self) -> dict[str, float]:
@@ -105,12 +122,35 @@ class DistanceToExact:
         names = ("misfit", "contact", "oscillation", "algebraic", "correction")
         return {name: getattr(self, name) for name in names if math.isfinite(getattr(self, name))}
 
+    def _shares(self) -> tuple[dict[str, float], float]:
+        """What the parts make of a bound without softening, the gap counted as contact, and by what that multiplies."""
+        parts = self.parts
+        moved = parts.pop("correction", 0.0)
+        whole = sum(parts.values())
+        if self.gap > 0.0:
+            parts["contact"] = parts.get("contact", 0.0) + 0.5 * (math.sqrt(whole**2 + 4.0 * self.gap) - whole)
+        whole = sum(parts.values())
+        factor = (self.bound - moved) / whole if whole > 0.0 else 1.0
+        return parts | {"correction": moved / factor if factor > 0.0 else moved}, factor
+
+    @property
+    def advice(self) -> str:
+        """Which part is most of the bound, and what to do about it; empty where nothing is known."""
+        if not (self.known and self.bound > 0.0):
+            return ""
+        shares, factor = self._shares()
+        name = max(shares, key=lambda one: shares[one])
+        words = f"{100.0 * shares[name] / sum(shares.values()):.0f} % of it is {name}: {_REMEDIES[name]}"
+        if factor > _SOFT:
+            words += f"; softening (c) multiplies it by {factor:.2g}, which a finer mesh does not change"
+        return words
+
     def record(self) -> Record:
         """Plain numbers and strings for JSON; numbers that are not finite become null."""
         values = {"bound": self.bound, "relative": self.relative, "guaranteed": self.guaranteed}
         values |= {**self.parts, "gap": self.gap, "constant": self.constant, "seconds": self.seconds}
         finite = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
-        return {**finite, "reasons": list(self.reasons)}
+        return {**finite, "geometry": self.geometry, "advice": self.advice, "reasons": list(self.reasons)}
 
 
 def _percent(ratio: float) -> str:

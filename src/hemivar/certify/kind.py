@@ -12,6 +12,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.bound import Point, snap
 from hemivar.certify.norms import EnergyNorm, MultigridNorm
 from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.problem import quadratic
 from hemivar.laws import Superpotential
 
 __all__ = ["LocalStudy", "study"]
@@ -22,6 +23,8 @@ _FLAT = 1e-9
 _AT_END = 1e-8
 #: Contact components up to which all curvatures are computed, not the smallest one alone.
 _FEW = 200
+#: The same for a body that its foundation holds at rest only.
+_MOST = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +184,8 @@ def study(point: Point) -> LocalStudy:
     parts = _components(point)
     free, held, weak, falls, one_sided = parts.free, parts.held, parts.weak, parts.falls, parts.one_sided
 
+    alone = point.energy.definite  # else curvatures are those of a body on springs, of which the sign counts
+
     def shown(of: _Components) -> Array:
         out = np.zeros((m, d))
         out[of.point[0]] = of.axis[0]
@@ -200,15 +205,16 @@ def study(point: Point) -> LocalStudy:
         return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, None, None)
     lowest = float(strict.min(initial=1.0))
     if lowest < -_FLAT:
-        whole = few and not held.size and not weak.size and bool(np.all(strict < -_FLAT))
-        return LocalStudy(PointKind.MAXIMUM if whole else PointKind.SADDLE, lowest, direction)
+        whole = alone and few and not held.size and not weak.size and bool(np.all(strict < -_FLAT))
+        kind = PointKind.MAXIMUM if whole else PointKind.SADDLE
+        return LocalStudy(kind, lowest if alone else None, direction)
     least = lowest
     if weak.size and lowest > _FLAT:
         wider, _ = _curvatures(point, free + weak, held, every=few and free.size + weak.size <= _FEW)
         least = -np.inf if wider is None else float(wider.min(initial=1.0))
     if least > _FLAT:
-        return LocalStudy(PointKind.LOCAL_MINIMISER, least, None)
-    return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, lowest, None)
+        return LocalStudy(PointKind.LOCAL_MINIMISER, least if alone else None, None)
+    return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, lowest if alone else None, None)
 
 
 def _rows(point: Point, parts: _Components) -> sp.csr_array:
@@ -232,7 +238,7 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
     weight = problem.contact.weights[free.point] * free.bend
     count = C.shape[0]
     if not point.energy.definite:
-        return None, None
+        return _curvatures_on_foundation(point, C, weight, held), None
     if count == 0 or not np.any(weight < 0.0):
         return np.ones(1), None
     if isinstance(point.energy, MultigridNorm):
@@ -241,16 +247,7 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
     if not solver.definite:
         return None, None
     if every:
-        columns = solver.solve(C.T.toarray())
-        F = np.asarray(C @ columns)
-        F = 0.5 * (F + F.T)
-        lift = float(np.abs(np.diagonal(F)).max(initial=0.0))
-        # congruent to W j'' on the range of F: 1 + F^(1/2) W j'' F^(1/2)
-        values, vectors = np.linalg.eigh(F)
-        kept = values > 1e-13 * lift
-        root = vectors[:, kept] * np.sqrt(values[kept])
-        bends, modes = np.linalg.eigh(np.eye(int(kept.sum())) + root.T @ (weight[:, None] * root))
-        force = np.linalg.lstsq(root.T, modes[:, 0], rcond=None)[0]
+        bends, force, columns = _dense(solver, C, weight)
         return bends, _normalised(problem.contact.trace @ (columns @ force), m, d)
     A = sp.csr_array(C.T @ sp.diags_array(-weight) @ C)
     n = problem.unknowns
@@ -261,6 +258,45 @@ def _curvatures(point: Point, free: _Components, held: _Components, every: bool)
     except (spla.ArpackNoConvergence, RuntimeError):
         return None, None
     return 1.0 - top, _normalised(problem.contact.trace @ modes[:, 0], m, d)
+
+
+def _curvatures_on_foundation(point: Point, C: sp.csr_array, weight: Array, held: _Components) -> Array | None:
+    """The lowest eigenvalue of ``(K + C'W j'' C, K + S)`` for a body that its foundation holds at rest only.
+
+    S are springs as stiff as the body at all contact points, with which K has no kernel.  The sign is that of the
+    curvature of the energy, its size means nothing else.  None where it cannot be had.
+    """
+    problem = point.problem
+    stiffness = quadratic(problem.bulk, "the kind of a point").stiffness
+    if problem.limit is None or not point.energy.factorised:
+        return None
+    trace = problem.contact.trace
+    seen = np.flatnonzero(np.diff(trace.indptr))
+    if C.shape[0] + seen.size > _MOST:
+        return None
+    d = problem.contact.components
+    springs = (problem.contact.weights[:, None] / np.repeat(point.compliance, [1, d - 1], axis=1)).ravel()[seen]
+    on = sp.csr_array(trace[seen])
+    norm = EnergyNorm(sp.csr_array(stiffness + on.T @ sp.diags_array(springs) @ on))
+    solver = _ConstrainedSolver(norm, _rows(point, held)) if norm.definite else None
+    if solver is None or not solver.definite:
+        return None
+    values, _, _ = _dense(solver, sp.csr_array(sp.vstack([C, on])), np.concatenate([weight, -springs]))
+    return values[:1]
+
+
+def _dense(solver: _ConstrainedSolver, C: sp.csr_array, weight: Array) -> tuple[Array, Array, Array]:
+    """All eigenvalues of ``(K + C' diag(weight) C, K)`` that C sees, the force (k,) of the lowest one, ``K^-1 C'``."""
+    columns = solver.solve(C.T.toarray())
+    F = np.asarray(C @ columns)
+    F = 0.5 * (F + F.T)
+    lift = float(np.abs(np.diagonal(F)).max(initial=0.0))
+    # congruent to W j'' on the range of F: 1 + F^(1/2) W j'' F^(1/2)
+    values, vectors = np.linalg.eigh(F)
+    kept = values > 1e-13 * lift
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    bends, modes = np.linalg.eigh(np.eye(int(kept.sum())) + root.T @ (weight[:, None] * root))
+    return bends, np.linalg.lstsq(root.T, modes[:, 0], rcond=None)[0], columns
 
 
 def _lowest_by_multigrid(

@@ -1,7 +1,9 @@
 """Guaranteed lower bounds of ``Lambda = inf a(v, v) / |v|^2`` over the contact boundary, no constant unknown.
 
 With ``a(v, v) = int C eps(v) : eps(v)`` over the displacements that vanish where supports hold them, and the norm of
-L2 over the contact boundary of v, or of its normal or its tangential part alone.  The trace constant of the continuous
+L2 over the contact boundary of v, or of its normal or its tangential part alone.  Normals are those of the contact: of
+the facets, or of a plane obstacle.  Where they vary on a facet (a curved obstacle), the norm of the whole v serves for
+the parts too: theirs are not above it.  The trace constant of the continuous
 problem is ``Lambda^(-1/2)``: values computed with conforming elements approach it from the wrong side.
 
 They are found on a mesh of their own, which begins with the coarsest mesh that the one of the problem was refined from,
@@ -21,6 +23,7 @@ import scipy.sparse as sp
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.types import Array, IntArray
 from hemivar.certify.bare_body import bare_body
+from hemivar.certify.contact_normals import contact_normals, has_constant_normals
 from hemivar.certify.facet_cover import facet_cover
 from hemivar.certify.trace_flexibility import TraceFlexibility, TraceRange
 from hemivar.errors import ProblemError
@@ -69,6 +72,9 @@ class LowerBounds:
         That mesh.
     flexibility : TraceFlexibility, optional
         The contact boundary of the body, for weights that vary on it.
+    whole : bool
+        Whether contact normals vary on facets, so that only the whole trace is known and weights count by the larger
+        of both.
     """
 
     both: LowerBound
@@ -77,6 +83,7 @@ class LowerBounds:
     cells: int
     mesh: Mesh | None = field(default=None, repr=False, compare=False)
     flexibility: TraceFlexibility | None = field(default=None, repr=False, compare=False)
+    whole: bool = False
 
     def weighted(self, corners: Array, normal: Array, tangential: Array) -> tuple[float, float]:
         """Upper bounds of the first two eigenvalues of ``int alpha |v|^2`` against ``a(v, v)``, weights by facets.
@@ -94,6 +101,8 @@ class LowerBounds:
         """
         if self.mesh is None or self.flexibility is None:
             return np.inf, np.inf
+        if self.whole:
+            normal = tangential = np.maximum(normal, tangential)
         over = facet_cover(self.mesh.points[self.flexibility.facets], corners)
         weights = [np.where(over, alpha, 0.0).max(axis=1, initial=0.0) for alpha in (normal, tangential)]
         found = self.flexibility.bound(*weights)
@@ -140,7 +149,9 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
         return _found(bare, most)
     touching = np.sort(np.concatenate([table.numbers(bare.mesh.boundaries[name]) for name in bare.contact]))
     matrices, _ = tensors(bare.mesh, bare.material, 2)
-    parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, np.array([most]))
+    kind = np.array([most, not has_constant_normals(bare)])
+    normals = contact_normals(bare, table, touching)
+    parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, normals, kind)
     return workspace.known("lower bounds of trace constants", parts, lambda: _found(bare, most))
 
 
@@ -150,7 +161,10 @@ def _found(bare: ContactProblem, cells: int) -> LowerBounds:
     both, normal, tangential = (
         _inverse(flexibility.bound(*weights)) for weights in ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
     )
-    return LowerBounds(both, normal, tangential, own.mesh.number_of_cells, own.mesh, flexibility)
+    whole = not has_constant_normals(own)
+    if whole:
+        normal = tangential = replace(both, upper=math.inf)
+    return LowerBounds(both, normal, tangential, own.mesh.number_of_cells, own.mesh, flexibility, whole)
 
 
 def _inverse(found: TraceRange) -> LowerBound:

@@ -34,7 +34,7 @@ _NORM = Material.lame(0.0, 0.5)
 #: Roundings of an eigenvalue, in units of the condition number of K scaled to a unit diagonal.
 _HIDDEN = 16.0
 
-__all__ = ["Smallness", "TraceConstants", "ellipticity", "one_solution", "smallness", "trace_constants"]
+__all__ = ["Smallness", "TraceConstants", "ellipticity", "margin_at", "one_solution", "smallness", "trace_constants"]
 
 
 @dataclass(frozen=True)
@@ -163,6 +163,36 @@ def smallness(
     """
     problem = posed(problem, "smallness")
     energy = energy_norm(problem, workspace) if factor is None else factor
+    found = _constants_at(problem, energy, displacement, multiplier)
+    return with_survey(problem, found, trace_constant, workspace)
+
+
+def margin_at(problem: DiscreteProblem, displacement: Array, multiplier: Array, workspace: Workspace) -> float:
+    """The margin of :func:`smallness` alone, of a law that depends on the state, for many steps of one body.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    displacement : array (n,)
+    multiplier : array (m, d)
+    workspace : Workspace
+
+    Returns
+    -------
+    float
+        ``-inf`` without any work where the friction bound depends on the pressure, as Coulomb's does.
+    """
+    visible = np.diff(problem.contact.trace.indptr).reshape(problem.contact_points, problem.contact.components) > 0
+    coupled = visible[:, 0] & visible[:, 1:].any(axis=1)
+    if np.isinf(np.where(coupled, problem.law.lipschitz, 0.0)).any():
+        return -np.inf
+    return _constants_at(problem, energy_norm(problem, workspace), displacement, multiplier).margin
+
+
+def _constants_at(
+    problem: DiscreteProblem, energy: Norm, displacement: Array | None, multiplier: Array | None
+) -> Smallness:
+    """The constants without those of the survey."""
     bounds: Array | None = None
     if problem.contact_points and problem.law.state_dependent:
         point: Point | None = None
@@ -171,8 +201,7 @@ def smallness(
             lam = equilibrium_multiplier(problem, u) if multiplier is None else np.asarray(multiplier, dtype=float)
             point = Point(problem, energy, u, lam)
         bounds = largest_bounds(problem, energy, point)
-    found = _constants(problem, energy, bounds)
-    return with_survey(problem, found, trace_constant, workspace)
+    return _constants(problem, energy, bounds)
 
 
 def with_survey(
@@ -300,6 +329,7 @@ def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | No
     else:
         c_normal, c_tangential = top(normal, none, 1.0), top(none, tangential, 1.0)
         c = top(normal, tangential) if both and np.isfinite(c_normal + c_tangential) else max(c_normal, c_tangential)
+    slips = bool(d > 1 and np.any(seen_normal & seen_tangential))
     coupling = 0.0
     if np.any(coupling_weight):
         coupling = float(np.sqrt(top(coupling_weight, none)) * np.sqrt(top(none, coupling_weight)))
@@ -321,7 +351,7 @@ def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | No
         coupling=coupling,
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
         margin=_margin(energy, c, coupling),
-        m_L_sampled=bool(coupling > 0.0 and problem.law.lipschitz_sampled),
+        m_L_sampled=slips and problem.law.lipschitz_sampled,
     )
 
 

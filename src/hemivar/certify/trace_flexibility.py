@@ -1,7 +1,8 @@
 """Two-sided bounds of ``c = sup int D v . v / a(v, v)`` over the contact boundary, D a weight of each facet.
 
 ``a(v, v) = int C eps(v) : eps(v)``, over the displacements that vanish where supports hold them; D weighs the normal
-and the tangential part of v, constant on each facet of one mesh.  Let ``w(g)`` solve ``a(w(g), v) = <g, v>``.
+and the tangential part of v, in the directions of the contact, constant on each facet of one mesh.  Let ``w(g)`` solve
+``a(w(g), v) = <g, v>``.
 
 *From above, roughly.*  Of ``D^1/2 f`` the facetwise linear part is answered by stresses in equilibrium, whose least
 complementary energy has the values ``mu_1 >= mu_2 >= ...``; the rest is seen by the oscillation over facets alone:
@@ -33,6 +34,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array
+from hemivar.certify.contact_normals import contact_normals
 from hemivar.certify.facet_constants import facet_constants, mass_root
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import quadrature_rule, tensors
@@ -119,7 +121,7 @@ class TraceFlexibility:
         self._constants = facet_constants(table, compliance, loaded)
         self.facets = table.facets[loaded]
         root = np.sqrt(table.measures[loaded])
-        axes = np.linalg.svd(table.normals[loaded][:, None, :])[2]  # the normal, tangents
+        axes = np.linalg.svd(contact_normals(problem, table, loaded)[:, None, :])[2]  # the normal, tangents
 
         blocks = equilibrated_blocks(pulled_back(compliance, table.jacobian, table.sizes), table.jacobian)
         nodes = (table.cell_facets[:, :, None] * dim + np.arange(dim)).reshape(len(blocks), -1)

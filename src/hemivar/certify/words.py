@@ -115,7 +115,7 @@ def _without_margin(constants: Smallness) -> str:
     """Why there is no margin at all, in words."""
     if max(constants.alpha_normal, constants.alpha_tangential) == math.inf:
         return "the derivative of a law jumps down: no stiffness of the body makes up for that"
-    if math.isinf(constants.constant + constants.coupling):
+    if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
     return "the supports alone do not hold the body: what rests on the foundation alone has no margin"
 

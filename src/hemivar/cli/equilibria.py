@@ -70,6 +70,9 @@ def solutions(
     print(f"searched          {found.searched}")
     if len(found):
         print_table(console(), _solutions_table(found))
+        for number, one in enumerate(found):
+            if one.deformation is not None and one.deformation.warning is not None:
+                print(f"warning           solution {number + 1}: {one.deformation.warning}")
         if plot is not None:
             _draw(session, found, plot, colour)
     session.writer.tell()
@@ -135,7 +138,7 @@ def path(
     max_time: MaxTime = None,
     given: Given = None,
 ) -> int:
-    """Follow the equilibria while the load grows, through folds: stable and unstable branches, folds, jumps.
+    """Follow the equilibria while the load grows, through folds: limit load, first instability, folds, jumps.
 
     Exit code 0 if the path reaches an end of the range.
     """
@@ -173,19 +176,26 @@ def path(
 
 def _print_path(path: EquilibriumPath) -> None:
     """Print what the path meets."""
-    print(f"\npath              {len(path)} points, {len(path.folds)} folds; {path.ended}")
+    print(f"\n{path.failure}")
+    print(f"path              {len(path)} points, {len(path.folds)} folds; {path.ended}")
     if path.perturbed:
         print("                  several points of the boundary met an event at once: this is one of several branches")
-    for fold in path.folds[:_SHOWN]:
+    folds, jumps = path.main_folds, path.main_jumps
+    for fold in folds[:_SHOWN]:
         print(f"fold              load factor {fold.load_factor:.10g}, point {fold.index}")
-    for jump in path.jumps[:_SHOWN]:
+    for jump in jumps[:_SHOWN]:
         how = "loading" if jump.loading else "unloading"
         where = "" if jump.local is not None else ", to no stable branch of this path"
         print(f"jump              load factor {jump.load_factor:.10g} while {how}, point {jump.index}{where}")
-    if max(len(path.folds), len(path.jumps)) > _SHOWN:
+    if path.snapping is not None:
+        print(f"single points     {path.snapping}")
+    if len(folds) + len(jumps) < len(path.folds) + len(path.jumps) or max(len(folds), len(jumps)) > _SHOWN:
         print(f"                  (of {len(path.folds)} folds and {len(path.jumps)} jumps; all are in the --json file)")
     low, high = _rounded(path.max_penetration)
     print(f"max penetration   {low:.6g} to {high:.6g}")
+    for warning in path.warnings:
+        if warning not in path.problem.notes:  # which the head has
+            print(f"warning           {warning}")
 
 
 def _rounded(values: Array) -> tuple[float, float]:

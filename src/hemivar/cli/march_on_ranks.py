@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.disk import noting_files_read
+from hemivar.basics.disk import noting_files_read, protecting
 from hemivar.cli.ending import all_or_none
 from hemivar.cli.march_run import MarchOptions, check_tools, stated_outputs, write_film
 from hemivar.cli.march_view import MarchView, code_of, print_history
@@ -60,7 +60,8 @@ def march_file_on_ranks(
         outputs = ranks.agree(lambda: _checked(stated_outputs(stated, given), path, inputs))
         plan, base = ranks.agree(lambda: _planned(stated, options, outputs))
         run = _Run(ranks, pieces, stated, outputs, Writer(inputs), quiet)
-        return run.march(base, plan, bell)
+        with protecting(inputs):
+            return run.march(base, plan, bell)
 
 
 class _Run:

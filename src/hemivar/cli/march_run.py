@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hemivar.basics.arguments import suggest
+from hemivar.basics.disk import protecting
 from hemivar.cli.march_view import Bar, MarchView, code_of, print_history
 from hemivar.cli.options import check_limits
 from hemivar.cli.outputs import Writer, check_outputs
@@ -183,7 +184,7 @@ class MarchRun:
         view = MarchView(
             lambda discrete: print_head(session.stated, discrete.problem), self._series, writer.failed, quiet
         )
-        with view, _ends_after_the_step() as asked:
+        with view, _ends_after_the_step() as asked, protecting(writer.inputs):
             try:
                 found = result_of(work(evolution_of(session.stated), plan), lambda event: view(event) or bool(asked))
             except ProblemError as error:

@@ -172,7 +172,9 @@ def print_history(found: History, plain: bool = False) -> None:
     out.print("\nstatus            ", end="")
     out.print(found.ended, style="bold green" if found.finished else "bold red", end="")
     taken = int(found["solver_steps"].sum())
-    out.print(f" at t = {found.moment.time:g} after {steps} steps ({taken} of the solver), {len(found.frames)} frames")
+    others = int(found["fallbacks"].sum()) if "fallbacks" in found.columns else 0
+    solved = f"{taken} of the solver" + (f", {others} fallbacks" if others else "")
+    out.print(f" at t = {found.moment.time:g} after {steps} steps ({solved}), {len(found.frames)} frames")
     if not steps:
         return
     print(f"worst residual    {found.residual:.1e}")

@@ -294,7 +294,7 @@ def print_head_on_ranks(stated: ProblemFile, body: BodyOnRanks, levels: int) -> 
 
 def _print_summary(solution: DistributedSolution, certificate: Certificate) -> None:
     """Print on rank 0 what was found."""
-    sums, body = solution.sums, solution.body
+    sums, body, deformed = solution.sums, solution.body, solution.deformation  # which all ranks make together
     if body.ranks.rank:
         return
     print(
@@ -304,6 +304,9 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
     print(f"time              {', '.join(f'{stage} {seconds:.3g} s' for stage, seconds in solution.timings.items())}")
     print(f"cycles            {solution.cycles}")
     print(f"energy            {solution.energy:.10g}")
+    print(f"largest           {deformed.sizes}")
+    if deformed.warning is not None:
+        print(f"warning           {deformed.warning}")
     if solution.status is not Status.CONVERGED:
         print(f"what to do        {solution.status.remedy}")
     if certificate.smallness.alpha_sampled:

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from hemivar.basics.disk import same_file, shown, try_output, write_text
+from hemivar.basics.disk import protecting, same_file, shown, try_output, write_text
 from hemivar.cli.options import Exit
 from hemivar.cli.terminal import hold_signals, quiet_logging
 from hemivar.errors import FileError, HemivarError, ProblemError
@@ -128,6 +128,8 @@ def check_folder(path: Path, names: Iterable[str]) -> None:
         return
     if not os.path.isdir(path):
         raise ProblemError(f"--out {path}: this is a file; name a folder")
+    if Path.cwd().is_relative_to(os.path.realpath(path)) and not same_file(path, Path.cwd()):
+        raise ProblemError(f"--out {path}: it holds the current folder; name one of its own, such as --out out")
     if not os.access(path, os.W_OK | os.X_OK):
         raise ProblemError(f"--out {path}: the folder is write-protected; name another one")
     for name in names:
@@ -193,7 +195,7 @@ class Writer:
             self.failed.append(str(error))
             return
         try:
-            with contextlib.nullcontext() if picture else hold_signals(), quiet_logging():
+            with contextlib.nullcontext() if picture else hold_signals(), quiet_logging(), protecting(self.inputs):
                 made = task(path)
         except KeyboardInterrupt:
             if self.interrupted:

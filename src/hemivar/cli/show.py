@@ -224,7 +224,7 @@ def print_head(stated: ProblemFile, discrete: DiscreteProblem) -> None:
         print(f"set               {shown(change)}")
     print(f"mesh              {size}")
     print(f"unknowns          {discrete.unknowns}")
-    for warning in discrete.warnings:
+    for warning in discrete.notes:
         print(f"warning           {warning}")
     where = f" on {', '.join(discrete.contact.names)}" if discrete.contact.names else ""
     print(f"contact points    {discrete.contact_points}{where}", flush=True)
@@ -247,9 +247,14 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     good = solution.status is Status.CONVERGED
     console.print("\nstatus            ", end="")
     console.print(solution.status.value, style="bold green" if good else "bold red", end="")
-    console.print(f" after {solution.steps} steps, relative residual {solution.residual.relative:.1e}")
+    others = f" and {solution.fallbacks} fallbacks" if solution.fallbacks else ""
+    console.print(f" after {solution.steps} steps{others}, relative residual {solution.residual.relative:.1e}")
     print(f"time              {', '.join(f'{stage} {seconds:.3g} s' for stage, seconds in solution.timings.items())}")
     print(f"energy            {solution.energy:.10g}")
+    if solution.deformation is not None:
+        print(f"largest           {solution.deformation.sizes}")
+        if certificate is None and solution.deformation.warning is not None:  # else it is among its lines
+            print(f"warning           {solution.deformation.warning}")
     if solution.error_bound is not None:
         print(f"error bound       {solution.error_bound:.3g} (energy norm)")
     if not good:
@@ -263,7 +268,7 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
     if friction.size == 1:
         print(f"friction force    {friction[0]:.6g}")
     elif friction.size:
-        vector = -solution.problem.contact.weights @ solution.friction_vectors
+        vector = solution.problem.contact.weights @ solution.friction_vectors
         print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
     whole = float(solution.contact.weights.sum())
     print_contact(solution.measured, solution.contact_length, whole, state_counts(solution.state))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import InitVar, dataclass
-from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arrays import norm, real_array, real_matrix
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError

@@ -30,7 +30,7 @@ import scipy.optimize
 from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import ContactLaw
 
-__all__ = ["Growth", "Held", "Hold", "Verdict", "decide", "growth_along"]
+__all__ = ["Growth", "Held", "Hold", "Verdict", "decide", "growth_along", "hinges"]
 
 #: Growth this small, against what cancels in it, is none.
 _BALANCE = 1e-9
@@ -83,7 +83,7 @@ class Hold:
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """That a body was shown to be held, so that it need not be decided again.
+    """What was shown of how a body is held, so that it need not be decided again.
 
     It is known by what it was decided of, the very objects: whatever replaces one of them is decided anew.
 
@@ -91,9 +91,12 @@ class Held:
     ----------
     of : tuple
         Bulk, trace, weights, law and space of a discrete problem.
+    limit : str or None
+        The sentence for a body that its foundation holds at rest only; None if its energy grows along every motion.
     """
 
     of: tuple[object, ...]
+    limit: str | None = None
 
     def covers(self, of: tuple[object, ...]) -> bool:
         """Whether it was decided of these."""
@@ -170,13 +173,35 @@ def growth_along(
     slack : float
         What rounding makes of a tangential motion: displacements that a rigid foundation lets pass.
     """
-    m, d, a = local.shape
+    m, d, _ = local.shape
     one = np.ones(m)
     up = weights * np.broadcast_to(law.normal.recession(one), (m,))
     down = weights * np.broadcast_to(law.normal.recession(-one), (m,))
-    rows, cones, rates = local[:, 0], np.zeros((0, 2, a)), np.zeros(0)
+    slip = None
     if d > 1 and not law.state_dependent:
         slip = weights * np.broadcast_to(law.tangential.recession(one), (m,))
+    return hinges(local, up, down, slip, work, load, slack)
+
+
+def hinges(
+    local: Array, up: Array, down: Array, slip: Array | None, work: Array, load: float, slack: float = SLACK
+) -> Growth:
+    """A growth made of rates.
+
+    Parameters
+    ----------
+    local : array (m, d, a)
+        Local displacements of the contact points in each motion.
+    up, down : arrays (m,)
+        Rates along and against the normal component, weights included.
+    slip : array (m,) or None
+        Rates along the length of the slip; None where it counts nothing.
+    work, load, slack
+        As in :func:`growth_along`.
+    """
+    d, a = local.shape[1:]
+    rows, cones, rates = local[:, 0], np.zeros((0, 2, a)), np.zeros(0)
+    if slip is not None:
         hinge = np.flatnonzero((d == 2) | ~np.isfinite(slip))
         for c in range(1, d):
             rows = np.concatenate([rows, local[hinge, c]])

@@ -17,6 +17,7 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
+from hemivar.discrete.foothold import limit_of
 from hemivar.discrete.hold import Held
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
@@ -53,7 +54,7 @@ class DiscreteProblem(Portable, Displayed):
     warnings : tuple of str
         Sentences on what results of this problem do not show by themselves; empty for most problems.
     shown : Held or None
-        That the body was shown to be held, of which bulk, contact points and law; see :attr:`held`.
+        How the body was shown to be held, of which bulk, contact points and law; see :attr:`held` and :attr:`limit`.
 
     Raises
     ------
@@ -229,11 +230,30 @@ class DiscreteProblem(Portable, Displayed):
 
         :func:`hemivar.discretize` does so; another load, law or bulk is another question, another gap is not.
         """
-        return self.shown is not None and self.shown.covers(self._held_by)
+        return self.shown is not None and self.shown.limit is None and self.shown.covers(self._held_by)
 
-    def known_to_be_held(self) -> DiscreteProblem:
-        """The problem, known to be :attr:`held` from now on; for who has shown it."""
-        shown = Held(self._held_by)
+    @property
+    def limit(self) -> str | None:
+        """A sentence where the foundation holds the body at rest, but its energy need not have a minimum.
+
+        As glue does that breaks. :func:`hemivar.discretize` finds it; it is decided anew for another load or law. None
+        where the energy grows along every motion, and where nothing is known.
+        """
+        if self.shown is None or self.shown.limit is None or self.shown.covers(self._held_by):
+            return None if self.shown is None else self.shown.limit
+        if self.field is None or not isinstance(self.bulk, Quadratic):
+            return None
+        return limit_of(self.field, self.contact, self.law, self.bulk)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """:attr:`warnings`, and :attr:`limit` where there is one: what results must say beside their numbers."""
+        limit = self.limit
+        return self.warnings if limit is None else (*self.warnings, limit)
+
+    def known_to_be_held(self, limit: str | None = None) -> DiscreteProblem:
+        """The problem, known to be :attr:`held` from now on, or up to a :attr:`limit`; for who has shown it."""
+        shown = Held(self._held_by, limit)
         return DiscreteProblem(self.bulk, self.contact, self.law, self.space, self.origin, self.warnings, shown)
 
     @property
@@ -298,7 +318,7 @@ class DiscreteProblem(Portable, Displayed):
         Parameters
         ----------
         multiplier : array, shape (m, c)
-            Pressure (column 0) and friction (columns 1..) of the foundation on the body.
+            Force per area of the body on the foundation: pressure (column 0), and minus the friction (columns 1..).
 
         Returns
         -------

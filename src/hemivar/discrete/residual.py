@@ -163,8 +163,8 @@ def residual(problem: DiscreteProblem, displacement: Array, multiplier: Array) -
     displacement : array (n,)
         Unknowns u.
     multiplier : array (m, d)
-        Pressure and friction at the contact points. A friction bound that depends on the state is taken at
-        this very displacement and pressure.
+        Force per area of the body on the foundation at the contact points: pressure (column 0), and minus the friction.
+        A friction bound that depends on the state is taken at this very displacement and pressure.
 
     Returns
     -------

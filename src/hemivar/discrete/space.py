@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.arrays import real_array, real_matrix
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.discrete.constants import free_constants

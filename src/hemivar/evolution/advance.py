@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hemivar.basics.arrays import norm
+from hemivar.basics.deadline import check_time
 from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches import find_solutions
@@ -15,7 +17,8 @@ from hemivar.certify.smallness import Smallness, smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError
-from hemivar.evolution.descent import TIGHT, downhill, resistance_against
+from hemivar.evolution.balance import allowed_work, rounding_of
+from hemivar.evolution.descent import TIGHT, downhill, slowed
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
 from hemivar.evolution.expectation import expected_contact
 from hemivar.evolution.jump_paths import JumpPaths
@@ -43,7 +46,16 @@ from hemivar.evolution.stage import (
 from hemivar.evolution.step_laws import BlockLaw, Foundations, StepLaw, stage_law
 from hemivar.laws import ContactLaw
 from hemivar.laws.memory import LocalStep
-from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Solution, Solver, Status, solve
+from hemivar.solvers import (
+    Controls,
+    NonsmoothMultigrid,
+    NonsmoothNewton,
+    SemismoothNewton,
+    Solution,
+    Solver,
+    Status,
+    solve,
+)
 from hemivar.solvers.choice import choose
 from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
 from hemivar.solvers.solve import suited
@@ -135,7 +147,7 @@ class _Solved:
     solution: Solution
     reached: _Reached
     local: Motion  # r*, the slip whole
-    own: Array  # pressure and friction without the laws of the rate of the penetration
+    own: Array  # the multiplier without the laws of the rate of the penetration
     resistance: float  # in units of the stiffness
     leaps: tuple[Leap, ...] = ()
 
@@ -179,6 +191,9 @@ class Advance:
         self._constants: OrderedDict[tuple[object, ...], tuple[object, float]] = OrderedDict()
         self._acting: OrderedDict[float, Acting] = OrderedDict()
         self._steady = not discrete.evolution.problem.time_dependent
+        #: Times at which what acts may jump, and how near to them it is looked at; see :meth:`acting_before`.
+        self.stops: Mapping[float, float] = {}
+        self._sides: dict[float, tuple[float, float]] = {}
         self._law: tuple[ContactLaw, float, StepLaw] | None = None
         self._grounds: OrderedDict[float, tuple[Ground, ...]] = OrderedDict()
         self._asked: tuple[object, object, float] = None, None, 0.0
@@ -198,9 +213,40 @@ class Advance:
                 self._acting.popitem(last=False)
         return found
 
+    def acting_before(self, time: float) -> Acting:
+        """What acts just before a time: another than just after it at those of :attr:`stops` at which it jumps."""
+        return self.acting(self._sides_of(time)[0])
+
+    def acting_after(self, time: float) -> Acting:
+        """What acts just after a time."""
+        return self.acting(self._sides_of(time)[1])
+
     def acting_on(self, moment: Moment) -> Acting:
-        """What acts on the body at a moment, whatever step was taken before."""
-        return self.acting(moment.time)
+        """What acts on the body just after a moment, whatever step was taken before."""
+        return self.acting_after(moment.time)
+
+    def jumps_at(self, time: float) -> bool:
+        """Whether what acts jumps at one of the :attr:`stops`."""
+        before, after = self._sides_of(time)
+        return before != after
+
+    def _sides_of(self, time: float) -> tuple[float, float]:
+        """Times at which what acts just before and just after a time is looked at: both the time itself but at jumps.
+
+        Loads, supports and gaps are looked at, laws are not.
+        """
+        near = self.stops.get(time)
+        if near is None or self._steady:
+            return time, time
+        found = self._sides.get(time)
+        if found is None:
+            first = time <= self.discrete.evolution.start  # nothing acts before it
+            times = [time if first else time - part * near for part in (2.0, 1.0)]
+            times += [time + part * near for part in (1.0, 2.0)]
+            far, left, right, away = (self.acting(one) for one in times)
+            jumps = _jumps(self.discrete, far, left, right, away)
+            found = self._sides[time] = (times[1], times[2]) if jumps else (time, time)
+        return found
 
     def take(self, before: Moment, step: float, end_time: float | None = None, jump: Jump = Jump.LOCAL) -> Taken:
         """One step; the moment before it stays as it is.
@@ -215,7 +261,7 @@ class Advance:
             Which solution is taken where there may be several.
         """
         reached = before.time + step if end_time is None else end_time
-        start, end = self.acting(before.time), self.acting(reached)
+        start, end = self.acting_before(before.time), self.acting_before(reached)
         solved: list[_Solved] = []
         base = before
         grounds = self._grounds_of(step)
@@ -234,32 +280,66 @@ class Advance:
                 )
         moment = self._end(before, solved, step, reached, start, end)
         leaps = tuple(leap for s in solved for leap in s.leaps)
-        return Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
+        taken = Taken(before, moment, step, tuple(s.solution for s in solved), tuple(s.stage for s in solved), leaps)
+        return self._balanced(taken, solved)
+
+    def _balanced(self, taken: Taken, solved: list[_Solved]) -> Taken:
+        """A step, not solved if its balance of energy does not close to what the residual allows."""
+        before, moment = taken.before, taken.moment
+        gap, work = (abs(getattr(moment.ledger, name) - getattr(before.ledger, name)) for name in ("gap", "work"))
+        least = max(rounding_of(moment.ledger), self.controls.rtol * work)  # no more than what is allowed
+        if gap <= least or taken.status is not Status.CONVERGED or not self.discrete.vectors.alone:
+            return taken
+        allowed = 0.0
+        for part in solved:
+            rule = part.stage.rule
+            way = rule.share * taken.step * part.rate.velocity
+            if len(solved) == 1:
+                way = moment.body.place - before.body.place
+            allowed += allowed_work(
+                self.discrete, self.products, part.stage, part.rate, part.reached.forces, part.solution.multiplier,
+                way, self.controls.rtol,
+            )  # fmt: skip
+        if gap <= allowed:
+            return taken
+        off = replace(taken.solutions[-1], status=Status.INACCURATE)
+        advice = (
+            f"the balance of energy does not close: {gap:.3g} is left where the residual allows {allowed:.3g}; forces "
+            "cancel that are far larger than those that act, as where a part of the body has next to no mass"
+        )
+        if self.discrete.mass is not None:
+            advice += "; take implicit-euler, or give it a mass like that of the other parts"
+        return replace(taken, solutions=(*taken.solutions[:-1], off), advice=advice)
 
     def _along(self, before: Moment, rate: Array) -> Moment:
         """A moment at which gaps begin to change at the rate (m, c) that they have in the whole step."""
         traced = self.discrete.problem.contact.traced(before.body.velocity[: self.discrete.unknowns])
         return replace(before, local=replace(before.local, velocity=traced - rate))
 
-    def reaction(self, before: Moment, span: float, start: Acting, end: Acting) -> Array | None:
-        """Pressure and friction (m, c) in a short step of implicit Euler; None if it cannot be solved.
+    def at_once(self, before: Moment, span: float, start: Acting, now: Acting, jump: Jump = Jump.LOCAL) -> Taken:
+        """A short step of implicit Euler, after which the time is what it was.
 
         Parameters
         ----------
         before : Moment
         span : float
             Its length.
-        start, end : Acting
+        start, now : Acting
             What acts at its beginning and at its end.
+        jump : Jump
+            Which solution is taken where there may be several.
         """
         (rule,) = ImplicitEuler().rules(span)
-        kept, self.workspace = self.workspace, Workspace()  # its factors are given back
+        kept = self.workspace
+        if self.resists or self.discrete.branches:
+            self.workspace = Workspace()  # its factors are given back
         try:
             ground = ground_of(self.discrete, self.bodies, rule, span)
-            solution = self._stage(before, ground, end, end, start, Jump.LOCAL).solution
+            solved = self._stage(before, ground, now, now, start, jump)
         finally:
             self.workspace = kept
-        return solution.multiplier if solution.status is Status.CONVERGED else None
+        moment = self._end(before, [solved], span, before.time, start, now)
+        return Taken(before, moment, span, (solved.solution,), (solved.stage,), solved.leaps)
 
     def _rules(self, step: float) -> tuple[Rule, ...]:
         scheme = self.scheme
@@ -330,8 +410,7 @@ class Advance:
     def _condenses(self, problem: DiscreteProblem) -> bool:
         """Whether steps are solved on the body condensed onto its contact points, by the default method."""
         return (
-            isinstance(self.solver, NonsmoothNewton)
-            and not problem.law.state_dependent
+            isinstance(self.solver, SemismoothNewton if problem.law.state_dependent else NonsmoothNewton)
             and problem.contact_points > 0
             and problem.contact.offset.size <= _DENSE
         )
@@ -374,6 +453,7 @@ class Advance:
         initial: Solution | None = None
         vectors = self.discrete.vectors
         for _ in range(_ROUNDS):
+            check_time()
             law = self._stage_law(at, base, ground.rule, ground.step, guess, multiplier)
             stage = posed_stage(self.discrete, self.bodies, base, ground, at, end, start, law, self.products)
             leaps: tuple[Leap, ...] = ()
@@ -470,11 +550,15 @@ class Advance:
             found = find_solutions(problem, workspace=self.workspace)
             if found.solutions:
                 return min(found.solutions, key=lambda solution: solution.energy), 0.0
-        resistance = resistance_against(excess)
-        slow = self.bodies.slower(problem, resistance)
+        slow = slowed(self.bodies, problem, excess)
         if jump is Jump.VISCOUS and not self.resists:
-            return solve(slow, self.solver, controls, initial=start, workspace=self.workspace), resistance
-        return downhill(problem, slow, resistance, start, self.solver, controls, self.workspace), 0.0
+            if slow.contact is not None:
+                raise MethodError(
+                    "jump = 'viscous' takes a viscosity of the body, and the supports alone do not hold this one; take "
+                    "jump = 'local' or 'arc-length'"
+                )
+            return solve(slow.problem, self.solver, controls, initial=start, workspace=self.workspace), slow.resistance
+        return downhill(problem, slow, start, self.solver, controls, self.workspace), 0.0
 
     def _foreseen(self, stage: Stage, start: Array, method: Solver) -> tuple[Array, Solver]:
         """Where a method starts from, and how: multigrid with the contact points where they are expected."""
@@ -690,6 +774,22 @@ class Advance:
         ).closed()
 
 
+def _jumps(discrete: DiscreteEvolution, far: Acting, left: Acting, right: Acting, away: Acting) -> bool:
+    """Whether loads or places change between the two times in the middle by more than three times as much as beside
+    them, rounding aside."""
+
+    def change(one: Acting, other: Acting) -> Array:
+        pairs = (one.load - other.load, one.prescribed - other.prescribed, one.offset - other.offset)
+        return discrete.vectors.largest(*(float(np.abs(pair).max(initial=0.0)) for pair in pairs))
+
+    sizes = (np.maximum(np.abs(a), np.abs(b)) for a, b in (
+        (left.load, right.load), (left.prescribed, right.prescribed), (left.offset, right.offset)
+    ))  # fmt: skip
+    rounding = _ROUNDING * discrete.vectors.largest(*(float(size.max(initial=0.0)) for size in sizes))
+    beside = change(far, left) + change(right, away)
+    return bool((change(left, right) > 3.0 * beside + rounding).any())
+
+
 def _refuse_without_energy(problem: DiscreteProblem, jump: Jump) -> None:
     """Refuse choices among equilibria by their energy, or along paths of its minimisers, where there is none.
 
@@ -753,7 +853,7 @@ def _whole(block: BlockLaw, rule: Rule, step: float) -> LocalStep:
 
 
 def _undamped(law: StepLaw, point: Motion, multiplier: Array) -> Array:
-    """Pressure and friction (m, c) without what laws of the rate of the penetration exert: that of laws and memories.
+    """The multiplier (m, c) without what laws of the rate of the penetration exert: that of laws and memories.
 
     Of the splits of the pressure between both the one nearest to the slope of the law of the rate.
     """

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
@@ -13,13 +15,24 @@ from hemivar.branches.state_chain import state_chain_of
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, residual
 from hemivar.errors import ProblemError
+from hemivar.evolution.discrete import Bodies
 from hemivar.solvers import Controls, NonsmoothMultigrid, Solution, Solver, Status, solve
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import finish
 from hemivar.systems.body import Body
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["CREEPS", "TIGHT", "Looks", "bottom", "bottom_of_pieces", "downhill", "resistance_against"]
+__all__ = [
+    "CREEPS",
+    "TIGHT",
+    "Looks",
+    "Slowed",
+    "bottom",
+    "bottom_of_pieces",
+    "downhill",
+    "resistance_against",
+    "slowed",
+]
 
 #: Least resistance to a jump in units of the stiffness.
 _LEAST = 0.05
@@ -35,6 +48,8 @@ TIGHT = 1e-3
 _ONWARD = 0.01
 #: Part of the largest motion below which a point at a kink of its law rests there.
 _RESTS = 1e-9
+#: Sizes of the body from its place at which nothing holds one that still falls.
+_AWAY = 100.0
 #: Of the solution of Newton's equation on the pieces of the laws, in terms of the load.
 _EXACT = 1e-13
 
@@ -74,6 +89,48 @@ def resistance_against(excess: float) -> float:
     return 1.1 * excess + _LEAST
 
 
+@dataclass(frozen=True, eq=False)
+class Slowed:
+    """One step of a body against a resistance that leaves it one solution.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+        With the stiffness of body and resistance.
+    resistance : float
+        In units of the stiffness.
+    contact : sparse array (n, n) or None
+        The resistance where the body has free motions, which its own stiffness would not resist: of the contact points.
+    """
+
+    problem: DiscreteProblem
+    resistance: float
+    contact: sp.csr_array | None = None
+
+    def drag(self, stiffness: sp.csr_array, u: Array) -> Array:
+        """Force (n,) that moves the resistance to u (n,)."""
+        return self.resistance * np.asarray(stiffness @ u) if self.contact is None else np.asarray(self.contact @ u)
+
+
+def slowed(bodies: Bodies, problem: DiscreteProblem, excess: float) -> Slowed:
+    """The step of a problem against the resistance that it needs; ``excess`` is c - 1, infinite with free motions.
+
+    Raises
+    ------
+    ProblemError
+        No resistance is enough, for a law falls at once.
+    """
+    steepest = math.inf
+    if not math.isfinite(excess):
+        law = problem.law.frozen_at(np.zeros((problem.contact_points, problem.contact.components)))
+        steepest = max(float(np.max(alpha, initial=0.0)) for alpha in law.weak_convexity)
+    if not math.isfinite(steepest):
+        resistance = resistance_against(excess)
+        return Slowed(bodies.slower(problem, resistance), resistance)
+    slow, contact = bodies.on_its_foundation(problem, (1.0 + _LEAST) * steepest)
+    return Slowed(slow, math.inf, contact)
+
+
 def bottom(
     chain: Chain, problem: DiscreteProblem, theta: Array, segment: IntArray, controls: Controls, workspace: Workspace
 ) -> Solution | None:
@@ -106,8 +163,7 @@ def bottom(
 
 def downhill(
     problem: DiscreteProblem,
-    slow: DiscreteProblem,
-    resistance: float,
+    slowed: Slowed,
     u: Array,
     solver: Solver | None,
     controls: Controls,
@@ -119,10 +175,8 @@ def downhill(
     Parameters
     ----------
     problem : DiscreteProblem
-    slow : DiscreteProblem
-        The same with the stiffness ``(1 + resistance) K``.
-    resistance : float
-        In units of the stiffness.
+    slowed : Slowed
+        The same against a resistance.
     u : array (n,)
     solver : Solver or None
     controls : Controls
@@ -130,17 +184,21 @@ def downhill(
     chain : Chain, optional
         The graph of the law at the contact points of the body; made here where the solver condenses the body.
     """
-    K, load = problem.linear.stiffness, problem.linear.load
+    K, load, slow = problem.linear.stiffness, problem.linear.load, slowed.problem
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
-    looks = Looks()
+    looks, solved = Looks(), u
     for _ in range(CREEPS):
-        start, before, here = u, problem.local(u), load + resistance * np.asarray(K @ u)
+        start, before, here = u, problem.local(u), load + slowed.drag(K, u)
         solution = solve(slow.with_(load=here), solver, tight, initial=u, workspace=workspace)
         u = solution.unknowns
+        # What a leap onward leaves out of balance inside the body is no part of the way of a body with free motions.
+        way, solved = u - (start if slowed.contact is None else solved), u
         off = residual(problem, u, solution.multiplier)
         if off.below(controls.atol, controls.rtol) or solution.status is not Status.CONVERGED:
             return replace(solution, problem=problem, residual=off)
+        if slowed.contact is not None and _endless(problem, u, way):
+            return replace(solution, problem=problem, residual=off, status=Status.NOT_CARRIED)
         if chain is None and workspace.condenses(slow) and problem.contact.components <= 2:
             system = workspace.condensed(problem)
             laid_out = state_chain_of if problem.law.state_dependent else chain_of
@@ -152,7 +210,7 @@ def downhill(
                 if there is not None:
                     return there
             last = segment
-            u = _onward(problem, u, u - start)
+            u = _onward(problem, u, way)
             continue
         if problem.law.state_dependent:
             continue
@@ -169,24 +227,20 @@ def downhill(
             there = solve(problem, solver, controls, initial=u, workspace=workspace)
             if np.array_equal(problem.law.clamp(after, there.local), there.local):
                 return there
-        u = _onward(problem, u, u - start)
+        u = _onward(problem, u, way)
     return replace(solution, problem=problem, residual=off, status=Status.STALLED)
 
 
-def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
-    """Further along the last step, where steps crawl, as they do beside the end of a path of equilibria (n,).
-
-    As far as the energy goes on to fall, on the same pieces of all laws, so that no barrier is crossed.
-    """
-    if problem.law.state_dependent:
-        return u
+def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[float], bool], float] | None:
+    """Whether the energy goes on to fall so many times the last step further, on the same pieces of all laws; and the
+    steps that are a small part of where the body is. None where contact points do not move, or leave their kinks."""
     r, K = problem.local(u), problem.linear.stiffness
     slip = r - problem.local(u - way)
     size = float(np.abs(slip).max(initial=0.0))
     held = ~problem.law.linearise(r).smooth
     held = np.column_stack([held[:, :1], np.repeat(held[:, 1:], slip.shape[1] - 1, axis=1)])
     if not size > 0.0 or (np.abs(slip[held]) > _RESTS * size).any():
-        return u
+        return None
     slip = np.where(held, 0.0, slip)
     pull, bend = float(way @ (K @ u - problem.linear.load)), float(way @ (K @ way))
     weights = problem.contact.weights[:, None]
@@ -198,10 +252,31 @@ def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
         pushed = weights * problem.law.linearise(there).gradient
         return pull + times * bend + float((pushed * slip).sum()) < 0.0
 
-    most, times = _ONWARD * float(np.abs(r).max()) / size, 0.0
+    return falls, _ONWARD * float(np.abs(r).max()) / size
+
+
+def _onward(problem: DiscreteProblem, u: Array, way: Array) -> Array:
+    """Further along the last step, where steps crawl, as they do beside the end of a path of equilibria (n,).
+
+    As far as the energy goes on to fall, on the same pieces of all laws, so that no barrier is crossed.
+    """
+    further = None if problem.law.state_dependent else _further(problem, u, way)
+    if further is None:
+        return u
+    (falls, most), times = further, 0.0
     while max(2.0 * times, 1.0) <= most and falls(max(2.0 * times, 1.0)):
         times = max(2.0 * times, 1.0)
     return u + times * way
+
+
+def _endless(problem: DiscreteProblem, u: Array, way: Array) -> bool:
+    """Whether the energy still falls where the last step leads on to, many times the size of the body away, on the same
+    pieces of all laws."""
+    further = None if problem.law.state_dependent or problem.field is None else _further(problem, u, way)
+    if further is None or problem.field is None:
+        return False
+    step = float(np.abs(problem.contact.trace @ way).max(initial=0.0))
+    return step > 0.0 and further[0](_AWAY * float(np.ptp(problem.field.nodes, axis=0).max()) / step)
 
 
 def _on_pieces(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
@@ -309,6 +309,20 @@ class Bodies:
             found = self._slow[key] = (stiffness, bulk)
         return problem.with_(bulk=found[1].under(problem.linear.load))
 
+    def on_its_foundation(self, problem: DiscreteProblem, alpha: float) -> tuple[DiscreteProblem, sp.csr_array]:
+        """The problem with springs ``alpha`` (force per area and length) at all contact points, and their stiffness."""
+        stiffness, contact = problem.linear.stiffness, problem.contact
+        key = (float(id(stiffness)), -alpha)
+        found = self._slow.get(key)
+        if found is None:
+            self._slow.clear()
+            weights = np.repeat(alpha * contact.weights, contact.components)
+            springs = sp.csr_array(contact.trace.T @ sp.diags_array(weights) @ contact.trace)
+            bulk = Quadratic(sp.csr_array(stiffness + springs), problem.linear.load, assembled=True)
+            found = self._slow[key] = (stiffness, bulk)
+        bulk = found[1]
+        return problem.with_(bulk=bulk.under(problem.linear.load)), sp.csr_array(bulk.stiffness - stiffness)
+
     def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
         """One of the bodies under a load (n,), with other offsets (m, c) and another law."""
         known, same = self._posed
@@ -351,4 +365,5 @@ class Bodies:
             bulk=Quadratic(stiffness, np.zeros(base.unknowns), assembled=True),
             space=Space((quiet,)),
             origin=origin,
+            shown=None,  # the load of each step is another one, and steps go downhill by themselves
         )

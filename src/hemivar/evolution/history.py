@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from hemivar.basics.display import Displayed, brief
+from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -42,7 +42,8 @@ class Row:
     largest_step : float
         Largest step with a positive margin; nan where it was not looked for.
     values : mapping
-        Forces, contact measure, probes and the ledger by name.
+        Forces, contact measure, probes and the ledger by name; where a friction bound depends on the solution also
+        ``fallbacks``, how often Newton's equation alone did not solve the step.
     jumped : bool
     """
 
@@ -65,7 +66,8 @@ class Frame(Portable):
     time : float
     displacement, velocity : arrays (nodes, d)
     local, multiplier, rate : arrays (m, c)
-        At the contact points: penetration and slip, pressure and friction, velocity of penetration and slip.
+        At the contact points: penetration and slip; force per area of the body on the foundation, which is the
+        pressure (column 0) and minus the friction; velocity of penetration and slip.
     memory : mapping of name to array (m, ...)
     temperature : array (nodes,) or None
         Of a body with heat.
@@ -231,19 +233,22 @@ class History(Portable, Displayed):
     def write(self, path: str | Path) -> tuple[Path, ...]:
         """Write ``.pvd``, ``.xdmf`` (frames), ``.csv``, ``.parquet`` or ``.json`` (table), see
         :func:`hemivar.files.write_history`; returns the files."""
-        from hemivar.files import write_history
+        with IMPORTS:
+            from hemivar.files import write_history
 
         return write_history(self, path)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, lists and texts, see :func:`hemivar.files.history_record`."""
-        from hemivar.files import history_record
+        with IMPORTS:
+            from hemivar.files import history_record
 
         return history_record(self)
 
     def to_json(self, path: str | Path) -> Path:
         """Write :meth:`to_dict` to a file that ends in ``.json``; returns its path."""
-        from hemivar.files import write_history_json
+        with IMPORTS:
+            from hemivar.files import write_history_json
 
         return write_history_json(self, path)
 
@@ -255,7 +260,8 @@ class History(Portable, Displayed):
         ProblemError
             pandas is not installed.
         """
-        from hemivar.files import history_frame
+        with IMPORTS:
+            from hemivar.files import history_frame
 
         return history_frame(self)
 
@@ -270,13 +276,15 @@ class History(Portable, Displayed):
         force over a displacement; ``"map"`` states and pressure along a boundary over time; ``"steps"`` steps,
         residuals and margins; ``"columns"`` any others.
         """
-        from hemivar.report import plot_march
+        with IMPORTS:
+            from hemivar.report import plot_march
 
         return plot_march(self, kind, **options)
 
     def animate(self, path: str | Path, **options: Any) -> Path:
         """Write the frames as a film, ``.gif`` or ``.mp4``, see :func:`hemivar.report.animate`."""
-        from hemivar.report import animate
+        with IMPORTS:
+            from hemivar.report import animate
 
         return animate(self, path, **options)
 

@@ -19,6 +19,7 @@ from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
 from hemivar.laws import Superpotential
 from hemivar.laws.neighbourhood import polar
 from hemivar.laws.superpotential import Interval
+from hemivar.solvers import Status
 
 __all__ = ["accelerated", "initial_moment"]
 
@@ -86,7 +87,7 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
     law = _law_of_rates(advance, moment, acting, _AT_ONCE * (1.0 if step is None else step))
     moment = replace(moment, multiplier=_pressure(moment, law, local[:, 0]))
     if discrete.mass is not None:
-        moment = accelerated(advance, moment, acting, moving, step)
+        moment = accelerated(advance, moment, advance.acting_after(evolution.start), moving, step)
     energies = advance.energies(moment, law)
     return advance.started(replace(moment, ledger=Ledger(start=sum(energies.values()), **energies)))
 
@@ -153,10 +154,10 @@ def _pressure(moment: Moment, law: StepLaw, penetration: Array) -> Array:
 def _pressed(
     advance: Advance, moment: Moment, acting: Acting, moving: tuple[Motion, Motion], law: StepLaw, step: float
 ) -> Array:
-    """Pressure and friction (m, c) at the start; schemes that hand accelerations on need the first one to be right.
+    """The multiplier (m, c) at the start; schemes that hand accelerations on need the first one to be right.
 
-    They are those of the velocity that the body has.  Where law and velocity leave them open, as where a point sticks
-    or rests on something rigid, they are those of a very short step of implicit Euler, unless the body is thrown
+    It is that of the velocity that the body has.  Where law and velocity leave it open, as where a point sticks or
+    rests on something rigid, it is that of a very short step of implicit Euler, unless the body is thrown
     against an obstacle, which answers by an impulse.
     """
     vectors, place, rate = advance.discrete.vectors, moment.local.place, moment.local.velocity
@@ -178,13 +179,15 @@ def _pressed(
         # Where implicit Euler finds the accelerations that they have.
         there = (motion.place + span * (motion.velocity + span * motion.acceleration) for motion in moving)
         soon = replace(acting, prescribed=next(there), offset=next(there))
-    found = advance.reaction(moment, span, acting, soon)
-    return lam if found is None else np.where(held, found, lam)
+    found = advance.at_once(moment, span, acting, soon)
+    return np.where(held, found.moment.multiplier, lam) if found.status is Status.CONVERGED else lam
 
 
 def _rubbed(moment: Moment, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
-    """Pressure and friction (m, c) at the start with those of the velocity that it has, and which of them it leaves
-    open; points that are no faster than ``slow`` do not slip."""
+    """The multiplier (m, c) at the start, from the velocity of the body, and where the velocity leaves it open.
+
+    Points that are no faster than ``slow`` do not slip.
+    """
     lam, local = moment.multiplier.copy(), moment.local
     held = np.zeros(lam.shape, dtype=bool)
     if not lam.size:

@@ -22,11 +22,11 @@ The curve that goes on beyond the fold, through equilibria that are no minimiser
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, Track, TrackPoint
@@ -35,7 +35,7 @@ from hemivar.certify.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
-from hemivar.evolution.descent import bottom, downhill, resistance_against
+from hemivar.evolution.descent import bottom, downhill, slowed
 from hemivar.evolution.discrete import Bodies, DiscreteEvolution
 from hemivar.evolution.jumps import Jump, Leap
 from hemivar.evolution.operators import combined
@@ -214,9 +214,8 @@ class _Fall:
 
     def down(self, problem: DiscreteProblem, u: Array) -> Solution:
         """Down the gradient in the norm of K."""
-        resistance = resistance_against(self.excess)
-        slow = self.paths.bodies.slower(problem, resistance)
-        return downhill(problem, slow, resistance, u, self.solver, self.controls, self.paths.workspace, self.chain)
+        slow = slowed(self.paths.bodies, problem, self.excess)
+        return downhill(problem, slow, u, self.solver, self.controls, self.paths.workspace, self.chain)
 
     def leap(self, part: float, problem: DiscreteProblem, u: Array, landed: Solution) -> list[Leap]:
         """The jump from a place to where it led, if it was one."""

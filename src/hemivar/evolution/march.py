@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Generator
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.deadline import Budget
+from hemivar.basics.deadline import Budget, OutOfTime, limited
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.errors import FileError, HemivarError
@@ -102,9 +103,14 @@ def marching(
     ended, unkept = "finished", ""
     while run.moment.time < plan.until:
         try:
-            taken, happened, stop = run.step()
+            # Within a step only a process by itself looks at the clock: others would leave it at other places.
+            with limited(budget) if discrete.vectors.alone else nullcontext():
+                taken, happened, stop = run.step()
         except KeyboardInterrupt:
             ended = "interrupted"
+            break
+        except OutOfTime:
+            ended = "max_time"
             break
         except HemivarError as error:  # what was computed until then is not given up
             if len(run.rows) == 1 or not _of_all(error, discrete):

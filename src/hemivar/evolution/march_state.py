@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 
 from hemivar.basics import disk
 from hemivar.basics.arguments import number
+from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.heat_book import HeatBook, Warmth
@@ -24,7 +23,7 @@ from hemivar.evolution.steps import Pace
 
 __all__ = ["Checkpoint", "MarchState"]
 
-_FORMAT = 5
+_FORMAT = 6
 _LARGEST = 1 << 36
 
 
@@ -71,6 +70,8 @@ class MarchState:
 @dataclass(frozen=True)
 class Checkpoint:
     """A file that a march is kept in.
+
+    It carries a digest of its content, against damage. The digest does not protect against forgery.
 
     Parameters
     ----------
@@ -154,7 +155,7 @@ class Checkpoint:
             "bound": float(state.bound).hex(),
             "straight": state.straight,
         }
-        np.savez(stream, head=np.frombuffer(json.dumps(head).encode(), dtype=np.uint8), **arrays)  # type: ignore[arg-type]
+        write_arrays(stream, {"head": np.frombuffer(json.dumps(head).encode(), dtype=np.uint8), **arrays})
 
     def read(self, identity: str) -> MarchState | None:
         """The march in the file; None if there is no file.
@@ -178,23 +179,34 @@ class Checkpoint:
         """
         shown = disk.shown(self.file)
         try:
-            with np.load(io.BytesIO(data), allow_pickle=False) as found:
-                arrays = {name: found[name] for name in found.files}
+            arrays, sound = read_arrays(data)
             head = json.loads(arrays.pop("head").tobytes().decode())
             version, owner = head["format"], head["identity"]
-        except (zipfile.BadZipFile, ValueError, KeyError, EOFError, OSError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise FileError(f"{shown}: this is no checkpoint of a march ({error}); name another file") from None
         if version != _FORMAT:
             raise FileError(
                 f"{shown}: the checkpoint has format {version}, this version reads {_FORMAT}; go on with the version "
                 "that wrote it, or begin anew without resume"
             )
+        if not sound:
+            raise FileError(
+                f"{shown}: the checkpoint is damaged, its content does not match its digest; take a copy of it, or "
+                "begin anew without resume"
+            )
         if owner != identity:
             raise FileError(
                 f"{shown}: the checkpoint belongs to another evolution, scheme or version; name its own file, or begin "
                 "anew without resume"
             )
-        return _state(head, arrays)
+        try:
+            return _state(head, arrays)
+        except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
+            raise self.unfit(f"{type(error).__name__} at {error}") from None
+
+    def unfit(self, why: str) -> FileError:
+        """The error of a file whose content makes no sense."""
+        return FileError(f"{disk.shown(self.file)}: the checkpoint cannot be used ({why}); begin anew without resume")
 
 
 def _hex(ledger: Ledger | HeatBook) -> dict[str, str]:

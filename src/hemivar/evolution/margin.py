@@ -9,12 +9,13 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.types import Array
-from hemivar.certify.smallness import smallness
+from hemivar.certify.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.moment import Moment
 from hemivar.evolution.stage import Stage
+from hemivar.evolution.step_laws import BlockLaw
 from hemivar.solvers import Solution
 from hemivar.systems.elimination import Elimination
 
@@ -22,8 +23,9 @@ __all__ = ["Margins"]
 
 #: Unknowns up to which the largest step is looked for, and how near it is found.
 _SMALL = 20_000
-#: Steps that are looked at in each factor of two, and powers of two that are.
-_PARTS, _WIDEST = 70, 24
+#: Steps that are looked at in each factor of two, and powers of two that are; that of a step that stands for all longer
+#: ones, in which neither mass nor viscosity resists any more.
+_PARTS, _WIDEST, _FARTHEST = 70, 24, 96
 #: Condensed bodies of such steps that are kept.
 _FEWEST, _BYTES = 8, 1 << 25
 
@@ -38,6 +40,7 @@ class Margins:
         self.advance = advance
         self._largest: tuple[bytes, float] = b"", math.nan
         self._last: tuple[object, float, float] = None, math.nan, math.nan
+        self._known: tuple[object, object, float] = None, None, math.nan
         self._matrices: OrderedDict[tuple[float, ...], Array | None] = OrderedDict()
         self._beside = None if advance.beside is None else Margins(advance.beside)
 
@@ -51,14 +54,17 @@ class Margins:
         if not problem.contact_points:
             return 1.0
         if problem.law.state_dependent:
-            return smallness(
-                problem,
-                displacement=solution.unknowns,
-                multiplier=solution.multiplier,
-                trace_constant=False,
-                workspace=self.advance.workspace,
-            ).margin
+            return self._at(problem, solution)
         return 1.0 - self.advance.constant(problem)
+
+    def _at(self, problem: DiscreteProblem, solution: Solution) -> float:
+        """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
+        stiffness, law = problem.linear.stiffness, problem.law
+        if self._known[0] is stiffness and self._known[1] is law and law.friction.profile.convex:
+            return self._known[2]
+        found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.workspace)
+        self._known = stiffness, law, found
+        return found
 
     def largest_step(self, taken: Taken) -> float:
         """Largest step with a positive margin, of motion and heat, to a percent; inf if any, nan where it is not looked
@@ -83,13 +89,17 @@ class Margins:
 
     def _largest_of(self, taken: Taken, problem: DiscreteProblem) -> float:
         alphas = [np.asarray(alpha) for alpha in problem.law.frozen_at(-problem.contact.offset).weak_convexity]
-        if all(not alpha.any() for alpha in alphas):
+        blocks = taken.stages[0].law.blocks
+        if not any(alpha.any() for alpha in alphas) and not any(_may_soften(block) for block in blocks):
             return math.inf
         if problem.unknowns > _SMALL or problem.law.state_dependent:
             return math.nan
         changes = "law" in self.advance.discrete.evolution.problem.time_dependent  # and is another in longer steps
         told = np.array([taken.step, taken.before.time if changes else 0.0])
-        key = b"".join(alpha.tobytes() for alpha in (told, *alphas))
+        # Damping stiffens a law from where a point is on: by less in a longer step, from another place in the next one.
+        varies = any(block.damping is not None or not block.memory.of_state for block in blocks)
+        damped = [taken.before.local.place[:, 0]] if varies else []
+        key = b"".join(alpha.tobytes() for alpha in (told, *alphas, *damped))
         if key != self._largest[0]:
             self._largest = key, self._sought(taken)
         return self._largest[1]
@@ -111,7 +121,9 @@ class Margins:
             while positive(bad := good + stride):
                 good, stride = bad, min(2 * stride, 3 * _PARTS)
                 if good > _WIDEST * _PARTS:
-                    return math.inf
+                    if positive(bad := _FARTHEST * _PARTS):
+                        return math.inf
+                    break
         else:
             while not positive(good := bad - stride):
                 bad, stride = good, min(2 * stride, 3 * _PARTS)
@@ -159,3 +171,9 @@ class Margins:
                 self._matrices.popitem(last=False)
         self._matrices.move_to_end(factors)
         return self._matrices[factors]
+
+
+def _may_soften(block: BlockLaw) -> bool:
+    """Whether a law may soften in a step of some length, though it does not in this one."""
+    laws = [*block.given.weak_convexity, *([] if block.damping is None else [block.damping.weak_convexity])]
+    return any(np.any(alpha) for alpha in laws)

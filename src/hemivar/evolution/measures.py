@@ -9,12 +9,17 @@ import numpy as np
 from hemivar.basics.types import IntArray
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.moment import Moment
+from hemivar.solvers.boundary_result import friction_of
 
 __all__ = ["contact_forces"]
 
 
 def contact_forces(discrete: DiscreteEvolution, moment: Moment) -> dict[str, float]:
-    """Forces of the foundation on the body and measures of contact, over all and by boundary."""
+    """Forces and measures of contact, over all and by boundary.
+
+    ``normal_force`` is the resultant of the pressure; ``friction_force`` that of the friction of the foundation on the
+    body: its local component in the plane, in space the length of the vector.
+    """
     weights, lam = discrete.problem.contact.weights, moment.multiplier
     found: dict[str, float] = {}
     boundaries: Mapping[str, IntArray] = dict(discrete.blocks) if len(discrete.blocks) > 1 else {}
@@ -22,7 +27,7 @@ def contact_forces(discrete: DiscreteEvolution, moment: Moment) -> dict[str, flo
     parts += [(f"{name}.", index) for name, index in boundaries.items()]
     own, deep = [], []
     force = weights[:, None] * lam
-    rubbed = force[:, 1:]
+    rubbed = friction_of(force)
     if rubbed.shape[1] > 1:  # the tangents of different points point in different directions
         rubbed = discrete.problem.contact.global_vectors(force * (np.arange(lam.shape[1]) > 0))
     shut, depth = np.where(lam[:, 0] > 0.0, weights, 0.0), moment.local.place[:, 0]

@@ -41,7 +41,7 @@ class Stretching(Portable):
     force : array (n,)
         Of the elastic one: ``K (u - u_before)``, which is ``step K v``.
     multiplier : array (m, c)
-        Of pressure and friction.
+        Of the multiplier.
     """
 
     step: float
@@ -63,7 +63,7 @@ class Moment(Portable):
     local : Motion
         Penetration and slip of the contact points relative to their foundation, (m, c).
     multiplier : array (m, c)
-        Pressure and friction, force per area, at the last stage.
+        Force per area of the body on the foundation at the last stage: pressure (column 0), and minus the friction.
     branches : tuple of arrays (n + k,)
         Displacement that each branch of the material remembers.
     memory : mapping

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hemivar.basics.deadline import check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.consistent import begun, longest_without_swing, ramped, settled, sunk_by_a_jump, yields_at_once
 from hemivar.evolution.descent import resistance_against
-from hemivar.evolution.discrete import DiscreteEvolution
+from hemivar.evolution.discrete import Acting, DiscreteEvolution
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.happenings import OnEvent
 from hemivar.evolution.history import Frame, History, Row
@@ -26,14 +28,16 @@ from hemivar.evolution.margin import Margins
 from hemivar.evolution.measures import contact_forces
 from hemivar.evolution.moment import Moment
 from hemivar.evolution.plan import March
+from hemivar.evolution.resuming import misfit
 from hemivar.evolution.ridge import crosses_ridge
-from hemivar.evolution.save import Frames, probed
+from hemivar.evolution.save import Frames, large_deformation, probed
 from hemivar.evolution.schemes import GeneralizedAlpha, Midpoint, Newmark, Scheme
 from hemivar.evolution.setting_out_anew import set_out_anew
 from hemivar.evolution.step_error import step_error
 from hemivar.evolution.steps import Pace
 from hemivar.evolution.thermal_advance import advance_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
+from hemivar.mechanics.statement import Contact
 from hemivar.solvers import Controls, Solver, Status
 from hemivar.systems.workspace import Workspace
 
@@ -52,7 +56,13 @@ _LONGEST = 1e100
 _MISSED = "the tolerance of steps was missed"
 #: And where viscosity that was put in slows the body down, by more than a few steps and this part of the whole time.
 _LAGS = "the body lags behind"
+#: And where a rigid obstacle jumps into the body.
+_SINKS = "an obstacle jumps into the body"
 _FEW, _LATE = 5.0, 0.01
+#: How near to a stop what acts is looked at for jumps, as a part of the time before it or of the first step.
+_BESIDE = 1e-9
+#: Part of displacements by which a stated initial one may differ from the equilibrium that is found.
+_MOVED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +143,16 @@ class Run:
         kinks, self.doubts = kinks_in_time(stated, self.start, plan.until)
         self.doubts += _rings(discrete, plan.scheme)
         self.ends = _ends(plan, self.start, kinks)
+        self.advance.stops = {self.start: _BESIDE * self.pace.step} | {
+            stop: _BESIDE * (stop - self.start) for stop in plan.stops if stop > self.start
+        }
+        self.yields = yields_at_once(discrete)
+        self.unsettled: Taken | None = None
         self.identity = ""
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
-            self.identity = tools.identity(
-                self.advance, self.stepping, self.ends[:-1], plan.save, plan.events, plan.jump
-            )
+            self.identity = tools.identity(self.advance, self.stepping, plan.stops, plan.save, plan.events, plan.jump)
         self.moment: Moment
         self.levels: dict[int, float] = {}
         self.told = False
@@ -148,14 +161,18 @@ class Run:
     def begin(self) -> None:
         """The initial state, or that of the checkpoint."""
         kept = self.plan.checkpoint
-        state = kept.read(self.identity) if self.plan.resume and isinstance(kept, Checkpoint) else None
+        state = None
+        if self.plan.resume and isinstance(kept, Checkpoint):
+            state = kept.read(self.identity)
+            if state is not None:
+                self._refuse_misfit(kept, state)
         if state is None:
-            self.moment = initial_moment(self.advance, self.pace.step)
+            self.messages: list[str] = list(self.doubts)
+            self.moment = self._begun(initial_moment(self.advance, self.pace.step))
             self.frames = Frames(self.plan.save, self.start)
             self.frames.offer(self.discrete, self.moment)
             self.rows = [self._row(None)]
             self.events: list[tuple[float, str]] = []
-            self.messages: list[str] = list(self.doubts)
             self.largest = self.farthest = 0.0
             self.origin = self.moment.body.place
         else:
@@ -171,6 +188,14 @@ class Run:
                 )
         self.levels = self._levels(self.moment, self.rows[-1].margin)
 
+    def _refuse_misfit(self, kept: Checkpoint, state: MarchState) -> None:
+        """Refuse what was read where it is no state of this evolution, on all processes."""
+        self.moment = initial_moment(self.advance, self.pace.step)
+        why = misfit(state, self.advance, self.stepping, tuple(self._row(None).values))
+        (wrong,) = self.discrete.vectors.largest(float(bool(why)))
+        if wrong:
+            raise kept.unfit(why or "the part of another process makes no sense")
+
     def step(self) -> tuple[Taken | None, tuple[str, ...], bool]:
         """The next step that stands, the events at its end and whether one of them ends the march.
 
@@ -182,13 +207,19 @@ class Run:
         unsolved = 0.0  # the shortest step that was tried instead
         begin = self.moment
         if begin.time in self.ends or not begin.index:
-            begin = set_out_anew(self.advance, begin, _fitted(self.pace.step, begin.time, goal)[0])
+            length, _ = _fitted(self.pace.step, begin.time, goal)
+            begin = set_out_anew(self.advance, self._settled(begin, length), length)
+        if self.unsettled is not None:
+            return None, (self.unsettled.status.value,), True
         while True:
             length, reached = _fitted(self.pace.step, self.moment.time, goal)
             taken = self.advance.take(begin, length, reached, Jump(self.plan.jump))
             if taken.status is not Status.CONVERGED:
+                if taken.status is Status.MAX_TIME:
+                    check_time()  # of the march; else it is the time that one solve may take
                 outside = taken.status in (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
-                smaller = None if outside else self.stepping.smaller(self.pace)
+                lost = taken.status is Status.NOT_CARRIED  # by what acts at the end of the step, however short it is
+                smaller = None if outside or lost else self.stepping.smaller(self.pace)
                 while smaller is not None and smaller.step >= length:  # as long a step was tried
                     smaller = self.stepping.smaller(smaller)
                 if smaller is not None:
@@ -237,6 +268,52 @@ class Run:
                 self.pace = following
             return taken, happened, stop
 
+    def _begun(self, moment: Moment) -> Moment:
+        """The moment at the start: a body without mass is in equilibrium with what acts, and the balance begins so."""
+        if not self.yields:
+            return moment
+        now = self.advance.acting(moment.time)
+        taken = self._yielded(moment, self.pace.step, now, now)
+        if taken is None:
+            return moment
+        stated, found = moment.body.place, taken.moment.body.place
+        off, far = self.discrete.vectors.largest(
+            float(np.abs(found - stated).max(initial=0.0)), float(np.abs(found).max(initial=0.0))
+        ).tolist()
+        if self.discrete.evolution.displacement is not None and off > _MOVED * far:
+            self.tell(
+                f"the initial displacement is not in equilibrium with what acts at the start, and the body has no mass "
+                f"there: it begins in the equilibrium beside it, up to {off:.3g} away; leave the displacement out, or "
+                "give the body mass or viscosity"
+            )
+        return begun(taken.moment)
+
+    def _settled(self, moment: Moment, step: float) -> Moment:
+        """A moment at which a load jumps, with a body without mass in the equilibrium that follows."""
+        now = self.advance.acting_on(moment)
+        if not (self.yields and self.advance.jumps_at(moment.time)):
+            return moment
+        taken = self._yielded(moment, step, self.advance.acting_before(moment.time), now)
+        return moment if taken is None else taken.moment
+
+    def _yielded(self, moment: Moment, step: float, start: Acting, now: Acting) -> Taken | None:
+        """The equilibrium with what acts now; None, and no further step, if it is not found."""
+        taken = settled(self.advance, moment, step, Jump(self.plan.jump), start, now)
+        if taken.status is not Status.CONVERGED:
+            self.unsettled = taken
+            if taken.status is not Status.INTERRUPTED:
+                self.tell(
+                    f"the equilibrium at t = {moment.time:.10g}, in which a body without mass begins or goes on, could "
+                    f"not be found: {taken.remedy}"
+                )
+            return None
+        if bool(taken.leaps) if Jump(self.plan.jump).follows else crosses_ridge(self.advance, taken):
+            taken = taken if taken.leaps else self._booked(taken)
+            self._tell_of_jump(taken, self.margins.margin(taken))
+        if taken.leaps or taken.moment.ledger.jumps == moment.ledger.jumps:
+            taken = ramped(self.discrete, taken, start, now)
+        return taken
+
     @property
     def _after_kink(self) -> bool:
         """Whether the next step is the first or the second after a stop or a kink."""
@@ -248,19 +325,25 @@ class Run:
         jumped = bool(taken.leaps) if Jump(self.plan.jump).follows else crosses_ridge(self.advance, taken)
         if jumped and not taken.leaps:
             taken = self._booked(taken)
-        if jumped and not any(message.startswith("the body jumped") for message in self.messages):
-            when = taken.moment.time if not taken.leaps else taken.before.time + taken.leaps[0].part * taken.step
-            self.tell(
-                f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
-                f"and nothing viscous chooses one; jump = '{self.plan.jump}' did"
-            )
-            if taken.stages[-1].rule.reach != 1.0:
-                self.messages.append(
-                    f"the scheme {self.plan.scheme.name} ends a step as far beyond the equilibrium that it finds as it "
-                    "was before it: displacements ring after a jump; take implicit-euler or sdirk2"
-                )
+        if jumped:
+            self._tell_of_jump(taken, margin)
         if self.plan.jump is Jump.VISCOUS and not self.advance.resists:
             self._tell_of_lag(taken)
+        if not taken.before.index or taken.before.time in self.advance.stops:
+            longest = longest_without_swing(self.advance, taken)
+            if longest < taken.step:
+                self.tell(
+                    f"from t = {taken.before.time:g} on displacements swing about the equilibrium, and so does what "
+                    f"they damage: the body is not in equilibrium then, and its viscosity yields within a step; take "
+                    f"steps below {longest:.3g}, or implicit-euler"
+                )
+        jump, depth = sunk_by_a_jump(self.advance, taken)
+        if jump and not any(message.startswith(_SINKS) for message in self.messages):
+            self.tell(
+                f"{_SINKS} by {jump:.3g} in the step to t = {taken.moment.time:g} and stays up to {depth:.3g} in it: "
+                f"the law of impact of {self.plan.scheme.name} is one of velocities, which a gap that jumps has not; "
+                "let the gap move over some steps, or take implicit-euler"
+            )
         self.bound.add(taken)
         self.moment = taken.moment
         self.rows.append(self._row(taken, margin, jumped))
@@ -272,6 +355,21 @@ class Run:
         frame = self.frames.offer(self.discrete, self.moment, last=last or bool(happened))
         done = (self.moment.time - self.start) / (self.plan.until - self.start)
         return Stepped(self.rows[-1], frame, self.moment, done, happened, earlier)
+
+    def _tell_of_jump(self, taken: Taken, margin: float) -> None:
+        """Say that the body jumped from one equilibrium to another."""
+        if any(message.startswith("the body jumped") for message in self.messages):
+            return
+        when = taken.moment.time if not taken.leaps else taken.before.time + taken.leaps[0].part * taken.step
+        self.tell(
+            f"the body jumped at t = {when:.8g}: a step may have several solutions there (margin {margin:.3g}), "
+            f"and nothing viscous chooses one; jump = '{self.plan.jump}' did"
+        )
+        if taken.stages[-1].rule.reach != 1.0:
+            self.messages.append(
+                f"the scheme {self.plan.scheme.name} ends a step as far beyond the equilibrium that it finds as it "
+                "was before it: displacements ring after a jump; take implicit-euler or sdirk2"
+            )
 
     def _tell_of_lag(self, taken: Taken) -> None:
         """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
@@ -325,6 +423,7 @@ class Run:
         """What there is."""
         if self.frames.kept[-1].time != self.moment.time:
             self.frames.offer(self.discrete, self.moment, last=True)
+        strained = large_deformation(self.discrete, self.frames.kept)
         return History(
             self.discrete,
             tuple(self.rows),
@@ -332,7 +431,7 @@ class Run:
             self.moment,
             ended,
             tuple(self.events),
-            (*self.messages, *self.beyond),
+            (*strained, *self.messages, *self.beyond),
             self.bound.now,
             unkept,
         )
@@ -380,6 +479,9 @@ class Run:
         values.update(moment.ledger.record())
         values.update(self.advance.told(moment))
         values["time_error"] = math.sqrt(self.bound.square) if self.bound.norm else math.nan
+        contacts = self.discrete.contacts.values()
+        if any(isinstance(one, Contact) and one.friction.state_dependent for one in contacts):
+            values["fallbacks"] = 0.0 if taken is None else float(sum(found.fallbacks for found in taken.solutions))
         if taken is None:
             return Row(moment.time, 0.0, 0, 0.0, math.nan, math.nan, values)
         steps = sum(solution.steps for solution in taken.solutions)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,10 +17,22 @@ from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.evolution.moment import Moment
+from hemivar.fem import Deformation, deformation
 from hemivar.fem.elements import barycentric_gradients, shape_values
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["PROBED", "Frames", "Save", "nearest_cell", "probe_outside", "probe_point", "probe_rows", "probed"]
+__all__ = [
+    "PROBED",
+    "Frames",
+    "Save",
+    "large_deformation",
+    "nearest_cell",
+    "probe_outside",
+    "probe_point",
+    "probe_rows",
+    "probed",
+]
 
 #: Distance from the body, as a part of its size, at which a probe counts as outside.
 PROBED = 1e-6
@@ -106,6 +118,25 @@ def frame_of(discrete: DiscreteEvolution, moment: Moment) -> Frame:
         None
         if discrete.heat is None or moment.heat is None
         else discrete.heat.temperature(moment.heat.moment.body.place),
+    )
+
+
+def large_deformation(discrete: DiscreteEvolution, frames: Sequence[Frame]) -> tuple[str, ...]:
+    """When strain or rotation of the body are first beyond small ones in frames, and how large they become, if so."""
+    stated = discrete.evolution.problem
+    if not isinstance(stated, ContactProblem):
+        return ()
+    own = [deformation(stated, frame.displacement) for frame in frames]
+    largest = discrete.vectors.largest(*(size for one in own for size in (one.strain, one.rotation))).reshape(-1, 2)
+    found = [Deformation(float(strain), float(rotation), 0.0, 0.0) for strain, rotation in largest]
+    beyond = [number for number, one in enumerate(found) if one.large]
+    if not beyond:
+        return ()
+    most = max(beyond, key=lambda number: largest[number].max())
+    return (
+        f"beyond small strains from t = {frames[beyond[0]].time:.6g} on: largest {found[beyond[0]].sizes} there, "
+        f"{found[most].sizes} at t = {frames[most].time:.6g}; linear elasticity is inaccurate: check loads and units, "
+        "or take a code with finite strains",
     )
 
 

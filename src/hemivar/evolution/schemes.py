@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar
 
 from hemivar.basics.arguments import expect, number
+from hemivar.basics.first_use import cached_property
 from hemivar.errors import ProblemError
 
 __all__ = [

@@ -28,6 +28,7 @@ _MISSED = 1e-6
 def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     """The moment with the rates that supports and gaps have from then on, if the speed of one jumps there.
 
+    Where a load jumps as well, or alone, it has the accelerations that follow, if the scheme hands them on.
     Schemes that carry velocities on would remember the old ones for ever.  Supports change the velocity of the body at
     once by the mass that nodes have in common with them, foundations that hold it both ways by the impulse p that takes
     it along: ``M dv = B'W p`` on all unknowns, which is what a step of implicit Euler tends to.  What this changes of
@@ -52,7 +53,7 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
         return moment
     found = _at_the_start(advance, moment, step) if not moment.index else speeds_jump(advance, moment.time, step)
     if found is None:
-        return moment
+        return _pushed_anew(advance, moment, step)
     (supports, gaps), (held, opened) = found
     n, contact = discrete.unknowns, discrete.problem.contact
     acting = advance.acting_on(moment)
@@ -82,6 +83,14 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     kinetic = moment.ledger.kinetic + float(discrete.vectors.total(gained)[0])
     moved = moment.ledger.moved + (kinetic - moment.ledger.kinetic)
     return replace(after, ledger=replace(moment.ledger, kinetic=kinetic, moved=moved))
+
+
+def _pushed_anew(advance: Advance, moment: Moment, step: float) -> Moment:
+    """The moment with the accelerations of the load after it, if the load jumps there; velocities stay."""
+    if not (moment.index and advance.jumps_at(moment.time) and advance.scheme.hands_on(step)):
+        return moment
+    moving = setting_out(advance, moment.time, step)
+    return accelerated(advance, moment, advance.acting_on(moment), moving, step)
 
 
 def _at_the_start(advance: Advance, moment: Moment, step: float) -> tuple[Moving, Kinked] | None:

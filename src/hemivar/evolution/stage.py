@@ -302,7 +302,7 @@ def _left_of(
 
 
 def expected_multiplier(before: Moment, span: float) -> Array:
-    """Pressure and friction (m, c) a while after a moment, if they go on to change as they did."""
+    """The multiplier (m, c) a while after a moment, if it goes on to change as it did."""
     known = before.stretching
     if known is None or span > _LONGER * known.step:
         return before.multiplier
@@ -339,24 +339,35 @@ def left_over(
     enough : float
         Up to which the size may be estimated from above.
     """
-    before, rule = stage.before.body, stage.rule
     rest = stage.load - acts["internal"].vector
     for name, force in acts.items():
         if name != "internal":
             rest = blas.daxpy(force.vector, rest, a=-force.factor)
-    # Displacements are known up to their rounding, and so are differences of them that a scheme divides by its step.
+    size = products.norm(stage.load)
+    return OutOfBalance(rest, size + products.size(sizes_of(discrete, stage, reached), enough))
+
+
+def sizes_of(discrete: DiscreteEvolution, stage: Stage, reached: Motion) -> list[tuple[float, Array, Array]]:
+    """What forces of a displacement that was reached are added up from: factors, sums of rows and vectors (n + k,).
+
+    Displacements are known up to their rounding, and so are differences of them that a scheme divides by its step.
+    """
+    before, rule, n = stage.before.body, stage.rule, discrete.unknowns
+
+    def inner(x: Array) -> Array:
+        return x if x.size == n else x[:n]
+
     sums = stage.problem.linear.row_sums
-    parts = [(1.0, sums, reached.place), (1.0, sums, before.place)]
+    parts = [(1.0, sums, inner(reached.place)), (1.0, sums, inner(before.place))]
     if discrete.mass is not None:
         push = discrete.mass.row_sums
-        parts.append((abs(rule.acceleration.velocity), push, before.velocity))
+        parts.append((abs(rule.acceleration.velocity), push, inner(before.velocity)))
         if rule.acceleration.acceleration:
-            parts.append((abs(rule.acceleration.acceleration), push, before.acceleration))
+            parts.append((abs(rule.acceleration.acceleration), push, inner(before.acceleration)))
     if discrete.viscosity is not None and rule.rate.velocity:
-        parts.append((abs(rule.rate.velocity), discrete.viscosity.row_sums, before.velocity))
-    parts += [(1.0, part.row_sums, h) for h, (_, part) in zip(stage.before.branches, discrete.branches, strict=True)]
-    size = products.norm(stage.load)
-    return OutOfBalance(rest, size + products.size(parts, enough))
+        parts.append((abs(rule.rate.velocity), discrete.viscosity.row_sums, inner(before.velocity)))
+    branches = zip(stage.before.branches, discrete.branches, strict=True)
+    return parts + [(1.0, part.row_sums, inner(h)) for h, (_, part) in branches]
 
 
 def allowed(local: Motion, rule: Rule, step: float) -> Array:

@@ -58,6 +58,11 @@ class Stepping(ABC):
         """Whether a step of a relative ``error`` that stands is not as exact as was asked for."""
         return False
 
+    def knows(self, pace: Pace) -> bool:
+        """Whether a pace that was read from a file may be one of this control."""
+        counted = all(isinstance(one, int) and not isinstance(one, bool) for one in (pace.rung, pace.waiting))
+        return counted and 0.0 < pace.step < math.inf and pace.waiting >= 0
+
 
 @dataclass(frozen=True)
 class FixedStep(Stepping):
@@ -93,6 +98,10 @@ class FixedStep(Stepping):
         if pace.rung <= -self.halvings:
             return None
         return Pace(self.step * 2.0 ** (pace.rung - 1), pace.rung - 1, 2)
+
+    def knows(self, pace: Pace) -> bool:
+        known = super().knows(pace) and -self.halvings <= pace.rung <= 0
+        return known and math.isclose(pace.step, self.step * 2.0**pace.rung, rel_tol=1e-9)
 
 
 @dataclass(frozen=True)
@@ -158,6 +167,9 @@ class AdaptiveStep(Stepping):
 
     def missed(self, error: float | None) -> bool:
         return error is not None and error > self.rtol
+
+    def knows(self, pace: Pace) -> bool:
+        return super().knows(pace) and pace.rung >= -_HALVINGS
 
     def _down(self, pace: Pace, rungs: int) -> Pace | None:
         for down in range(rungs, 0, -1):

@@ -15,6 +15,7 @@ from hemivar.evolution.discrete_heat import DiscreteHeat
 from hemivar.evolution.heat_book import HeatBook, Warmth
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.jumps import Jump
+from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment
 from hemivar.evolution.schemes import ImplicitEuler, Midpoint, Scheme
 from hemivar.solvers import Controls, Solver, Status
@@ -155,6 +156,10 @@ class ThermalAdvance(Advance):
         worst = replace(taken.solutions[-1], status=Status.NOT_CONTRACTING)
         return replace(taken, solutions=(*taken.solutions[:-1], worst), advice=_UNMET)
 
+    def at_once(self, before: Moment, span: float, start: Acting, now: Acting, jump: Jump = Jump.LOCAL) -> Taken:
+        taken = super().at_once(before, span, start, now, jump)
+        return replace(taken, moment=replace(taken.moment, ledger=self._split(taken, before.time)))
+
     def _flowed(self, before: Moment, taken: Taken | None, step: float, reached: float) -> Taken:
         """The step of heat, with what a step of the body gives it."""
         assert before.heat is not None
@@ -188,19 +193,21 @@ class ThermalAdvance(Advance):
     def _accepted(self, before: Moment, taken: Taken, flowed: Taken, step: float, rounds: int, ratio: float) -> Taken:
         assert before.heat is not None
         book = self._booked_heat(before.heat.book, taken, flowed, step)
-        ledger, old = taken.moment.ledger, before.ledger
-        pulled = 0.0
-        if self.heat.heat.stresses:
-            stage = taken.stages[0]
-            force = self.heat.load(self._course.at(before.time + stage.rule.at * step))
-            pulled = float(force @ (taken.moment.body.place - before.body.place))
-        ledger = replace(ledger, work=ledger.work - pulled, thermal=old.thermal + pulled).closed()
         moment = replace(
             taken.moment,
-            ledger=ledger,
+            ledger=self._split(taken, before.time + taken.stages[0].rule.at * step),
             heat=Warmth(flowed.moment, book, rounds, ratio if math.isfinite(ratio) else 0.0),
         )
         return replace(taken, moment=moment, heat=flowed)
+
+    def _split(self, taken: Taken, time: float) -> Ledger:
+        """The ledger of a step, the work of thermal stress at a time apart from that of loads."""
+        ledger, pulled = taken.moment.ledger, 0.0
+        if self.heat.heat.stresses:
+            way = taken.moment.body.place - taken.before.body.place
+            pulled = float(self.heat.load(self._course.at(time)) @ way)
+        thermal = taken.before.ledger.thermal + pulled
+        return replace(ledger, work=ledger.work - pulled, thermal=thermal).closed()
 
     # ---- the balance of heat ---------------------------------------------------------------------------------
 

@@ -156,7 +156,9 @@ class TimeBound:
             return self.square
         discrete, step = self.advance.discrete, taken.step
         n = discrete.unknowns
-        begin, end = self.advance.acting(taken.before.time).load, self.advance.acting(taken.moment.time).load
+        advance = self.advance
+        begin = advance.acting_after(taken.before.time).load
+        end = advance.acting_before(taken.moment.time).load
         bent, bent_square = self._bent(taken, begin, end)
         moved = (taken.moment.body.place - taken.before.body.place) / step
         if self.norm == "stiffness":

@@ -6,12 +6,15 @@ from hemivar.fem.fields import nodal_average, strain, stress, v_norm, von_mises
 from hemivar.fem.load_line import LoadLine
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.scalar_energy import discretize_scalar, gradient
+from hemivar.fem.small_strain import Deformation, deformation
 from hemivar.fem.transfer import interpolate, interpolation_matrix
 
 __all__ = [
+    "Deformation",
     "ErrorNorms",
     "KnownField",
     "LoadLine",
+    "deformation",
     "discretize",
     "discretize_scalar",
     "error_norms",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError, SupportError
@@ -306,7 +307,8 @@ def refuse_dependent(contact: ContactPoints) -> None:
 
 def _singular_row(gram: sp.csc_array) -> int:
     """A row at which a Gram matrix is singular, -1 if it is not."""
-    from scipy.sparse.linalg import splu
+    with IMPORTS:
+        from scipy.sparse.linalg import splu
 
     try:
         pivots = np.abs(splu(gram, diag_pivot_thresh=0.0, options={"SymmetricMode": True}).U.diagonal())

@@ -133,9 +133,9 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
         tuple(sentence for sentence in (locking_warning(problem), left_out) if sentence is not None),
     )
     if check_coercivity:
-        for warning in discrete.warnings:
+        discrete = refuse_free_motion(discrete, full_load)
+        for warning in discrete.notes:
             logging.getLogger("hemivar").info("%s", warning)
-        return refuse_free_motion(discrete, full_load)
     return discrete
 
 

@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.sparse as sp
 
 from hemivar.basics.types import Array
-from hemivar.discrete.hold import SLACK, Growth, Hold, Verdict, decide, growth_along
+from hemivar.discrete.foothold import NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
+from hemivar.discrete.hold import Growth, Hold, Verdict, decide
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.rigid import FreeMotions, MovingGroup, rigid_basis
 from hemivar.discrete.space import Field
 from hemivar.errors import SupportError
 
-__all__ = ["describe", "free_growth", "geometric_slack", "refuse", "refuse_free_motion"]
+__all__ = ["describe", "free_growth", "refuse", "refuse_free_motion"]
 
 
 def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> DiscreteProblem:
-    """Refuse a body whose energy does not grow along each motion without deformation.
+    """Refuse a body that is not held.
+
+    Its energy does not grow along each motion without deformation, and its foundation does not resist each at rest.
 
     Parameters
     ----------
@@ -30,7 +32,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     Returns
     -------
     DiscreteProblem
-        The problem, known to be held where its motions are known.
+        The problem, known to be held, or to be held up to a limit, where its motions are known.
 
     Raises
     ------
@@ -39,46 +41,27 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     """
     if problem.field is None or not problem.field.knows_motions:
         return problem
-    motions = problem.field.free_motions
-    for group, growth in zip(motions.groups, free_growth(problem, motions, load), strict=True):
-        hold = decide(growth)
-        if hold.verdict is not Verdict.HELD:
-            assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
-            raise _refusal(problem, motions, group, hold)
-    return problem.known_to_be_held()
+    field, contact, motions = problem.field, problem.contact, problem.field.free_motions
+    forces = field.lift.T @ problem.linear.load if load is None else load
+    holds = [decide(growth) for growth in growths(field, contact, problem.law, forces, motions)]
+    limit: str | None = None
+    if any(hold.verdict is not Verdict.HELD for hold in holds):
+        at_rest = resistances(field, contact, problem.law, forces, motions)
+        for group, hold, resistance in zip(motions.groups, holds, at_rest, strict=True):
+            if hold.verdict is Verdict.HELD:
+                continue
+            if resistance is None or decide(resistance).verdict is not Verdict.HELD:
+                assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
+                raise _refusal(problem, motions, group, hold)
+            limit = NO_MINIMUM if hold.verdict is Verdict.FALLS else limit or PERHAPS_NO_MINIMUM
+    return problem.known_to_be_held(limit)
 
 
-def free_growth(problem: DiscreteProblem, motions: FreeMotions, load: Array | None = None) -> list[Growth]:
+def free_growth(problem: DiscreteProblem, motions: FreeMotions) -> list[Growth]:
     """Growth of the energy along the motions of each group of parts."""
     assert problem.field is not None
-    if not motions.count:
-        return []
-    lift = problem.field.lift
-    forces = lift.T @ problem.linear.load if load is None else load
-    m, d = problem.contact_points, problem.contact.components
-    local = sp.csc_array(problem.contact.trace @ (lift @ motions.motions))
-    slack = geometric_slack(problem.contact.points, problem.contact.weights)
-    found = []
-    for group in motions.groups:
-        moved = motions.motions[:, group.columns]
-        work = np.asarray(moved.T @ forces)
-        own = np.unique(moved.indices)
-        size = float(np.abs(forces[own]) @ abs(moved).max(axis=1).toarray().ravel()[own])
-        seen = local[:, group.columns]
-        points = np.unique(seen.indices // d)
-        rows = seen.toarray().reshape(m, d, work.size)[points]
-        law = problem.law.take(points) if len(points) else problem.law
-        found.append(growth_along(law, rows, problem.contact.weights[points], work, size, slack))
-    return found
-
-
-def geometric_slack(points: Array | None, weights: Array) -> float:
-    """What rounding of the coordinates makes of a tangential motion of size one."""
-    if points is None or not len(points):
-        return SLACK
-    length = float(weights.min()) ** (1.0 / max(points.shape[1] - 1, 1))
-    noise = 64.0 * float(np.finfo(float).eps) * float(np.abs(points).max()) / length
-    return float(min(max(SLACK, noise), 1e-6))
+    forces = problem.field.lift.T @ problem.linear.load
+    return growths(problem.field, problem.contact, problem.law, forces, motions)
 
 
 _REMEDY = "add a support or a law that holds it"

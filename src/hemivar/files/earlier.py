@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hemivar.basics.disk import regular_file
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -112,7 +113,7 @@ def _read_multiplier(contact: Mapping[str, object], problem: DiscreteProblem, pa
         friction = _numbers(contact["friction"], "contact.friction", path)
         if friction.size != m * (d - 1):
             raise _other_mesh(path, f"its friction has shape {friction.shape}")
-        multiplier[:, 1:] = friction.reshape(m, d - 1)
+        multiplier[:, 1:] = 0.0 - friction.reshape(m, d - 1)  # the record holds the friction on the body
     return multiplier
 
 
@@ -123,7 +124,8 @@ def _same_points(first: Array, second: Array) -> bool:
 
 def _vtu_displacement(path: Path, problem: DiscreteProblem) -> Array:
     """Displacements of the nodes of the same mesh from a VTU file."""
-    import meshio
+    with IMPORTS:
+        import meshio
 
     field = problem.field
     if field is None:

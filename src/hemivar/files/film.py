@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.disk import read_text, regular_file, shown
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
@@ -188,7 +189,8 @@ def read_film(path: str | Path) -> Film:
 
 def _read_vtu(path: Path) -> meshio.Mesh:
     """A frame as meshio reads it, its pieces joined if it lies in several."""
-    import meshio
+    with IMPORTS:
+        import meshio
 
     regular_file(path, "frame", 1 << 62)
     if path.suffix.lower() == ".pvtu":
@@ -214,7 +216,8 @@ def _pieces(path: Path) -> list[Path]:
 
 def _joined(parts: list[meshio.Mesh]) -> meshio.Mesh:
     """Pieces of one body, the nodes that several of them have once."""
-    import meshio
+    with IMPORTS:
+        import meshio
 
     every = np.concatenate([part.points for part in parts])
     _, first, number = np.unique(every, axis=0, return_index=True, return_inverse=True)

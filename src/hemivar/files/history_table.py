@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.disk import read_text, shown, whole_file, write_text
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Array, Record
 from hemivar.errors import FileError, ProblemError
@@ -37,11 +38,12 @@ __all__ = [
 
 #: Suffixes that :func:`write_history` knows.
 HISTORY_FILES = (".pvd", ".xdmf", ".csv", ".parquet", ".json")
-_WHOLE = ("solver_steps", "jumped")
+_WHOLE = ("solver_steps", "jumped", "fallbacks")
 
 
 def history_columns(history: History) -> dict[str, Array]:
-    """The table by columns, each (rows,): floats, whole numbers for ``solver_steps`` and ``jumped`` (0 or 1)."""
+    """The table by columns, each (rows,): floats, whole numbers for ``solver_steps``, ``fallbacks``
+    and ``jumped`` (0 or 1)."""
     found: dict[str, Array] = {}
     for name in history.columns:
         values = history[name]
@@ -124,8 +126,9 @@ def check_table(path: Path) -> None:
 
 def _arrow() -> tuple[ModuleType, ModuleType]:
     try:
-        import pyarrow
-        import pyarrow.parquet
+        with IMPORTS:
+            import pyarrow
+            import pyarrow.parquet
     except ImportError:
         raise ProblemError("pyarrow is not installed; pip install pyarrow, or write the table as .csv") from None
     return pyarrow, pyarrow.parquet

@@ -89,8 +89,14 @@ class KeptSolution:
         """
         data = json.loads(text)
         unknowns, multiplier = _array(data.pop("unknowns")), _array(data.pop("multiplier"))
-        found = KeptSolution(int(data.pop("number")), unknowns, multiplier, data)
-        found._told()
+        number = data.pop("number")
+        if type(number) is not int or number < 0:
+            raise ValueError("the number of the mesh is none")
+        found = KeptSolution(number, unknowns, multiplier, data)
+        status, _, _ = found._told()
+        finite = np.isfinite(unknowns).all() and np.isfinite(multiplier).all()
+        if not finite and status is not Status.NONFINITE:
+            raise ValueError("an entry is not finite")
         return found
 
     def solution(self, problem: DiscreteProblem) -> Solution:
@@ -127,8 +133,15 @@ class KeptSolution:
         residual, kind = self.said["residual"], self.said["kind"]
         if not isinstance(residual, dict) or not isinstance(self.said["timings"], dict):
             raise TypeError
-        for name in ("method", "steps", "evaluations", *_NUMBERS):
-            _ = self.said[name]
+        for name in _NUMBERS:
+            if self.said[name] is not None:
+                float(str(self.said[name]))
+        if not isinstance(self.said["method"], str):
+            raise TypeError
+        if any(type(count) is not int or count < 0 for count in (self.said["steps"], self.said["evaluations"])):
+            raise ValueError("numbers of steps and evaluations are none")
+        for seconds in self.said["timings"].values():
+            float(seconds)
         return (
             Status(self.said["status"]),
             Residual(**{name: float(value) for name, value in residual.items()}),
@@ -143,7 +156,7 @@ def _packed(array: Array) -> dict[str, object]:
 
 def _array(packed: Mapping[str, object]) -> Array:
     shape = packed["shape"]
-    if not isinstance(shape, list):
+    if not isinstance(shape, list) or any(type(length) is not int or length < 0 for length in shape):
         raise TypeError
     numbers = np.frombuffer(base64.b64decode(str(packed["data"]), validate=True), dtype="<f8")
-    return numbers.astype(float).reshape([int(length) for length in shape])
+    return numbers.astype(float).reshape(shape)

@@ -45,7 +45,8 @@ class KeptWork(Generic[Part]):
     """A file that holds the parts of one work that are done, bound to that work by a digest.
 
     A process that is killed leaves whole lines, and perhaps the beginning of one, which is left out.  Every line has a
-    check, so that none that was changed or damaged since is taken for what was computed.
+    check, the beginning of its digest, so that none that was damaged since is taken for what was computed.  The check
+    does not protect against forgery.
 
     Parameters
     ----------
@@ -95,7 +96,15 @@ class KeptWork(Generic[Part]):
         for number, line in enumerate(lines, start=2):
             try:
                 self._parts.append(read(_checked(line)))
-            except (ValueError, KeyError, TypeError) as error:
+            except (
+                ValueError,
+                KeyError,
+                TypeError,
+                AttributeError,
+                IndexError,
+                OverflowError,
+                RecursionError,
+            ) as error:
                 raise FileError(
                     f"{disk.shown(path)}, line {number}: this is no {part} of a {kind}, or it was changed since; "
                     "remove the line, or the file"
@@ -106,7 +115,7 @@ class KeptWork(Generic[Part]):
     def _refuse(self, first: str) -> None:
         try:
             ours = f"hemivar-{self._kind}" in json.loads(first)
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, RecursionError):
             ours = False
         what = f"holds another {self._kind}, or the problem has changed since"
         what = what if ours else f"is no record of a {self._kind}"

@@ -429,7 +429,7 @@ class _Beside:
                 )
             return path
         disk.write_text(path, text)
-        self.undone.callback(path.unlink, missing_ok=True)
+        self.undone.callback(disk.remove_file, path)
         return path
 
     def table(self, name: str, text: str) -> str:

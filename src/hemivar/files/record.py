@@ -16,11 +16,13 @@ from hemivar.certify import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
+from hemivar.fem import Deformation
 from hemivar.solvers import BoundaryResult, ContactState, Progress, Solution
 
 __all__ = [
     "MOST_BYTES",
     "boundary_names",
+    "deformation_record",
     "iteration_record",
     "plain",
     "prepared",
@@ -66,25 +68,28 @@ def iteration_record(
 def solution_record(solution: Solution, certificate: Certificate | None = None) -> Record:
     """A solution as plain numbers, lists and strings, ready for JSON.
 
-    Keys: ``hemivar`` (version), ``status``, ``remedy``, ``warnings`` (sentences), ``method``,
+    Keys: ``hemivar`` (version), ``status``, ``remedy``, ``warnings`` (sentences), ``deformation`` (largest ``strain``,
+    ``rotation`` in radians, and whether one of them is ``large``, 0.1 or more; null where there are none), ``method``,
     ``unknowns`` (their number), ``contact_points``, ``dim``, ``energy`` (a friction bound that depends on the state is
     taken at this pair), ``residual`` (relative), ``residual_parts`` (equilibrium, inclusion, scale, rounding; units of
-    force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``contact_length``,
+    force), ``steps``, ``evaluations``, ``timings`` (seconds), ``history``, ``error_bound``, ``fallbacks`` (how
+    often the method had to take another way), ``contact_length``,
     ``resultants``, ``boundaries``, ``reactions``, ``contact``, ``displacement`` (vectors of the nodes; the unknowns of
     a problem made of arrays) and, where one is given, ``certificate`` (:meth:`hemivar.certify.Certificate.record`).
 
     ``resultants`` holds ``normal_force`` (resultant of the pressure), ``friction_force`` (resultant of the friction
-    in local components) and ``force``, the global vector of the force of the foundation on the body,
-    ``-sum_j w_j (lam_nu nu + lam_tau)``; null where the problem has no frames.  ``boundaries`` holds for each contact
-    boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the force of each support
-    on the body, by name, null where it is not known (:func:`hemivar.fem.support_reactions`).
+    on the body in local components) and ``force``, the global vector of the force of the foundation on the body,
+    ``-sum_j w_j (lam_nu nu + lam_tau)`` with the multiplier lam; null where the problem has no frames.  ``boundaries``
+    holds for each contact boundary, by name, its ``normal_force``, ``force`` and ``contact_length``; ``reactions`` the
+    force of each support on the body, by name, null where it is not known (:func:`hemivar.fem.support_reactions`).
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
     ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
     supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction``, ``state`` ("open", "stick", "slip",
     "bonded") and ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
-    Slip and friction are numbers in 2D (along the normal turned by +90 degrees), vectors of two local components in
-    3D, and null in 1D. Numbers that are not finite become null.
+    Pressure is positive in compression; friction is that of the foundation on the body.  Slip and friction are numbers
+    in 2D (along the normal turned by +90 degrees), vectors of two local components in 3D, and null in 1D. Numbers that
+    are not finite become null.
 
     Parameters
     ----------
@@ -103,6 +108,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "status": solution.status.value,
         "remedy": solution.status.remedy,
         "warnings": solution.warnings,
+        "deformation": deformation_record(solution.deformation),
         "method": solution.method,
         "unknowns": problem.unknowns,
         "contact_points": problem.contact_points,
@@ -110,6 +116,7 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
         "energy": solution.energy,
         **iteration_record(residual, solution.steps, solution.evaluations, solution.timings, solution.history),
         "error_bound": solution.error_bound,
+        "fallbacks": solution.fallbacks,
         "contact_length": solution.contact_length,
         "resultants": {
             "normal_force": solution.normal_force,
@@ -124,6 +131,13 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
     if certificate is not None:
         record["certificate"] = certificate.record()
     return {key: plain(value) for key, value in record.items()}
+
+
+def deformation_record(found: Deformation | None) -> Record | None:
+    """Largest strain and rotation as plain numbers; None where there are none."""
+    if found is None:
+        return None
+    return {"strain": found.strain, "rotation": found.rotation, "large": found.large}
 
 
 def _boundary_record(result: BoundaryResult) -> Record:

@@ -10,9 +10,10 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, whole_file, write_text
+from hemivar.basics.disk import make_folder, remove_file, try_output, whole_file, write_text
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
-from hemivar.errors import ProblemError
+from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame, History
 from hemivar.files.record import prepared
@@ -81,7 +82,8 @@ class Series:
         return make_folder(folder)
 
     def _frame(self, frame: Frame, path: Path) -> tuple[Path, ...]:
-        """Write a frame; the files that the lists name."""
+        """Write a frame; the files that the lists name.  A pipe of that name, which may have no reader, is refused."""
+        try_output(path)
         return tuple(file for file in write_vtu(snapshot(self.discrete, frame), path) if file is not None)
 
     def _parts(self, file: Path) -> list[str]:
@@ -95,8 +97,8 @@ class Series:
         begun = re.compile(r"\." + stem + r"_\d{6,}(_contact)?(_\d+)?-[0-9a-f]{12}\.p?vtu")  # by one that was killed
         for file in self.folder.iterdir():
             if begun.fullmatch(file.name) or (own.fullmatch(file.name) and file.name not in named):
-                with contextlib.suppress(OSError):
-                    file.unlink()
+                with contextlib.suppress(FileError):  # one that was read stays
+                    remove_file(file)
 
     def _list(self) -> None:
         for number, path in enumerate(self.lists):
@@ -137,7 +139,8 @@ def write_xdmf(history: History, path: str | Path) -> Path:
     ProblemError, FileError
         The name does not end in ``.xdmf``, or nothing was saved; the file cannot be written.
     """
-    import meshio
+    with IMPORTS:
+        import meshio
 
     path = prepared(path, ".xdmf")
     if not history.frames:

@@ -36,7 +36,8 @@ class Snapshot(ContactValues):
     time : float
     displacement, velocity : arrays (nodes, d)
     local, multiplier, rate : arrays (m, c)
-        At the contact points: penetration and slip, pressure and friction, velocity of penetration and slip.
+        At the contact points: penetration and slip; force per area of the body on the foundation, which is the
+        pressure (column 0) and minus the friction; velocity of penetration and slip.
     state : int array (m,)
         A :class:`~hemivar.solvers.ContactState` each.
     memory : mapping of name to array (m, ...)

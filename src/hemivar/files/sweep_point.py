@@ -72,12 +72,23 @@ class SweepPoint:
         """
         data = json.loads(text)
         numbers = {name: tuple(float(value) for value in data[name]) for name in _OF_SOLUTIONS}
+        place, kinds = data["place"], data["kinds"]
+        if not isinstance(place, list) or any(type(one) is not int or one < 0 for one in place):
+            raise ValueError("the place is no list of whole numbers")
+        if not isinstance(kinds, list) or any(len(found) != len(kinds) for found in numbers.values()):
+            raise ValueError("solutions have energies, kinds, penetrations and forces")
+        if not all(map(math.isfinite, numbers["energies"])):
+            raise ValueError("an energy is not finite")
+        if not all(isinstance(one, str) for one in (*kinds, data["note"])):
+            raise TypeError("kinds and note are texts")
+        if not all(isinstance(data[name], bool) for name in ("exhaustive", "failed")):
+            raise TypeError("what is said of the solutions is not true or false")
         return SweepPoint(
-            tuple(int(one) for one in data["place"]),
+            tuple(place),
             float(data["margin"]),
-            kinds=tuple(str(one) for one in data["kinds"]),
-            exhaustive=data["exhaustive"] is True,
-            note=str(data["note"]),
-            failed=data["failed"] is True,
+            kinds=tuple(kinds),
+            exhaustive=data["exhaustive"],
+            note=data["note"],
+            failed=data["failed"],
             **numbers,
         )

@@ -304,7 +304,9 @@ def _checkpoint(table: Table) -> CheckpointSettings:
         given = table.table("checkpoint", ("file", "minutes"), inline=True)
         if "file" not in given:
             raise given.error("file", "is missing; give the name of the checkpoint")
-        minutes = given.positive("minutes") if "minutes" in given else None
+        minutes = given.number("minutes", value["minutes"]) if "minutes" in given else None
+        if minutes is not None and minutes < 0.0:
+            raise given.error("minutes", f"is {minutes:g}; give a time of at least 0, which is after every step")
         found = CheckpointSettings(given.text("file"), minutes)
     else:
         found = CheckpointSettings(table.text("checkpoint"))

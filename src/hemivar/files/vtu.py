@@ -12,6 +12,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from hemivar.basics.disk import read_bytes, whole_file
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, strain, stress, von_mises
@@ -47,12 +48,12 @@ def write_vtu(
     """Write the body as ``path`` and its contact boundaries as ``*_contact.vtu``, for ParaView and the like.
 
     Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
-    ``pressure``, ``gap``, ``penetration``, ``friction`` and ``slip`` (global vectors), ``contact_force`` (force per
-    area of the foundation on the body, global vector), ``state`` (0 open, 1 stick, 2 slip, 3 bonded: lifted, but
-    pulled back) and ``boundary`` (number of the contact boundary, in the order of the statement; the field data
-    ``boundary NAME`` hold the number of each). Off the contact boundary, and at contact nodes that a support holds
-    entirely, these are 0, and ``state`` and ``boundary`` are -1. A node of two contact boundaries carries the values of
-    the first.
+    ``pressure``, ``gap``, ``penetration``, ``slip`` (a global vector), ``friction`` (of the foundation on the body, a
+    global vector), ``contact_force`` (pressure and friction on the body, force per area, a global vector), ``state`` (0
+    open, 1 stick, 2 slip, 3 bonded: lifted, but pulled back) and ``boundary`` (number of the contact boundary, in the
+    order of the statement; the field data ``boundary NAME`` hold the number of each). Off the contact boundary, and at
+    contact nodes that a support holds entirely, these are 0, and ``state`` and ``boundary`` are -1. A node of two
+    contact boundaries carries the values of the first.
 
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
     models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).
@@ -157,7 +158,7 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
         "pressure": (seen.pressure, 0.0),
         "gap": (contact.gap, 0.0),
         "penetration": (seen.penetration, 0.0),
-        "friction": (three_components(-seen.friction_vectors), 0.0),
+        "friction": (three_components(seen.friction_vectors), 0.0),
         "slip": (three_components(seen.slip_vectors), 0.0),
         "contact_force": (three_components(seen.tractions), 0.0),
         "state": (seen.state.astype(float), -1.0),
@@ -203,7 +204,8 @@ def write_grid(
 
     ``names`` are those of the boundaries, whose numbers are written as field data.
     """
-    import meshio
+    with IMPORTS:
+        import meshio
 
     whole = {
         name: np.ceil(values).astype(np.int32) for name, values in point_data.items() if name in ("state", "boundary")

@@ -9,6 +9,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
+from hemivar.formula.expansion import Expansion, expansion
 from hemivar.formula.graph import Graph
 from hemivar.formula.reader import TIME, VARIABLES, Reader, shown
 from hemivar.formula.slopes import slopes
@@ -152,6 +153,21 @@ class Formula:
             place = ", ".join(f"{name} = {c:.6g}" for name, c in zip(VARIABLES, points[np.argmax(bad)], strict=False))
             raise ProblemError(f"{self._prefix}formula '{self.text}' has no finite derivative at {place}")
         return rates
+
+    def expansion(self, corners: Array, t: float | None = None) -> Expansion:
+        """Quadratic polynomials near to the formula on simplices, with a proved bound of the difference.
+
+        Parameters
+        ----------
+        corners : array, shape (k, p + 1, d)
+            Of k simplices of dimension p.
+        t : float, optional
+            The time, if the formula uses it.
+        """
+        places: dict[str, Array | float] = dict(zip(VARIABLES, np.moveaxis(corners, 2, 0), strict=False))
+        if t is not None:
+            places[TIME] = float(t)
+        return expansion(self._graph, self._node, places)
 
     def _check(self, values: Array, points: Array, bad: BoolArray, remedy: str, t: float | None) -> None:
         if bad.any():

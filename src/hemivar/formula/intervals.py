@@ -22,16 +22,21 @@ Pair = tuple[Array, Array]
 
 def mended(low: Array, high: Array) -> Pair:
     """Rounded outwards, and the whole line where there is no number."""
-    return (
-        np.where(np.isnan(low), -np.inf, low - _ROUNDING * np.abs(np.where(np.isinf(low), 0.0, low))),
-        np.where(np.isnan(high), np.inf, high + _ROUNDING * np.abs(np.where(np.isinf(high), 0.0, high))),
-    )
+    below, above = low - _ROUNDING * np.abs(low), high + _ROUNDING * np.abs(high)
+    if np.isnan(below).any() or np.isnan(above).any():  # also of the infinite
+        below = np.where(np.isnan(low), -np.inf, low - _ROUNDING * np.abs(np.where(np.isinf(low), 0.0, low)))
+        above = np.where(np.isnan(high), np.inf, high + _ROUNDING * np.abs(np.where(np.isinf(high), 0.0, high)))
+    return below, above
 
 
 def _product(x: Pair, y: Pair) -> Pair:
     with np.errstate(all="ignore"):
-        corners = [np.where((a == 0.0) | (b == 0.0), 0.0, a * b) for a in x for b in y]
-    return np.minimum.reduce(corners), np.maximum.reduce(corners)
+        corners = [a * b for a in x for b in y]
+        low = np.minimum(np.minimum(corners[0], corners[1]), np.minimum(corners[2], corners[3]))
+        if np.isnan(low).any():  # zero times infinity is zero: the factor is no number but a bound
+            corners = [np.where((a == 0.0) | (b == 0.0), 0.0, a * b) for a in x for b in y]
+            low = np.minimum.reduce(corners)
+    return low, np.maximum(np.maximum(corners[0], corners[1]), np.maximum(corners[2], corners[3]))
 
 
 def _inverse(x: Pair) -> Pair:

@@ -12,17 +12,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.formula.enclosure import enclosed, tail
 from hemivar.formula.graph import Graph
 
-__all__ = ["WIDE", "SmoothFormula", "Supremum", "supremum_of_pieces"]
+__all__ = ["WIDE", "SmoothFormula", "Supremum", "graded", "supremum_of_pieces"]
 
 #: How much farther than the reach zeros are found of functions that are linear.
 WIDE = 1e6
 #: Parts of an interval that are looked at at once, and nodes times parts in all, for one question.
 _MOST_PARTS = 20_000
 _MOST_WORK = 3e6
+#: Bounds that are wider than those of one value by this factor at most are owed to rounding.
+_NOISE = 4.0
+#: Intervals up to which each is cut in graded parts, and how often these grow by 4.
+_FEW = 20
+_GRADES = 27
 #: Parts that cost as much as the call itself.
 _OVERHEAD = 500
 #: Zeros that are nearer to each other than this part of the reach count as one, and as none if no sign changes.
@@ -104,28 +109,71 @@ class SmoothFormula:
             at_zero, rate = float(self(np.zeros(1))[0]), float(slope(np.zeros(1))[0])
             place = -at_zero / rate if rate != 0.0 and np.isfinite(rate) else np.inf
             return np.array([place + 0.0] if abs(place) <= WIDE * reach else [])
-        low, high = np.array([-reach, 0.0]), np.array([0.0, reach])
-        brackets: list[tuple[Array, Array]] = []
-        unclear: list[tuple[Array, Array]] = []
+        found, (rest, _) = self.isolated(np.array([-reach, 0.0]), np.array([0.0, reach]), 1e-3 * reach)
+        return None if rest.size else found
+
+    def isolated(
+        self, low: Array, high: Array, finest: float, most: float = _MOST_WORK
+    ) -> tuple[Array, tuple[Array, Array]]:
+        """All zeros in the intervals ``[low, high]``, arrays (k,), but for what is left when the work ends.
+
+        Where the function is zero all over some interval, or differs from zero by rounding only, it has none.
+
+        Parameters
+        ----------
+        low, high : arrays (k,)
+            Finite.
+        finest : float
+            Places nearer to zero than this are told apart as if they were as far.
+        most : float
+            Work allowed, in nodes times intervals; what the graph has done before counts.
+
+        Returns
+        -------
+        zeros : array
+            Increasing.
+        rest : pair of arrays
+            Ends of the parts that may hold more.
+        """
+        slope = self.derivative()
+        brackets: list[tuple[Array, Array]] = [(low[:0], high[:0])]
+        unclear: list[tuple[Array, Array]] = [(low[:0], high[:0])]
         size = self.graph.size(self.node) + self.graph.size(slope.node)
         while low.size:
             self.graph.work += (low.size + _OVERHEAD) * size
-            if low.size > _MOST_PARTS or self.graph.work > _MOST_WORK:
-                return None
+            if low.size > _MOST_PARTS or self.graph.work > most:
+                break
             below, above = self.enclosed(low, high)
             here = (below <= 0.0) & (above >= 0.0)
-            low, high = low[here], high[here]
-            below, above = slope.enclosed(low, high)
-            monotone = (below > 0.0) | (above < 0.0)
+            low, high, below, above = low[here], high[here], below[here], above[here]
+            least, largest = slope.enclosed(low, high)
+            monotone = (least > 0.0) | (largest < 0.0)
             brackets.append((low[monotone], high[monotone]))
-            low, high = low[~monotone], high[~monotone]
-            small = high - low <= _RESOLVED * np.maximum(np.maximum(np.abs(low), np.abs(high)), 1e-3 * reach)
+            going = ~monotone & ~self._rounding(low, high, below, above)
+            low, high = low[going], high[going]
+            small = high - low <= _RESOLVED * np.maximum(np.maximum(np.abs(low), np.abs(high)), finest)
             unclear.append((low[small], high[small]))
             low, high = low[~small], high[~small]
             middle = 0.5 * (low + high)
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        found = [self.crossings(*_columns(brackets)), self._touching(*_columns(unclear), reach)]
-        return np.unique(np.concatenate(found)) + 0.0
+        found = [self.crossings(*_columns(brackets)), self._touching(*_columns(unclear), 1e3 * finest)]
+        return np.unique(np.concatenate(found)) + 0.0, (low, high)
+
+    def sign_changes(self, low: Array, high: Array) -> Array:
+        """Zeros between places next to each other, ends and middles of parts, at which the sign is sure and differs."""
+        if not low.size:
+            return low
+        places = np.unique(np.concatenate([low, 0.5 * (low + high), high]))
+        least, most = self.enclosed(places, places)
+        places = places[(least > 0.0) | (most < 0.0)]
+        return self.crossings(places[:-1], places[1:])
+
+    def _rounding(self, low: Array, high: Array, below: Array, above: Array) -> BoolArray:
+        """Where bounds around zero are hardly wider than those of a single value."""
+        middle = 0.5 * (low + high)
+        least, most = self.enclosed(middle, middle)
+        with np.errstate(invalid="ignore"):
+            return (least <= 0.0) & (most >= 0.0) & (above - below <= _NOISE * (most - least)) & np.isfinite(above)
 
     def crossings(self, low: Array, high: Array) -> Array:
         """Ends of the intervals ``[low, high]``, arrays (k,), that are zeros, and a zero where their signs differ."""
@@ -229,6 +277,21 @@ class SmoothFormula:
             return np.where((above <= 0.0) & np.isfinite(left), np.fmin(upper, at_left), upper)
 
 
+def graded(low: Array, high: Array) -> tuple[Array, Array]:
+    """The intervals ``[low, high]``, arrays (k,), in parts that grow with the distance to zero and to their ends."""
+    if low.size > _FEW:
+        return low, high
+    left, right = [low[:0]], [high[:0]]
+    for a, b in zip(low.tolist(), high.tolist(), strict=True):
+        steps = (b - a) * 4.0 ** np.arange(-_GRADES, 0.0)
+        size = max(abs(a), abs(b)) * 4.0 ** np.arange(-_GRADES, 0.0)
+        cuts = np.concatenate([[a, b, 0.0], a + steps, b - steps, size, -size])
+        cuts = np.unique(cuts[(cuts >= a) & (cuts <= b)])
+        left.append(cuts[:-1])
+        right.append(cuts[1:])
+    return np.concatenate(left), np.concatenate(right)
+
+
 def _middle(left: Array, right: Array) -> Array:
     """The middle, or the finite end."""
     with np.errstate(invalid="ignore"):
@@ -240,17 +303,19 @@ def _middle(left: Array, right: Array) -> Array:
 def _parts(low: Array, high: Array, reach: float) -> tuple[Array, Array]:
     """The intervals, those without end cut in pieces that grow outwards."""
     steps = np.array([0.0, 0.1, 1.0, 10.0, 1e3, 1e5]) * reach
-    left, right = [low[np.isfinite(high - low)]], [high[np.isfinite(high - low)]]
-    for a, b in zip(low.tolist(), high.tolist(), strict=True):
-        if np.isfinite(b - a):
-            continue
+    finite = np.isfinite(high - low)
+    left, right = [low[finite]], [high[finite]]
+    for a, b in zip(low[~finite].tolist(), high[~finite].tolist(), strict=True):
         from_start = a + steps if np.isfinite(a) else steps
         to_end = b - steps[::-1] if np.isfinite(b) else -steps[::-1]
         inner = from_start if np.isfinite(a) else to_end if np.isfinite(b) else np.unique([*to_end, *from_start])
         cuts = np.unique([a, *inner.tolist(), b])
         left.append(cuts[:-1])
         right.append(cuts[1:])
-    return np.concatenate(left), np.concatenate(right)
+    first, last = np.concatenate(left), np.concatenate(right)
+    finite = np.isfinite(last - first)
+    inner = graded(first[finite], last[finite])
+    return np.concatenate([inner[0], first[~finite]]), np.concatenate([inner[1], last[~finite]])
 
 
 def _columns(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -528,6 +528,11 @@ class EarthquakeSlider:
         ----------
         rtol : float
             Tolerance of the integrator.
+
+        Raises
+        ------
+        ProblemError
+            No cycle: the spring is so stiff that steady slip is stable.
         """
         a, b, sigma, eta = self.direct, self.evolve, self.pressure, self.damping
 
@@ -554,7 +559,21 @@ class EarthquakeSlider:
         fast.direction, fastest.direction = 1.0, -1.0  # type: ignore[attr-defined]
         start = [log(self.creep), log(self.length / self.creep) - 0.05]
         events = (fast, creeps, fastest)
-        found = solve_ivp(change, (0.0, 6e9), start, method="LSODA", rtol=rtol, atol=1e-12, events=events, max_step=2e7)
+        critical = sigma * (b - a) / self.length
+        if not 0.0 < self.stiffness < critical:
+            raise ProblemError(
+                f"the slider has no limit cycle: its stiffness is {self.stiffness:.3g}, and steady slip is unstable "
+                f"between 0 and sigma (b - a)/L = {critical:.3g}; take one in between"
+            )
+        span = 6e9 * (0.5 * critical / self.stiffness)  # a period is about as long as the spring takes to be loaded
+        found = solve_ivp(
+            change, (0.0, span), start, method="LSODA", rtol=rtol, atol=1e-12, events=events, max_step=2e7
+        )
+        if not found.success or found.t_events[0].size < 2:
+            raise ProblemError(
+                f"the slider with the stiffness {self.stiffness:.3g} shows no limit cycle up to t = {span:.3g}; take "
+                f"another between 0 and sigma (b - a)/L = {critical:.3g}"
+            )
         first, last = found.t_events[0][-2:]
         turned, peaks = (
             found.y_events[k][(found.t_events[k] >= first) & (found.t_events[k] <= last + 1e3)] for k in (1, 2)

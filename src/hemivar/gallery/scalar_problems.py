@@ -32,7 +32,7 @@ class KnownScalarProblem(KnownStatement):
     gradient : callable
         Its gradient, points (k, 2) -> (k, 2).
     multiplier : callable
-        Exact force of the law per area or length, points (k, 2) -> (k,).
+        Exact force on the foundation per area or length, points (k, 2) -> (k,).
     """
 
     problem: ScalarProblem

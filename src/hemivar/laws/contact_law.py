@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from hemivar.basics.arguments import described
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.consistency import check_own
@@ -74,6 +74,17 @@ class ContactLaw(VectorLaw):
     def state_dependent(self) -> bool:
         return self.friction.state_dependent
 
+    @property
+    def follows_state(self) -> bool:
+        """Whether Newton's equation can contain how the friction bound depends on the state.
+
+        The bound has derivatives, and the profile goes on for ever and falls nowhere at once.
+        """
+        bound, profile = self.friction.bound, self.friction.profile
+        if not isinstance(bound, StateBound) or not bound.differentiable:
+            return False
+        return bool(np.isfinite(profile.weak_convexity).all() and np.isposinf(profile.domain.upper).all())
+
     def frozen(self, r: Array, lam: Array) -> ContactLaw:
         if not self.state_dependent:
             return self
@@ -97,9 +108,10 @@ class ContactLaw(VectorLaw):
     @property
     def lipschitz_sampled(self) -> bool:
         bound = self.friction.bound
-        if not isinstance(bound, StateBound) or not np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf)):
+        if not isinstance(bound, StateBound):
             return False
-        return bound.lipschitz_sampled or self.friction.profile.growth_sampled
+        rises = np.any((bound.lipschitz > 0.0) & (bound.lipschitz < np.inf))
+        return bound.lipschitz_sampled or (bool(rises) and self.friction.profile.growth_sampled)
 
     @staticmethod
     def concatenate(laws: Sequence[tuple[ContactLaw, int]]) -> ContactLaw:
@@ -238,6 +250,9 @@ class ContactLaw(VectorLaw):
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:
+        friction = self.friction
+        if not friction.state_dependent and friction.profile.convex:  # whatever the bound
+            return self.normal.weak_convexity, np.zeros(1)
         return self.normal.weak_convexity, self.tangential.weak_convexity
 
 

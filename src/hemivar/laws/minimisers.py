@@ -20,6 +20,9 @@ __all__ = ["AT_ONCE", "FAR", "convex_part", "local_argmin", "local_minimisers", 
 FAR = 1e8
 #: Points times knots that are looked at at once.
 AT_ONCE = 1 << 18
+#: Places on each side of zero at which a minimiser that no piece holds is looked for, and how its part shrinks.
+_PLACES = 600
+_GOLDEN = 0.6180339887498949
 
 
 def local_minimisers(law: Superpotential, a: Array, b: Array) -> tuple[Array, Array]:
@@ -95,9 +98,45 @@ def convex_part(
 
 def local_argmin(law: Superpotential, a: Array, b: Array) -> Array:
     """Global minimiser of ``a/2 r^2 - b r + j(r)``; nan where the energy has no minimum."""
-    if law.shared_knots is not None:
-        return _argmin_of_many(law, np.asarray(a, dtype=float), np.asarray(b, dtype=float))
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    return _bounded(law, a, b, _argmin_of_many(law, a, b) if law.shared_knots is not None else _argmin(law, a, b))
+
+
+def _bounded(law: Superpotential, a: Array, b: Array, r: Array) -> Array:
+    """The minimisers r, and where none was found although the energy is bounded below, the lowest of many places.
+
+    So it is where the curvature turns round inside a piece, such as that of a wave far beyond the reach of its law.
+    """
+    lost = np.isnan(r)
+    if not lost.any() or not (lost := lost & law.coercive_against(a)).any():
+        return r
+    a, b = (np.broadcast_to(x, r.shape)[lost] for x in (a, b))
+    part = law.take(np.flatnonzero(lost)) if law.knots.shape[0] > 1 else law
+    knots = np.where(np.isfinite(part.knots), np.abs(part.knots), 0.0).max(axis=-1)
+    size = np.maximum(knots, np.abs(b) / np.where(a > 0.0, a, np.inf))
+    size = np.where(size > 0.0, size, 1.0)
+    steps = np.geomspace(1e-12, 1e6, _PLACES)
+    places = size * np.concatenate([-steps[::-1], [0.0], steps])[:, None]
+
+    def energy(at: Array) -> Array:
+        with np.errstate(all="ignore"):
+            found = 0.5 * a * at**2 - b * at + part.value(at)
+        return np.where(np.isnan(found), np.inf, found)
+
+    best = np.argmin([energy(at) for at in places], axis=0)
+    rows = np.arange(best.size)
+    low, high = (places[np.clip(best + side, 0, len(places) - 1), rows] for side in (-1, 1))
+    for _ in range(80):
+        first, second = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+        lower = energy(first) <= energy(second)
+        low, high = np.where(lower, low, first), np.where(lower, second, high)
+    out = r.copy()
+    out[lost] = 0.5 * (low + high)
+    return out
+
+
+def _argmin(law: Superpotential, a: Array, b: Array) -> Array:
+    """:func:`local_argmin` where the points do not share many knots; nan where no piece and no knot holds it."""
     # A constant that is sampled may be too small: then all pieces are looked at.
     if law.convex or (not law.alpha_sampled and (a > law.weak_convexity).all()):
         return _argmin_of_growing(law, a, b)

@@ -7,7 +7,8 @@ kinks; on a straight piece all else is read from a table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -36,6 +37,9 @@ class OnGraph:
         together.
     moved : bool
         Whether a place is neither a kink nor the displacement that was given.
+    pushed : array or None
+        What a force along the normal adds to the multiplier of each tangential component of its point, (m, c), where
+        the normal component is held and a bound follows its force.
     """
 
     place: Array
@@ -43,6 +47,7 @@ class OnGraph:
     multiplier: Array
     curvature: Array
     moved: bool = False
+    pushed: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +69,10 @@ class _Curved:
             lines = [law.piece_line(np.full(len(end), i), end) for i, end in enumerate(start)]
         tangent, bend = (np.array([np.broadcast_to(line[k], start.shape[1:]) for line in lines]) for k in range(2))
         return cls(law, column, lower, upper, start, tangent, bend)
+
+    def times(self, factor: Array) -> Self:
+        """The law times a factor (m,)."""
+        return replace(self, law=self.law.scaled(factor), tangent=factor * self.tangent, bend=factor * self.bend)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +181,37 @@ class SeparateLaw:
             np.arange(n),
         )
 
-    def onto(self, p: Array, r: Array) -> OnGraph:
+    def times(self, factor: Array) -> Self:
+        """The tables with the laws of all tangential components times a factor (m,), at least 0."""
+        by = np.ones(self.shape)
+        by[:, 1:] = factor[:, None]
+        flat, at = by.ravel(), self.stiffness * self.anchor[1::2]
+        low, high = flat * self.low, flat * self.high
+        bounds, used = np.full(self.bounds.shape, np.inf), np.isfinite(self.knots)
+        first, last = at + low, at + high
+        bounds[::2] = np.where(used, np.where(low == high, last, np.nextafter(first, -np.inf)), np.inf)
+        bounds[1::2] = np.where(used, last, np.inf)
+        curved = tuple(one.times(factor) if one.column else one for one in self.curved)
+        return replace(
+            self, bounds=bounds, low=low, high=high, base=flat * self.base, slope=flat * self.slope, curved=curved
+        )
+
+    @cached_property
+    def _straight(self) -> BoolArray:
+        """Which components (N,) have laws that are straight on their pieces."""
+        found = np.ones(self.shape, dtype=bool)
+        found[:, [one.column for one in self.curved]] = False
+        return found.ravel()
+
+    def onto(self, p: Array, r: Array, exact: bool = False) -> OnGraph:
         """Where the law is to be linearised next: the kink that p lies at, else r on the piece that p lies on.
 
         Parameters
         ----------
         p, r : arrays (m, c)
             ``a r + lam`` and r of pairs near the graph.
+        exact : bool
+            On straight pieces not r, but the place of the graph where p is what was given.
         """
         flat, line = p.ravel(), r.ravel()
         state = np.add.reduce(flat > self.bounds, axis=0)
@@ -186,8 +219,11 @@ class SeparateLaw:
         at = self.anchor.take(index)
         held = (state & 1).astype(bool)
         slope = self.slope.take(index)
+        base = self.base.take(index)
+        if exact:
+            line = np.where(self._straight, at + (flat - base - self.stiffness * at) / (self.stiffness + slope), line)
         place = np.where(held, at, line)
-        lam = np.where(held, flat - self.stiffness * at, self.base.take(index) + slope * (line - at))
+        lam = np.where(held, flat - self.stiffness * at, base + slope * (line - at))
         moved = False
         for one in self.curved:
             moved |= self._bend(one, state, held, p, place, lam, slope)
@@ -292,10 +328,14 @@ class RadialLaw:
             ends[:, 0] = own[::2]
         return first.ravel(), last.ravel()
 
-    def onto(self, p: Array, r: Array) -> OnGraph:
+    def times(self, factor: Array) -> Self:
+        """As :meth:`SeparateLaw.times`."""
+        return replace(self, lengths=self.lengths.times(factor))
+
+    def onto(self, p: Array, r: Array, exact: bool = False) -> OnGraph:
         """As :meth:`SeparateLaw.onto`."""
         pull, size = _lengths(p), _lengths(r)
-        on = self.lengths.onto(pull, size)
+        on = self.lengths.onto(pull, size, exact)
         still, length, moved = on.held[:, 1], on.place[:, 1], on.moved
         begins = ~still & (length == 0.0)
         if begins.any():  # it slips from now on, as far as the law is as straight as it begins
@@ -303,7 +343,8 @@ class RadialLaw:
             stiffness = self.lengths.stiffness[1::2] + on.curvature[:, 1]
             length, moved = np.where(begins, np.maximum(force, 0.0) / stiffness, length), True
         own, towards = _directions(r, size[:, 1]), _directions(p, pull[:, 1])
-        heading = np.where(((length == size[:, 1]) & ~still & (length > 0.0))[:, None], own, towards)
+        stays = (length == size[:, 1]) & ~still & (length > 0.0)
+        heading = towards if exact else np.where(stays[:, None], own, towards)
         place, held = np.empty(r.shape), np.empty(r.shape, dtype=bool)
         place[:, 0], place[:, 1:] = on.place[:, 0], length[:, None] * heading
         held[:, 0], held[:, 1:] = on.held[:, 0], still[:, None]

@@ -53,9 +53,9 @@ class VectorLaw(Portable, ABC):
     """A law j(r) at every contact point; what solvers and certificates ask of it.
 
     Local displacements ``r`` have shape ``(m, c)``: column 0 is the penetration r_nu, the others, if there are any, the
-    slip r_tau.  Multipliers have the same shape: pressure and friction of the foundation on the body.  Numbers for the
-    normal and the tangential part, such as a compliance, have shape ``(m, 2)``; where c = 1 the second one is not
-    looked at.
+    slip r_tau.  Multipliers have the same shape: force per area of the body on the foundation, which is the pressure
+    (column 0) and minus the friction.  Numbers for the normal and the tangential part, such as a compliance, have shape
+    ``(m, 2)``; where c = 1 the second one is not looked at.
     """
 
     @abstractmethod

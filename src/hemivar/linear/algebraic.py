@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.hierarchy import rigid_motions
@@ -61,8 +62,9 @@ def _coarsened(matrix: sp.bsr_array, candidates: Array, improve: bool) -> tuple[
     After Vanek, Mandel and Brezina (Computing 56, 1996), of parts of PyAMG. Its own set-up starts an eigenvalue
     iteration from numpy's global random numbers, so that no two of its hierarchies are alike.
     """
-    from pyamg.aggregation import fit_candidates, standard_aggregation  # only here: small problems do without it
-    from pyamg.relaxation.relaxation import block_gauss_seidel
+    with IMPORTS:
+        from pyamg.aggregation import fit_candidates, standard_aggregation  # only here: small problems do without it
+        from pyamg.relaxation.relaxation import block_gauss_seidel
 
     matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
     nodes, size = matrix.shape[0] // matrix.blocksize[0], matrix.blocksize[0]

@@ -5,12 +5,15 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
+from hemivar.basics.first_use import IMPORTS
+
 __all__ = ["kernels"]
 
 
 @lru_cache
 def kernels() -> Any:
     """Those of pyamg, for matrices by rows."""
-    from pyamg import amg_core
+    with IMPORTS:
+        from pyamg import amg_core
 
     return amg_core

@@ -8,14 +8,17 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
+from hemivar.basics.first_use import IMPORTS, Lock
+
 __all__ = ["one_thread"]
 
-_lock = threading.Lock()
+_lock = Lock()
 
 
 @lru_cache
 def _libraries() -> tuple[Any, ...]:
-    from threadpoolctl import ThreadpoolController
+    with IMPORTS:
+        from threadpoolctl import ThreadpoolController
 
     return tuple(ThreadpoolController().select(user_api="blas").lib_controllers)
 

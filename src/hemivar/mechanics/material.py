@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from hemivar.basics.arguments import described
 from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
@@ -133,7 +134,8 @@ class Material(Portable):
 
         Each brings its own density, viscosity and branches: a density all of them or none, the others as it comes.
         """
-        from hemivar.mechanics.composed_material import ByRegion
+        with IMPORTS:
+            from hemivar.mechanics.composed_material import ByRegion
 
         return ByRegion(materials)
 
@@ -235,7 +237,8 @@ class Material(Portable):
         branches : sequence of float
             One for each of the :attr:`relaxation_times`, not negative; none leaves them all out.
         """
-        from hemivar.mechanics.composed_material import Combination
+        with IMPORTS:
+            from hemivar.mechanics.composed_material import Combination
 
         if not branches:
             branches = (0.0,) * len(self.relaxation_times)

@@ -87,6 +87,11 @@ class HeatContact(Portable):
                 )
             if callable(self.conductance) or self.conductance:
                 raise ProblemError("conductance and exchange are both given; give one of the two")
+            if any(np.isneginf(self.exchange.asymptotic_curvature(sign)).any() for sign in (1.0, -1.0)):
+                raise ProblemError(
+                    f"the exchange '{self.exchange.name}' feeds heat in faster and faster, without "
+                    "end: no conduction balances it; give a law whose slope stays bounded below"
+                )
             if law_depends_on_time(self.exchange):
                 raise ProblemError(
                     "the law of an exchange of heat depends on time, which it cannot; let temperature do"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.disk import first_bytes, read_bytes, regular_file, shown
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.memory import require
 from hemivar.basics.types import IntArray
 from hemivar.errors import FileError, ProblemError
@@ -148,7 +149,8 @@ def _within(data: IntArray, count: int) -> bool:
 
 def _read_silently(path: Path) -> meshio.Mesh:
     """The meshio mesh of a file; meshio's printing is swallowed and its failures reported in one line."""
-    import meshio
+    with IMPORTS:
+        import meshio
 
     noise = io.StringIO()
     try:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from hemivar.basics.first_use import IMPORTS
+
 if TYPE_CHECKING:
     from hemivar.mesh.mesh import Mesh
 
@@ -35,7 +37,8 @@ class Grid:
 
     def build(self, halvings: int = 0) -> Mesh:
         """The mesh, with numbers of cells halved so many times."""
-        from hemivar.mesh import box, rectangle
+        with IMPORTS:
+            from hemivar.mesh import box, rectangle
 
         size, cells, origin = self.size, tuple(n >> halvings for n in self.cells), self.origin
         if len(size) == 3:
@@ -63,7 +66,8 @@ class MeshRecipe:
 
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times (0 for files)."""
-        from hemivar.mesh import read_mesh
+        with IMPORTS:
+            from hemivar.mesh import read_mesh
 
         mesh = self.source.build(halvings) if isinstance(self.source, Grid) else read_mesh(self.source)
         return mesh if self.scale == 1.0 else mesh.scaled(self.scale)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
@@ -42,7 +43,8 @@ def check_film(path: str | Path) -> None:
     if suffix not in FILMS:
         raise ProblemError(f"'{path}': films are written as {' or '.join(FILMS)}, not '{suffix}'")
     if suffix == ".mp4":
-        from matplotlib.animation import FFMpegWriter
+        with IMPORTS:
+            from matplotlib.animation import FFMpegWriter
 
         if not FFMpegWriter.isAvailable():
             raise ProblemError(f"'{path}': ffmpeg is not installed, which MP4 needs; install it, or write a .gif")
@@ -118,8 +120,9 @@ def animate(
     film = film_of(history) if isinstance(history, History) else history
     shown = _shown(film.times, frames)
     make_folder(path.parent)
-    from matplotlib.animation import FFMpegWriter
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    with IMPORTS:
+        from matplotlib.animation import FFMpegWriter
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     with drawing(), whole_file(path) as name:
         plane = film.points.shape[1] == 2

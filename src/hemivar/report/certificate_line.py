@@ -26,6 +26,8 @@ def certificate_line(solution: Solution, certificate: Certificate | None, exact:
     else:
         known = "" if exact is None else exact.brief()
         told = f"residual {solution.residual.relative:.1e}" + (f"; {known}" if known else ", not certified")
+    if solution.deformation is not None and solution.deformation.large:
+        told = f"beyond small strains ({solution.deformation.sizes}); {told}"
     return told if solution.status is Status.CONVERGED else f"{solution.status.value}: {told}"
 
 

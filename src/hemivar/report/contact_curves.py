@@ -88,7 +88,8 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     fig = new_figure((max(6.3, 3.4 * len(parts)), 5.0), layout="constrained")
     panels = fig.subplots(2, len(parts), sharex="col", squeeze=False)
     bound = _rest_bound(problem)
-    multiplier, local, state = solution.multiplier, solution.local, solution.state
+    local, state = solution.local, solution.state
+    forces = np.column_stack([solution.pressure, solution.friction])
     factor = _slip_factor(local)
     drawn = local * np.array([1.0] + [factor] * (problem.contact.components - 1))
     for column, (name, index, where, label) in enumerate(parts):
@@ -96,7 +97,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
         index, where = index[order], where[order]
         upper, lower = panels[:, column]
         size = float(np.clip(30.0 / math.sqrt(len(index)), 1.2, 4.0))
-        curves = [(upper, multiplier, "pressure", "friction"), (lower, drawn, "penetration", "slip")]
+        curves = [(upper, forces, "pressure", "friction"), (lower, drawn, "penetration", "slip")]
         for panel, values, normal_name, tangential_name in curves:
             panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
             _curve(panel, where, values[index, 0], state[index], size, RED, "-", normal_name)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from scipy.spatial import KDTree
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.files.boundary import polylines
 from hemivar.files.film import Film, FilmFrame
@@ -148,9 +149,10 @@ class PlanePicture(FilmPicture):
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
     ) -> None:
         super().__init__(film, shown, scale, units, colour)
-        from matplotlib.collections import LineCollection, PolyCollection
-        from matplotlib.figure import Figure
-        from matplotlib.lines import Line2D
+        with IMPORTS:
+            from matplotlib.collections import LineCollection, PolyCollection
+            from matplotlib.figure import Figure
+            from matplotlib.lines import Line2D
 
         places = self.places
         self.edges = _edges(film.cells)
@@ -297,8 +299,9 @@ class SolidPicture(FilmPicture):
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
     ) -> None:
         super().__init__(film, shown, scale, units, colour)
-        from matplotlib.figure import Figure
-        from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+        with IMPORTS:
+            from matplotlib.figure import Figure
+            from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
         self.facets = Mesh(film.points, film.cells).boundary_facets
         extent = np.maximum(self.high - self.low, 1e-6 * float((self.high - self.low).max()))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 
 if TYPE_CHECKING:
@@ -33,8 +34,9 @@ def palette_of(samples: Sequence[Array], colours: int = 255, keep: Sequence[str]
     Image
         Of Pillow, with the palette.
     """
-    from matplotlib.colors import to_rgb
-    from PIL import Image
+    with IMPORTS:
+        from matplotlib.colors import to_rgb
+        from PIL import Image
 
     sheet = Image.fromarray(np.ascontiguousarray(np.vstack(list(samples)), dtype=np.uint8), "RGB")
     exact = [round(255.0 * part) for name in keep for part in to_rgb(name)]
@@ -56,7 +58,8 @@ def write_gif(path: str | Path, frames: Iterable[Array], palette: Image, seconds
     seconds : float
         That a frame is shown, to hundredths and at least 0.02.
     """
-    from PIL import Image
+    with IMPORTS:
+        from PIL import Image
 
     images = [
         Image.fromarray(np.ascontiguousarray(frame, dtype=np.uint8), "RGB").quantize(

@@ -138,6 +138,7 @@ def _solution(solution: Solution) -> _Shown:
         (f"contact {solution.measured}", solution.contact_length),
         ("normal force", solution.normal_force),
         ("friction force", _numbers(solution.friction_force) if problem.contact.components > 1 else None),
+        ("largest", None if solution.deformation is None else solution.deformation.sizes),
         *(("warning", sentence) for sentence in solution.warnings),
     ]
     return _title("Solution", problem), lambda: _pictures(solution), _rows(rows)
@@ -221,9 +222,12 @@ def _path(path: Path) -> _Shown:
     rows: list[_Row] = [
         ("points", len(path)),
         ("load factors", f"{_number(factor.min())} to {_number(factor.max())}" if len(path) else None),
-        ("folds", _numbers(fold.load_factor for fold in path.folds) or "none"),
-        ("jumps", _numbers(jump.load_factor for jump in path.jumps) or "none"),
+        ("failure", path.failure),
+        ("folds", _numbers(fold.load_factor for fold in path.main_folds) or "none"),
+        ("jumps", _numbers(jump.load_factor for jump in path.main_jumps) or "none"),
+        ("single contact points", path.snapping),
         ("ended", str(path.ended)),
+        *(("warning", sentence) for sentence in path.warnings),
     ]
     return _title("Path", path.problem), lambda: [plot_path(path)] if len(path) else [], _rows(rows)
 
@@ -249,7 +253,7 @@ def _problem(problem: ContactProblem) -> _Shown:
         ("body force", _told(problem.body_force)),
         *((f"support: {name}", _told(support)) for name, support in problem.supports.items()),
         *((f"load: {name}", _told(traction)) for name, traction in problem.tractions.items()),
-        *((f"contact: {name}", f"{one.normal.name}; friction {one.friction.name}")
+        *((f"contact: {name}", one.normal.name + (f"; friction {one.friction.name}" if one.friction.acts else ""))
           for name, one in problem.contact.items()),
         *_stated_margin(problem),
     ]  # fmt: skip
@@ -285,15 +289,16 @@ def _scalar_problem(problem: ScalarProblem) -> _Shown:
 
 def _discrete(problem: DiscreteProblem) -> _Shown:
     law = problem.law
+    rubs = problem.contact_points and problem.contact.components > 1 and law.friction.acts
     rows: list[_Row] = [
         ("unknowns", problem.unknowns),
         ("contact points", problem.contact_points),
         ("local components", problem.contact.components),
         ("normal law", law.normal.name if problem.contact_points else None),
-        ("friction", law.friction.name if problem.contact_points and problem.contact.components > 1 else None),
+        ("friction", law.friction.name if rubs else None),
         ("entries of the stiffness", problem.bulk.stiffness.nnz if isinstance(problem.bulk, Quadratic) else None),
         *_margin(problem),
-        *(("warning", sentence) for sentence in problem.warnings),
+        *(("warning", sentence) for sentence in problem.notes),
     ]
     stated = problem.origin
     shown = stated is not None and _small(stated.mesh)

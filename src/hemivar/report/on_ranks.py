@@ -20,11 +20,11 @@ from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
 from hemivar.engines.petsc.files import one_writer
 from hemivar.errors import FileError
 from hemivar.fem import nodal_average, von_mises
-from hemivar.files.record import iteration_record, plain, prepared, version
+from hemivar.files.record import deformation_record, iteration_record, plain, prepared, version
 from hemivar.files.snapshot import Snapshot
 from hemivar.files.vtu import contact_quantities, region_numbers, symmetric_stress, three_components, write_grid
 from hemivar.solvers import ContactState
-from hemivar.solvers.boundary_result import ContactValues
+from hemivar.solvers.boundary_result import ContactValues, friction_of
 
 __all__ = ["pieces_of", "write_frame_on_ranks", "write_json_on_ranks", "write_vtu_on_ranks"]
 
@@ -46,7 +46,8 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
         "hemivar": version(),
         "status": solution.status.value,
         "remedy": solution.status.remedy,
-        "warnings": body.warnings,
+        "warnings": solution.warnings,
+        "deformation": deformation_record(solution.deformation),
         "method": solution.method,
         "unknowns": body.unknowns,
         "contact_points": body.contact_points,
@@ -138,7 +139,7 @@ def _contact(solution: DistributedSolution) -> Record | None:
         "penetration": local[:, 0],
         "slip": local[:, 1] if d == 2 else local[:, 1:],
         "pressure": lam[:, 0],
-        "friction": lam[:, 1] if d == 2 else lam[:, 1:],
+        "friction": friction_of(lam)[:, 0] if d == 2 else friction_of(lam),
         "state": [ContactState(int(number)).label for number in state[:, 0]],
         "without_friction": left_out[:, 0] > 0.0,
     }

@@ -13,6 +13,7 @@ from hemivar.basics.types import Array, Record
 from hemivar.branches import Path
 from hemivar.errors import ProblemError
 from hemivar.report.style import BLUE, GREY, ORANGE, RED, axes_on, drawing, with_unit
+from hemivar.solvers.boundary_result import friction_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +52,7 @@ QUANTITIES: Mapping[str, PathQuantity] = MappingProxyType(
         ),
         "mean-slip": PathQuantity("mean slip", lambda w, r, lam: r[:, :, 1:].sum(axis=2) @ w / w.sum()),
         "normal-force": PathQuantity("normal force", lambda w, r, lam: lam[:, :, 0] @ w, False),
-        "friction-force": PathQuantity("friction force", lambda w, r, lam: lam[:, :, 1:].sum(axis=2) @ w, False),
+        "friction-force": PathQuantity("friction force", lambda w, r, lam: friction_of(lam).sum(axis=2) @ w, False),
     }
 )
 
@@ -66,8 +67,10 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
     """A path as plain numbers and lists, ready for JSON.
 
     ``points`` holds for each point ``load_factor``, ``energy``, ``stable`` (of the stretch that begins there; at the
-    last point, of the one that ends there), ``normal_force``, ``friction_force`` (list), ``max_penetration`` and
-    ``value``, the chosen ``quantity``. ``folds`` and ``jumps`` name points by number.
+    last point, of the one that ends there), ``normal_force``, ``friction_force`` (list; on the body),
+    ``max_penetration`` and ``value``, the chosen ``quantity``. ``folds`` and ``jumps`` name points by number;
+    ``single_point`` tells where one contact point lets go alone, ``single_point_size`` up to which weight of a point
+    none does.
     """
     chosen = _quantity(quantity)
     value = chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
@@ -90,16 +93,23 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
             "point": jump.index,
             "loading": jump.loading,
             "max_penetration_after": None if jump.local is None else float(jump.local[:, 0].max()),
+            "single_point": jump.snaps,
         }
         for jump in path.jumps
     ]
     return {
+        "limit_load": path.limit_load,
+        "first_instability": path.first_instability,
         "quantity": quantity,
         "points": points,
-        "folds": [{"load_factor": fold.load_factor, "point": fold.index} for fold in path.folds],
+        "folds": [
+            {"load_factor": fold.load_factor, "point": fold.index, "single_point": fold.snaps} for fold in path.folds
+        ],
         "jumps": jumps,
+        "single_point_size": path.snap_size,
         "ended": path.ended,
         "perturbed": path.perturbed,
+        "warnings": list(path.warnings),
     }
 
 
@@ -114,7 +124,8 @@ def plot_path(
     """The load factor over a displacement or a resultant.
 
     Stable equilibria are drawn solid, unstable ones dashed; folds are dots, and arrows show where the body jumps when
-    the load is prescribed.  They are left out for resultants.
+    the load is prescribed.  They are left out for resultants, and where there are many, those of single contact points.
+    A line marks the limit load.
 
     Parameters
     ----------
@@ -139,8 +150,15 @@ def plot_path(
                     ends = np.append(run, run[-1] + 1)
                     ax.plot(x[ends], t[ends], label=label, color=colour, linestyle=style)
                     label = "_nolegend_"
-        if path.folds:
-            index = [fold.index for fold in path.folds]
+        if path.limit_load is not None:
+            limit = path.limit_load
+            ax.axhline(limit, color=GREY, linewidth=0.6, zorder=0)
+            ax.annotate(
+                f"limit load {limit:.4g}", (1.0, limit), (-3.0, 3.0), xycoords=("axes fraction", "data"),
+                textcoords="offset points", ha="right", va="bottom", color="black", fontsize="small",
+            )  # fmt: skip
+        index = [fold.index for fold in path.main_folds]
+        if index:
             ax.plot(x[index], t[index], "o", color="black", markersize=2.5, label="fold", zorder=4)
         if chosen.of_displacement:
             _draw_jumps(ax, path, chosen, x)
@@ -156,7 +174,7 @@ def plot_path(
 
 def _draw_jumps(ax: Axes, path: Path, chosen: PathQuantity, x: Array) -> None:
     labels = {True: "jump while loading", False: "jump while unloading"}
-    for jump in path.jumps:
+    for jump in path.main_jumps:
         if jump.local is None:
             continue
         end = chosen.evaluate(path.problem.contact.weights, jump.local[None], np.zeros((1, *jump.local.shape)))[0]

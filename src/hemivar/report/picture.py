@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Literal
 
+from hemivar.basics.first_use import IMPORTS
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -24,13 +26,15 @@ def new_figure(size: tuple[float, float], *, layout: Literal["constrained", "tig
 
 @cache
 def _kind() -> type[Figure]:
-    from matplotlib.figure import Figure
+    with IMPORTS:
+        from matplotlib.figure import Figure
 
     class Picture(Figure):
         """A figure as a notebook shows it."""
 
         def _repr_png_(self) -> bytes:
-            from hemivar.report.saving import png
+            with IMPORTS:
+                from hemivar.report.saving import png
 
             return png(self, _DPI)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 from hemivar.report.style import drawing
 
@@ -52,8 +53,9 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
 
 def svg(fig: Figure) -> bytes:
     """The bytes of a figure as SVG, cropped to what is drawn, its letters as outlines: the same wherever it is read."""
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    with IMPORTS:
+        import matplotlib
+        from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     stream = io.BytesIO()
     with drawing(), matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "hemivar"}):
@@ -65,7 +67,8 @@ def svg(fig: Figure) -> bytes:
 
 def png(fig: Figure, dpi: int = 200) -> bytes:
     """The bytes of a figure as PNG, cropped to what is drawn."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    with IMPORTS:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     stream = io.BytesIO()
     with drawing():

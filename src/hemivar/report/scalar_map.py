@@ -152,7 +152,8 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     if mesh.dim == 3:
         raise ProblemError("contact over a volume is not drawn as a flat map; write it with write_vtu")
     over = np.flatnonzero(over_area(solution))
-    lam, r = solution.multiplier[over].sum(axis=1), solution.local[over].sum(axis=1)
+    acts = solution.pressure[over] + solution.friction[over].sum(axis=1)  # each point has one of the two
+    r = solution.local[over].sum(axis=1)
     rubs = any(one.rubs for one in stated.areas.values())
     held = np.ones(mesh.number_of_nodes, dtype=bool)
     held[contact.node[over]] = False
@@ -161,7 +162,7 @@ def area_maps(solution: Solution, title: str | None, unit: str, stress_unit: str
     fig = new_figure((8.2, 4.4), layout="constrained")
     panels = fig.subplots(1, 2, sharey=True)
     for panel, values, name in (
-        (panels[0], lam, with_unit("friction" if rubs else "force per area of the foundation", stress_unit)),
+        (panels[0], acts, with_unit("friction" if rubs else "force per area of the foundation", stress_unit)),
         (panels[1], r, with_unit("slip" if rubs else "penetration (negative: distance)", unit)),
     ):
         at: Array = np.zeros(mesh.number_of_nodes)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray, Array, IntArray
 from hemivar.certify import Certificate
 from hemivar.errors import ProblemError
@@ -83,7 +84,8 @@ def render_solution(
     body = DeformedBody.of(solution, scale)
     coloured = body.colour(colour)
     make_folder(path.parent)
-    from matplotlib.figure import Figure
+    with IMPORTS:
+        from matplotlib.figure import Figure
 
     pixels = size[1] / _HEIGHT  # in an inch
     left, bottom, width, height = (round(part * whole) for part, whole in zip(_PLACE, 2 * size, strict=True))
@@ -131,15 +133,17 @@ class _Scene:
 
     def colours(self) -> ScalarMappable:
         """The scale of the colours."""
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
+        with IMPORTS:
+            from matplotlib.cm import ScalarMappable
+            from matplotlib.colors import Normalize
 
         assert self.values is not None
         return ScalarMappable(Normalize(float(self.values.min()), float(self.values.max())), "cividis")
 
     def _centred(self) -> tuple[AnyArray, Array]:
         """The picture (rows, columns, 3), in the middle of which the body stands and fills it, and its projection."""
-        import pyvista
+        with IMPORTS:
+            import pyvista
 
         with pyvista.vtk_verbosity("off"):
             plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(self.size), lighting="none")
@@ -164,7 +168,8 @@ class _Scene:
                 plotter.close()
 
     def _draw(self, plotter: Any) -> None:
-        import pyvista
+        with IMPORTS:
+            import pyvista
 
         mesh, moved = self.body.mesh, self.body.vertices
         plotter.add_light(pyvista.Light(light_type="headlight"))

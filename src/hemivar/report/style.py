@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hemivar.basics.first_use import IMPORTS, Lock
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.report.picture import new_figure
@@ -88,16 +89,24 @@ STATE_COLOURS = {kind: mark["markerfacecolor"] for kind, mark in MARKERS.items()
 
 def state_mark(kind: ContactState, label: str) -> Line2D:
     """What a legend shows of a contact state."""
-    from matplotlib.lines import Line2D
+    with IMPORTS:
+        from matplotlib.lines import Line2D
 
     return Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind])
 
 
-def drawing() -> AbstractContextManager[None]:
-    """Context in which figures are drawn and saved."""
-    import matplotlib
+#: The settings of matplotlib belong to the process: one thread draws at a time.
+_drawing = Lock()
 
-    return matplotlib.rc_context(STYLE)
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Context in which figures are drawn and saved; other threads wait."""
+    with IMPORTS:
+        import matplotlib.figure
+
+    with _drawing, matplotlib.rc_context(STYLE):
+        yield
 
 
 def with_unit(name: str, unit: str) -> str:

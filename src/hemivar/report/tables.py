@@ -15,6 +15,7 @@ import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
 from hemivar.basics.disk import make_folder, open_new, shown, whole_file, write_text
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.errors import ProblemError
 from hemivar.solvers import Solution
@@ -164,8 +165,9 @@ class Table:
 
     def rich(self) -> RichTable:
         """The table for the terminal, to be printed by ``rich``."""
-        from rich.table import Table as RichTable
-        from rich.text import Text
+        with IMPORTS:
+            from rich.table import Table as RichTable
+            from rich.text import Text
 
         table = RichTable(title=shown(self.title) or None)
         for name, to_right in zip(self.columns, self._numeric(), strict=True):

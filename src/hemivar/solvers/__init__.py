@@ -11,6 +11,7 @@ from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
+from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import ContactState, Solution
 from hemivar.solvers.solve import solve, solving, suited
 from hemivar.solvers.status import Status
@@ -56,6 +57,7 @@ __all__ = [
     "ProximalBundle",
     "RootFinder",
     "Search",
+    "SemismoothNewton",
     "Solution",
     "Solver",
     "Status",

@@ -135,6 +135,8 @@ class State:
         Whatever the method keeps between steps.
     contraction : float or None
         Measured contraction factor of a fixed-point iteration.
+    fallbacks : int
+        How often the method had to take another way.
     """
 
     r: Array
@@ -146,6 +148,7 @@ class State:
     error_bound: float | None = None
     memory: Any = None
     contraction: float | None = None
+    fallbacks: int = 0
 
 
 class Solver(ABC):
@@ -181,6 +184,11 @@ class Solver(ABC):
     def handles_state(self) -> bool:
         """Whether it treats laws whose bounds depend on the solution."""
         return False
+
+    def downhill(self) -> Solver:
+        """The method for a body that its foundation holds at rest only: it should not cross a barrier of the energy,
+        for far beyond them the energy falls without end."""
+        return self
 
     def refuse(self, problem: DiscreteProblem) -> str | None:
         """Why this method cannot treat the problem, in words, or None.  Asked before any work is done."""

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError
 
-__all__ = ["BoundaryResult", "ContactValues", "contact_table", "table_columns"]
+__all__ = ["BoundaryResult", "ContactValues", "contact_table", "friction_of", "table_columns"]
+
+
+def friction_of(multiplier: Array) -> Array:
+    """Friction of the foundation on the body, (..., c - 1), of multipliers (..., c): minus their tangential part."""
+    return np.asarray(0.0 - multiplier[..., 1:])  # subtracted from 0: a minus would write zeros as -0
 
 
 class ContactValues:
@@ -25,7 +30,7 @@ class ContactValues:
     local : array (m, c)
         Penetration (column 0) and slip.
     multiplier : array (m, c)
-        Pressure (column 0) and friction, force per area.
+        Force per area of the body on the foundation: pressure (column 0), and minus the friction.
     state : int array (m,)
         A :class:`ContactState` for each point.
     """
@@ -47,13 +52,16 @@ class ContactValues:
 
     @property
     def pressure(self) -> Array:
-        """-sigma_nu at each contact point, (m,)."""
+        """-sigma_nu at each contact point, force per area, (m,); positive in compression."""
         return self.multiplier[:, 0]
 
     @property
     def friction(self) -> Array:
-        """-sigma_tau at each contact point in local components, (m, c - 1)."""
-        return self.multiplier[:, 1:]
+        """sigma_tau, the friction of the foundation on the body, force per area in local components, (m, c - 1).
+
+        Where a point slips it points against the slip.  It is ``-multiplier[:, 1:]``.
+        """
+        return friction_of(self.multiplier)
 
     @cached_property
     def slip_vectors(self) -> Array:
@@ -62,22 +70,25 @@ class ContactValues:
 
     @cached_property
     def friction_vectors(self) -> Array:
-        """Friction on the body, force per area in the coordinates of the mesh, (m, d)."""
-        return -self.contact.global_vectors(_tangential(self.multiplier))
+        """Friction of the foundation on the body, force per area in the coordinates of the mesh, (m, d)."""
+        return 0.0 - self.contact.global_vectors(_tangential(self.multiplier))
 
     @cached_property
     def tractions(self) -> Array:
-        """Pressure and friction on the body, force per area in the coordinates of the mesh, (m, d)."""
-        return -self.contact.global_vectors(self.multiplier)
+        """Pressure and friction on the body together, force per area in the coordinates of the mesh, (m, d)."""
+        return 0.0 - self.contact.global_vectors(self.multiplier)
 
     @cached_property
     def normal_force(self) -> float:
-        """Resultant of the pressure."""
+        """Resultant of the pressure, positive in compression."""
         return float(self.contact.weights @ self.pressure)
 
     @cached_property
     def friction_force(self) -> Array:
-        """Resultant of the friction in local components, (c - 1,); as a vector, ``weights @ friction_vectors``."""
+        """Resultant of the friction on the body in local components, (c - 1,).
+
+        As a vector it is ``contact.weights @ friction_vectors``.
+        """
         return np.asarray(self.contact.weights @ self.friction)
 
     @cached_property
@@ -106,7 +117,7 @@ class BoundaryResult(ContactValues, Portable):
     local : array (m, c)
         Penetration (column 0) and slip.
     multiplier : array (m, c)
-        Pressure (column 0) and friction, force per area.
+        Force per area of the body on the foundation: pressure (column 0), and minus the friction.
     state : int array (m,)
         A :class:`ContactState` for each point.
     """
@@ -159,13 +170,14 @@ def contact_table(
     if contact.frames is not None:
         columns["normal"] = contact.frames[:, 0]
     columns |= {"weight": contact.weights, "gap": contact.gap}
-    for normal, tangential, values in (("penetration", "slip", local), ("pressure", "friction", multiplier)):
+    forces = np.column_stack([multiplier[:, 0], friction_of(multiplier)])
+    for normal, tangential, values in (("penetration", "slip", local), ("pressure", "friction", forces)):
         columns[normal] = values[:, 0]
         if contact.components > 1:
             columns[tangential] = values[:, 1] if contact.components == 2 else values[:, 1:]
     columns["state"] = states
     if contact.frames is not None:
-        columns["force"] = -contact.weights[:, None] * contact.global_vectors(multiplier)
+        columns["force"] = 0.0 - contact.weights[:, None] * contact.global_vectors(multiplier)
     table = np.zeros(contact.count, dtype=[(name, value.dtype, value.shape[1:]) for name, value in columns.items()])
     for name, value in columns.items():
         table[name] = value

@@ -80,6 +80,9 @@ class LoadStepping(Solver):
     def for_tolerance(self, rtol: float) -> Solver:
         return replace(self, inner=self.inner.for_tolerance(min(rtol, self.rtol)))
 
+    def downhill(self) -> Solver:
+        return replace(self, inner=self.inner.downhill())
+
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.inner.prepare(problem, workspace)
 

@@ -127,7 +127,8 @@ def steps(
     if not history:
         reached = system.residual(best.r, best.lam).relative
         history.append(Progress(0, system.energy(best.r), reached, 0, budget.spent))
-    best = replace(best, evaluations=max(best.evaluations, state.evaluations), contraction=state.contraction)
+    evaluations = max(best.evaluations, state.evaluations)
+    best = replace(best, evaluations=evaluations, contraction=state.contraction, fallbacks=state.fallbacks)
     return best, Status.MAX_STEPS if status is None else status, history
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws.vector_law import Linearisation, Near
@@ -20,7 +20,7 @@ from hemivar.solvers.loop import iterate
 from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.body import Body, Truncation
 from hemivar.systems.body_on_levels import BodyProblem, set_up
-from hemivar.systems.contact_moves import best_component, diagonal_step, snapped
+from hemivar.systems.contact_moves import Search, best_component, diagonal_step, snapped
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Memory", "NonsmoothMultigrid"]
@@ -99,6 +99,8 @@ class NonsmoothMultigrid(Solver):
     settled : bool
         The contact points of the initial guess lie on the pieces of their laws and at the kinks where they are expected
         in the end: the first step begins with Newton's equation.
+    search : Search
+        Whether contact points cross barriers of their own energy (GLOBAL), or only walk downhill (DOWNHILL).
     """
 
     sweeps: int = 3
@@ -108,6 +110,7 @@ class NonsmoothMultigrid(Solver):
     nested: bool = True
     absolute: float = 0.0
     settled: bool = False
+    search: Search = Search.GLOBAL
     name: ClassVar[str] = "multigrid"
     descends: ClassVar[bool] = True
 
@@ -125,6 +128,9 @@ class NonsmoothMultigrid(Solver):
 
     def for_tolerance(self, rtol: float) -> Solver:
         return self if self.tolerance is not None else replace(self, tolerance=max(0.1 * rtol, _TIGHTEST))
+
+    def downhill(self) -> Solver:
+        return replace(self, search=Search.DOWNHILL)
 
     @property
     def _target(self) -> float:
@@ -163,7 +169,7 @@ class NonsmoothMultigrid(Solver):
             r = snapped(system, r)
         pull = system.spread(force[system.unknown])
         for _ in range(0 if memory.settled else self.sweeps):
-            move = diagonal_step(system, r, pull - system.couple(r - origin), factor)
+            move = diagonal_step(system, r, pull - system.couple(r - origin), factor, self.search)
             factor = move.factor
             if move.endless:
                 return replace(state, ended=Status.UNBOUNDED)
@@ -218,7 +224,12 @@ class NonsmoothMultigrid(Solver):
         if not system.vectors.largest(float(bent))[0]:
             return None
         r, memory = system.local(state.r), state.memory
-        new, gained = best_component(system, r, system.spread(memory.force[system.unknown]))
+        pull = system.spread(memory.force[system.unknown])
+        if self.search is Search.GLOBAL:
+            new, gained = best_component(system, r, pull)
+        else:
+            move = diagonal_step(system, r, pull, memory.factor, self.search)
+            new, gained = move.r, 0.0 if move.endless else move.gain
         own = float(np.abs(system.load) @ np.abs(state.r)) + float(system.weights @ np.abs(system.law.value(r)))
         if gained >= -_WORTH * float(system.vectors.total(own)[0]):
             return None
@@ -254,7 +265,7 @@ class NonsmoothMultigrid(Solver):
             equation = _Equation.at(system, matrix, x, system.local(x), system.force(x))
             found, bent = equation.solve(self._target, self.absolute, self.iterations)
             line = _Line.of(equation, found.solution, bent)
-            near, _ = line.candidates(1.0)
+            near = line.candidates(1.0)[0]
             if found.negative is not None or not line.straight(near):
                 return None
             x, _ = line.end(1.0, near)
@@ -274,11 +285,12 @@ class NonsmoothMultigrid(Solver):
             raise OutOfTime
         best = _Found(x, force, 0.0)
         if found.iterations:
-            best = _search(_Line.of(equation, found.solution, bent), [0.5**k for k in range(self.halvings)])
+            line = _Line.of(equation, found.solution, bent, self.search)
+            best = _search(line, [0.5**k for k in range(self.halvings)])
         if found.negative is not None:
             # No curvature holds the energy back that way: as far as its laws let it fall.
             system.refuse_direction(found.negative)
-            line = _Line.of(equation, found.negative, system.multiply(found.negative))
+            line = _Line.of(equation, found.negative, system.multiply(found.negative), self.search)
             (stiff,) = system.vectors.total(float(np.vdot(line.along**2, system.stiffness)))
             unit = line.slope / max(stiff, np.finfo(float).tiny)
             other = _search(line, [unit * 2.0**k for k in range(_FURTHEST, _NEAREST, -1)], every=True)
@@ -334,6 +346,8 @@ class _Line:
         j(r).
     rounding : float
         What the arithmetic alone makes of the energy.
+    search : Search
+        Whether steps across pieces are candidates.
     """
 
     system: Body
@@ -349,9 +363,10 @@ class _Line:
     near: Near
     value: Array
     rounding: float
+    search: Search = Search.GLOBAL
 
     @staticmethod
-    def of(equation: _Equation, direction: Array, bent: Array) -> _Line:
+    def of(equation: _Equation, direction: Array, bent: Array, search: Search = Search.GLOBAL) -> _Line:
         """The line from the place of the equation; ``bent`` is the stiffness times the direction."""
         system, x, r, force = equation.system, equation.x, equation.r, equation.force
         value = system.law.value(r)
@@ -374,12 +389,14 @@ class _Line:
             near=equation.near,
             value=value,
             rounding=_ROUNDED_LINE * (abs(slope) + size),
+            search=search,
         )
 
-    def candidates(self, length: float) -> tuple[Array, Array]:
-        """Local displacements after a step: cut back to their pieces, and across them."""
+    def candidates(self, length: float) -> tuple[Array, ...]:
+        """Local displacements after a step: cut back to their pieces, and, unless only downhill, across them."""
         far = np.where(self.system.active, self.r + length * self.along, self.system.fixed)
-        return np.where(self.moving, self.near.clamp(far), self.r), far
+        near = np.where(self.moving, self.near.clamp(far), self.r)
+        return (near, far) if self.search is Search.GLOBAL else (near,)
 
     def gains(self, length: float, *candidates: Array) -> list[float]:
         """Changes of the energy, free of the cancellation of two large energies."""

@@ -17,18 +17,21 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from hemivar.basics.arrays import norm
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import ContactLaw
+from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.separate import OnGraph, RadialLaw, SeparateLaw
 from hemivar.solvers.controls import Controls
-from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.newton import NonsmoothNewton, newton_matrix
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
 
-__all__ = ["OutOfBalance", "Pieces", "nearby_solution"]
+__all__ = ["SEMISMOOTH", "OutOfBalance", "Pieces", "nearby_solution"]
 
+#: The method where the bound of the law depends on the state.
+SEMISMOOTH = "semismooth-newton"
 #: Newton's equations that are solved before a search is thought better.
 _ROUNDS = 6
 #: Components up to which memory for matrices is kept.
@@ -74,7 +77,9 @@ class _Vectors:
 
 
 #: A law as Newton's equations ask for it.
-_Graphs = SeparateLaw | RadialLaw | _Vectors
+_Graphs = SeparateLaw | RadialLaw | DependentLaw | _Vectors
+#: Factors of the last matrix: of Cholesky, or of LU with its pivots.
+_Factors = tuple[Array, Array | None]
 
 
 @dataclass(eq=False)
@@ -86,25 +91,60 @@ class Pieces:
     """
 
     _law: _Graphs | None = field(default=None, repr=False)
-    _known: tuple[bytes, Array | None] = field(default=(b"", None), repr=False)
+    _known: tuple[bytes, _Factors | None] = field(default=(b"", None), repr=False)
     _room: Array | None = field(default=None, repr=False)
 
-    def graphs(self, system: CondensedProblem) -> _Graphs:
-        """The graphs of the law."""
+    def graphs(self, system: CondensedProblem) -> _Graphs | None:
+        """The graphs of the law; None where its bound depends on the state and Newton's equation cannot follow it."""
         found, law, body = self._law, system.law, system.body
         if found is None or found.law is not law:
             d, pair = system.shape[1], body.pointwise
-            made = RadialLaw.of(law, pair) if d == 3 else SeparateLaw.of(law, pair, d)
-            found = self._law = _Vectors(law, pair, body.per_area, body.compliance) if made is None else made
+            made: _Graphs | None
+            if law.state_dependent:
+                made = DependentLaw.of(law, pair, d)
+            else:
+                made = RadialLaw.of(law, pair) if d == 3 else SeparateLaw.of(law, pair, d)
+                made = _Vectors(law, pair, body.per_area, body.compliance) if made is None else made
+            found = self._law = made
         return found
 
-    def solve(self, system: CondensedProblem, index: IntArray, curvature: Array, right: Array) -> Array | None:
+    def direction(self, system: CondensedProblem, on: OnGraph, free: BoolArray, balance: Array) -> Array | None:
+        """The change (m, d) from ``on.place`` that solves Newton's equation there; None where it has no solution.
+
+        Parameters
+        ----------
+        system : CondensedProblem
+        on : OnGraph
+            The law there.
+        free : bool array (m, d)
+            Components that move.
+        balance : array (m, d)
+            Elastic force there.
+        """
+        index, pushed = np.flatnonzero(free), on.pushed
+        change = np.zeros(free.shape)
+        if not index.size:
+            return change
+        right = balance - system.weights[:, None] * on.multiplier
+        if pushed is not None:
+            pushed = pushed * system.active[:, :1]
+            right -= pushed * right[:, :1]
+        step = self.solve(system, index, on.curvature, right.ravel()[index], pushed)
+        if step is None:
+            return None
+        change.ravel()[index] = step
+        return change
+
+    def solve(
+        self, system: CondensedProblem, index: IntArray, curvature: Array, right: Array, pushed: Array | None = None
+    ) -> Array | None:
         """``H^-1 right`` (k,) on the components ``index``, with second derivatives of the laws (m, d) or (m, d, d).
 
-        None where H is not positive definite.
+        None where H is not positive definite.  With ``pushed (m, d)`` of :class:`OnGraph` the matrix is not symmetric;
+        then None where it is singular.
         """
-        key = index.tobytes() + curvature.tobytes()
-        known, factor = self._known
+        key = index.tobytes() + curvature.tobytes() + (b"" if pushed is None else pushed.tobytes())
+        known, factors = self._known
         if known != key:
             self._known = b"", None  # its memory is used again
             H = self._part(system.matrix, index)
@@ -112,10 +152,20 @@ class Pieces:
                 self._add(H, system, index, curvature)
             else:
                 H.ravel()[:: index.size + 1] += (system.weights[:, None] * curvature).ravel()[index]
-            factor, failed = lapack.dpotrf(H.T, lower=1, clean=0, overwrite_a=1)  # H is symmetric: no copy is made
+            if pushed is None:
+                factor, failed = lapack.dpotrf(H.T, lower=1, clean=0, overwrite_a=1)  # symmetric: no copy is made
+                factors = factor, None
+            else:
+                self._push(H, system, index, pushed.ravel()[index])
+                factor, pivots, failed = lapack.dgetrf(H.T, overwrite_a=1)
+                factors = factor, pivots
             if failed:
                 return None
-            self._known = key, factor
+            self._known = key, factors
+        assert factors is not None
+        factor, pivots = factors
+        if pivots is not None:
+            return np.asarray(lapack.dgetrs(factor, pivots, right, trans=1)[0])
         half = blas.dtrsv(factor, right, lower=1)  # half of what a solve for many takes
         return np.asarray(blas.dtrsv(factor, half, lower=1, trans=1, overwrite_x=1))
 
@@ -129,6 +179,15 @@ class Pieces:
         rows, part = self._room[0, : k * n].reshape(k, n), self._room[1, : k * k].reshape(k, k)
         matrix.take(index, axis=0, out=rows, mode="clip")
         return rows.take(index, axis=1, out=part, mode="clip")
+
+    @staticmethod
+    def _push(H: Array, system: CondensedProblem, index: IntArray, pushed: Array) -> None:
+        """Take off what bounds owe to the forces along held normals: multiples (k,) of the rows of these normals."""
+        rows = np.flatnonzero(pushed)
+        if rows.size:
+            d = system.shape[1]
+            normal = index[rows] // d * d
+            H[rows] -= pushed[rows, None] * system.matrix[np.ix_(normal, index)]
 
     @staticmethod
     def _add(H: Array, system: CondensedProblem, index: IntArray, curvature: Array) -> None:
@@ -156,7 +215,6 @@ def nearby_solution(
     Parameters
     ----------
     system : CondensedProblem
-        Its law depends on no state.
     r, lam : arrays (m, d)
         Local displacements and multiplier of a state nearby.
     controls : Controls
@@ -169,6 +227,8 @@ def nearby_solution(
     began = time.perf_counter()
     body, active, weights = system.body, system.active, system.weights[:, None]
     graphs, stiffness, whole = pieces.graphs(system), body.per_area, body.everywhere
+    if graphs is None:
+        return None
     if not whole:
         r = np.where(active, r, system.fixed)
     p = stiffness * r + lam
@@ -178,20 +238,15 @@ def nearby_solution(
     for number in range(1, _ROUNDS + 1):
         r = on.place if whole else np.where(active, on.place, system.fixed)
         free = ~on.held if whole else active & ~on.held
-        index = np.flatnonzero(free)
         balance = system.out_of_balance(r)
-        if index.size:
-            right = (balance - weights * on.multiplier).ravel()[index]
-            step = pieces.solve(system, index, on.curvature, right)
-            if step is None:
-                return None
-            change = np.zeros(r.shape)
-            change.ravel()[index] = step
-            r = r + change
-            balance = balance - system.couple(change)
+        change = pieces.direction(system, on, free, balance)
+        if change is None:
+            return None
+        r = r + change
+        balance = balance - system.couple(change)
         lam = balance / weights
         if not whole:
-            reaction = system.law.nearest_multiplier(r, np.zeros(r.shape))
+            reaction = system.law_at(r, lam).nearest_multiplier(r, np.zeros(r.shape))
             lam = np.where(active, lam, reaction)
         on = graphs.onto(stiffness * r + lam, r)
         of_law = on.multiplier if whole else np.where(active, on.multiplier, lam)
@@ -208,6 +263,8 @@ def nearby_solution(
             scale = _load_scale(system, graphs, load, force).of(force)
             if missed > _PART * (controls.atol + controls.rtol * scale):
                 continue
+        if not _stands(system, r, of_law, free):
+            return None
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
         place = system.problem.contact.local(unknowns)
@@ -219,7 +276,7 @@ def nearby_solution(
                 multiplier=of_law,
                 status=Status.CONVERGED,
                 residual=residual,
-                method=NonsmoothNewton.name,
+                method=SEMISMOOTH if system.law.state_dependent else NonsmoothNewton.name,
                 steps=number,
                 evaluations=number,
                 timings={
@@ -231,6 +288,17 @@ def nearby_solution(
             vars(solution)["local"] = place  # what the property would find
             return solution
     return None
+
+
+def _stands(system: CondensedProblem, r: Array, lam: Array, free: BoolArray) -> bool:
+    """Whether friction that weakens, under a bound that depends on the state, leaves a pair stable, the bound frozen:
+    whether there is one solution is not known before."""
+    law = system.law
+    if not law.state_dependent or law.friction.profile.convex:
+        return True
+    index = np.flatnonzero(free)
+    H = newton_matrix(system, index, law.frozen(r, lam).linearise(r).hessian)
+    return not index.size or not lapack.dpotrf(H, lower=1)[1]
 
 
 def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_force: float) -> LoadScale:

@@ -63,6 +63,9 @@ class NonsmoothNewton(Solver):
     name: ClassVar[str] = "newton"
     descends: ClassVar[bool] = True
 
+    def downhill(self) -> Solver:
+        return replace(self, search=Search.DOWNHILL)
+
     def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
         return replace(start, evaluations=1, energy=system.energy(start.r), memory=system.stiffest)
 

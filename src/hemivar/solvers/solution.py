@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hemivar.basics.display import Displayed
+from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray, Record
@@ -24,6 +24,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.fem.reactions import support_reactions
+from hemivar.fem.small_strain import Deformation, deformation_of
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
 from hemivar.solvers.controls import Progress
@@ -71,7 +72,7 @@ class Solution(ContactValues, Portable, Displayed):
     unknowns : array (n,)
         The unknowns u of ``problem``.
     multiplier : array (m, d)
-        Pressure (column 0) and friction of the foundation on the body at each contact point, force per area.
+        Force per area of the body on the foundation at each contact point: pressure (column 0), and minus the friction.
     status : Status
         How the solve ended; ``status.remedy`` says what to do.
     residual : Residual
@@ -91,6 +92,8 @@ class Solution(ContactValues, Portable, Displayed):
         Contraction factor measured by the outer fixed point, where the law depends on the solution.
     kind : PointKind or None
         What kind of stationary point it is, where it was determined.
+    fallbacks : int
+        How often the method had to take another way, see :class:`hemivar.SemismoothNewton`.
     """
 
     problem: DiscreteProblem
@@ -106,16 +109,23 @@ class Solution(ContactValues, Portable, Displayed):
     error_bound: float | None = None
     contraction: float | None = None
     kind: PointKind | None = None
+    fallbacks: int = 0
 
     @cached_property
     def displacement(self) -> Array:
         """Nodal displacement (nodes, d) of the mesh, or the unknowns (n,) of a problem made of arrays."""
         return self.unknowns if self.problem.field is None else self.problem.field.full(self.unknowns)
 
+    @cached_property
+    def deformation(self) -> Deformation | None:
+        """Largest strain and rotation, see :func:`hemivar.fem.deformation`; None for arrays and scalar problems."""
+        return deformation_of(self.problem, self.unknowns)
+
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the numbers do not show by themselves, such as locking; one sentence each."""
-        return self.problem.warnings
+        """What the numbers do not show by themselves, such as locking or large strains; one sentence each."""
+        strained = None if self.deformation is None else self.deformation.warning
+        return self.problem.notes if strained is None else (*self.problem.notes, strained)
 
     @cached_property
     def energy(self) -> float:
@@ -155,7 +165,8 @@ class Solution(ContactValues, Portable, Displayed):
         exact: bool = False,
     ) -> Certificate:
         """What is known about this solution, see :func:`hemivar.certify`."""
-        from hemivar.certify import certify
+        with IMPORTS:
+            from hemivar.certify import certify
 
         return certify(
             self,
@@ -227,19 +238,22 @@ class Solution(ContactValues, Portable, Displayed):
 
     def to_dict(self) -> Record:
         """Plain numbers, lists and strings, see :func:`hemivar.files.solution_record`."""
-        from hemivar.files import solution_record
+        with IMPORTS:
+            from hemivar.files import solution_record
 
         return solution_record(self)
 
     def to_json(self, path: str | Path) -> Path:
         """Write :meth:`to_dict` to a file; returns its path.  :func:`hemivar.files.read_solution` reads it back."""
-        from hemivar.files import write_json
+        with IMPORTS:
+            from hemivar.files import write_json
 
         return write_json(self, path)
 
     def to_vtu(self, path: str | Path) -> Path:
         """Write the body, and beside it its contact boundaries, for ParaView, see :func:`hemivar.files.write_vtu`."""
-        from hemivar.files import write_vtu
+        with IMPORTS:
+            from hemivar.files import write_vtu
 
         return write_vtu(self, path)[0]
 
@@ -250,7 +264,8 @@ class Solution(ContactValues, Portable, Displayed):
 
         Of a problem without a mesh it is that of the contact points, :func:`hemivar.report.plot_contact`.
         """
-        from hemivar.report import plot_contact, plot_solution
+        with IMPORTS:
+            from hemivar.report import plot_contact, plot_solution
 
         if self.problem.field is None:
             return plot_contact(self, title=title, unit=unit, stress_unit=stress_unit)

@@ -25,10 +25,13 @@ from hemivar.solvers.base import PosedSystem, Solver, State
 from hemivar.solvers.choice import choose
 from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
+from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.loop import finish, steps
-from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.multigrid import NonsmoothMultigrid
+from hemivar.solvers.newton import NonsmoothNewton, Search
+from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
-from hemivar.solvers.status import Status
+from hemivar.solvers.status import STOPPED, Status
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
@@ -36,6 +39,8 @@ __all__ = ["solve", "solving", "suited"]
 
 #: Relative residual above which a method's own bound of its error is not believed.
 _EXCUSED = 1e-6
+#: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
+_LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE), 1e-6
 #: Of the methods in hemivar.METHODS, for messages.
 _NAMES = (
     "newton",
@@ -67,7 +72,7 @@ def solve(
     solver : Solver, optional
         The method and its options. By default :class:`NonsmoothNewton`, or :class:`NonsmoothMultigrid` where that is
         predicted to be faster or the memory to be too small (:func:`choose`; the logger ``hemivar`` says which and
-        why); inside a :class:`FixedPoint` where a bound of the law depends on the solution.
+        why); :func:`suited` where a bound of the law depends on the solution.
     controls : Controls, optional
         Tolerances, limits, callback.
     initial : Solution or array (n,), optional
@@ -133,17 +138,33 @@ def solving(
         solver = suited(chosen, problem)
         logging.getLogger("hemivar").info("%s", reason)
     controls = Controls() if controls is None else controls
+    attempts = _attempts(solver, problem, initial is None)
+    solver = attempts[0]
     if problem.law.state_dependent and not solver.handles_state:
         raise MethodError(
             f"{solver.name} cannot solve this problem: a friction bound depends on the solution; "
             "wrap the method, FixedPoint(inner=...)"
         )
-    solver = solver.for_tolerance(controls.rtol)
     why = solver.refuse(problem)
     if why is not None:
         raise MethodError(f"{solver.name} cannot solve this problem: {why}")
     with one_thread(not solver.condenses):
-        return (yield from _run(problem, solver, controls, initial, workspace))
+        for method in attempts:
+            found = yield from _run(problem, method.for_tolerance(controls.rtol), controls, initial, workspace)
+            if found.status in (Status.CONVERGED, *STOPPED):
+                return found
+    if problem.limit is not None and found.status in _LOST and not found.residual.relative <= _NEAR:
+        return replace(found, status=Status.NOT_CARRIED)
+    return found
+
+
+def _attempts(solver: Solver, problem: DiscreteProblem, from_rest: bool) -> list[Solver]:
+    """The method; where the foundation holds the body at rest only, downhill, and once more with a load that grows."""
+    if problem.limit is None:
+        return [solver]
+    own = solver.downhill()
+    steps = from_rest and isinstance(own, NonsmoothNewton | NonsmoothMultigrid | FixedPoint)
+    return [own, LoadStepping(own)] if steps else [own]
 
 
 def _no_method(given: object) -> MethodError:
@@ -177,8 +198,12 @@ def _run(
         began = time.perf_counter()
         budget = Budget(controls.max_time)
         start = _start(system, solver, initial, budget)
+        apart = _apart(system, solver, start, controls, began) if isinstance(system, CondensedProblem) else None
     except MemoryError:
         raise shortage(problem, solver.condenses) from None
+    if apart is not None:
+        yield apart.history[-1]
+        return apart
     state, status, history = yield from steps(solver, system, start, controls, budget)
     solver.release(state)
     end = _End(solver, controls, state, status, history, time.perf_counter() - began)
@@ -192,6 +217,31 @@ def _run(
         return _solution(system, replace(end, status=Status.OUT_OF_MEMORY))
     except MemoryError:
         raise shortage(problem, solver.condenses) from None
+
+
+def _apart(system: CondensedProblem, solver: Solver, start: State, controls: Controls, began: float) -> Solution | None:
+    """The linear answer of a body that its load leaves so far from the foundation that the gap's rounding hides it."""
+    rounded = system.residual(start.r, start.lam)
+    if start.ended is not None or rounded.noise <= controls.rtol * rounded.scale:
+        return None
+    found = system.at_a_distance(system.start())
+    if found is None or not found[2].below(controls.atol, controls.rtol):
+        return None
+    unknowns, multiplier, reached = found
+    energy = system.problem.energy(unknowns)
+    progress = Progress(0, energy, reached.relative, 0, time.perf_counter() - began)
+    return Solution(
+        problem=system.problem,
+        unknowns=unknowns,
+        multiplier=multiplier,
+        status=Status.CONVERGED,
+        residual=reached,
+        method=solver.name,
+        steps=0,
+        evaluations=1,
+        history=(progress,),
+        timings={"condense": system.seconds, "iterate": time.perf_counter() - began, "recover": 0.0},
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,11 +279,15 @@ def _solution(system: PosedSystem, end: _End) -> Solution:
         },
         error_bound=state.error_bound,
         contraction=state.contraction,
+        fallbacks=state.fallbacks,
     )
 
 
 def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
-    """The method, inside a :class:`FixedPoint` where the law of the problem depends on the solution.
+    """The method, able to treat a law that depends on the solution if the problem has one.
+
+    :class:`NonsmoothNewton` becomes :class:`SemismoothNewton` where the bound has derivatives; every other method runs
+    inside a :class:`FixedPoint`.
 
     Parameters
     ----------
@@ -244,7 +298,10 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     -------
     Solver
     """
-    return FixedPoint(solver) if problem.law.state_dependent and not solver.handles_state else solver
+    if not problem.law.state_dependent or solver.handles_state:
+        return solver
+    follows = isinstance(solver, NonsmoothNewton) and solver.search is Search.GLOBAL and problem.law.follows_state
+    return SemismoothNewton(FixedPoint(solver)) if follows else FixedPoint(solver)
 
 
 def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:

@@ -19,6 +19,7 @@ class Status(Enum):
     NONFINITE = "nonfinite"
     NOT_CONTRACTING = "not_contracting"
     UNBOUNDED = "unbounded"
+    NOT_CARRIED = "not_carried"
     INTERRUPTED = "interrupted"
     OUT_OF_MEMORY = "out_of_memory"
 
@@ -44,6 +45,8 @@ _REMEDIES = {
     Status.NOT_CONTRACTING: "the outer fixed point does not contract: the bound reacts too strongly to the solution; "
     "take FixedPoint(relaxation=0.5) or smaller, or a finer load step",
     Status.UNBOUNDED: "the energy has no lower bound; the law does not hold the body against its load",
+    Status.NOT_CARRIED: "no equilibrium was found downhill from rest; the load may exceed what the foundation can "
+    "carry: try `hemivar path` (hemivar.follow_path), which finds the limit load",
     Status.INTERRUPTED: "the solve was interrupted; the best iterate so far is returned",
     Status.OUT_OF_MEMORY: "the memory gave out during a step; the best iterate so far is returned. Take the method "
     "multigrid, which needs no dense matrix, or fewer cells",

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
 import scipy.sparse as sp
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale, Residual, resting_multiplier
 from hemivar.laws import ContactLaw
@@ -254,7 +254,7 @@ class Body(ABC):
         return self.law.frozen(self.local(x), lam)
 
     def multiplier(self, x: Array, force: Array | None = None) -> Array:
-        """Pressure and friction in equilibrium with ``x``; on fixed components the smallest that the law allows."""
+        """The multiplier in equilibrium with ``x``; on fixed components the smallest that the law allows."""
         force = self.force(x) if force is None else force
         lam = self.spread(force[self.unknown]) / self.weights[:, None]
         if not self.active.all():

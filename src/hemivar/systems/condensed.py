@@ -6,12 +6,12 @@ import copy
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.arrays import norm, real_array
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.hold import Growth, growth_along
@@ -234,7 +234,7 @@ class CondensedProblem(Portable):
         return (self.force - self.matrix @ r.ravel()).reshape(self.shape)
 
     def multiplier(self, r: Array) -> Array:
-        """Pressure and friction in equilibrium with ``r``; on fixed components the smallest that the law allows."""
+        """The multiplier in equilibrium with ``r``; on fixed components the smallest that the law allows."""
         lam = self.out_of_balance(r) / self.weights[:, None]
         if not self.active.all():
             reaction = self.law_at(r, lam).nearest_multiplier(r, np.zeros(self.shape))
@@ -333,15 +333,45 @@ class CondensedProblem(Portable):
         With its residual for the multiplier of the law, which must not depend on r there.  None where no gap is that
         large, or where the points are not held.
         """
-        offset = self.problem.contact.offset.ravel().reshape(self.shape)
+        offset = self.problem.contact.offset.reshape(self.shape)
         moved = float(np.abs(r + offset)[self.active].max(initial=0.0))
-        far = self.active & (np.abs(offset) > _FAR * moved)
-        if moved == 0.0 or not far.any():
+        if moved == 0.0:
+            return None
+        found = self._apart(u, r, lam, self.active & (np.abs(offset) > _FAR * moved))
+        return None if found is None else (found[0], self._residuals(found[0], [found[1]])[0])
+
+    def at_a_distance(self, r: Array) -> tuple[Array, Array, Residual] | None:
+        """The answer where the body stays so far from its foundation that u is lost in the rounding of ``B u - g``.
+
+        ``r (m, d)`` are the local displacements of a body that has not moved.  No contact point comes to another piece
+        of its law then, so that the answer is that of linear equations in u.
+
+        Returns
+        -------
+        (u, multiplier, residual) or None
+            Displacement (n,) and multiplier (m, d); None where a point is not free to move in the law's own direction.
+        """
+        offset = self.problem.contact.offset.reshape(self.shape)
+        found = self._apart(self._recovery(r), r, self.multiplier(r), self.active & (offset != 0.0))
+        if found is None:
+            return None
+        u, lam, held = found
+        taken = np.asarray(self.body.spread.T @ self._out_of_balance(u, lam)[self.body.kept]).reshape(self.shape)
+        lam = np.where(held, lam + taken / self.weights[:, None], lam)
+        return u, lam, self._residuals(u, [lam])[0]
+
+    def _apart(self, u: Array, r: Array, lam: Array, far: BoolArray) -> tuple[Array, Array, BoolArray] | None:
+        """``u`` with balance in all components on which the law does not depend, if ``far`` ones are among them.
+
+        With the multiplier of the law, and the active components (m, d) that are held at a kink.
+        """
+        if not far.any():
             return None
         law = self.law_at(r, lam)
         lam = np.where(self.active, law.nearest_multiplier(r, lam), lam)
         smooth = law.linearise(r)
         flat = smooth.smooth[:, [0] + [1] * (self.shape[1] - 1)]
+        held = self.active & ~flat
         flat &= np.abs(smooth.hessian).sum(axis=2) == 0.0
         free = np.flatnonzero((self.active & flat).ravel())
         if not far.ravel()[free].any():
@@ -355,8 +385,7 @@ class CondensedProblem(Portable):
             return None
         change = np.zeros(self.active.size)
         change[free] = la.cho_solve(factor, np.asarray(body.spread.T @ reduced)[free])
-        u = u + inner + self._recovery.linear(change)
-        return u, self._residuals(u, [lam])[0]
+        return u + inner + self._recovery.linear(change), lam, held
 
 
 def condense(problem: Posable, many: bool = False) -> CondensedProblem:

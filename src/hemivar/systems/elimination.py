@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import without_zeros
 from hemivar.discrete.problem import DiscreteProblem
@@ -198,7 +198,8 @@ class Elimination:
         components, raised by its tolerance; inf where the body is not held, or an alpha is infinite."""
         alpha = np.empty(self.active.shape)
         alpha[:, 0], alpha[:, 1:] = normal, np.asarray(tangential)[:, None]
-        if not np.isfinite(alpha[self.active]).all():
+        rigid = self.free_unknowns is not None and self.free_unknowns.shape[1] > 0
+        if rigid or not np.isfinite(alpha[self.active]).all():
             return math.inf
         try:
             free, factor = self._factor_of_matrix

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import TypeVar, cast
@@ -11,6 +10,7 @@ from typing import TypeVar, cast
 import numpy as np
 
 from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.first_use import Lock
 from hemivar.basics.types import AnyArray
 from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.systems.condensed import CondensedProblem, condense
@@ -40,7 +40,7 @@ class Workspace:
 
     def __init__(self, bodies: int = 8) -> None:
         self._bodies = whole_number(bodies, "bodies of a workspace", 1)
-        self._lock = threading.Lock()
+        self._lock = Lock()
         self._shelves: OrderedDict[tuple[int, ...], _Shelf] = OrderedDict()
         self._contents: OrderedDict[bytes, _Shelf] = OrderedDict()
 
@@ -87,7 +87,7 @@ class Workspace:
         """
         shelf = self._shelf(problem)
         with self._lock:
-            lock = shelf.locks.setdefault(what, threading.RLock())
+            lock = shelf.locks.setdefault(what, Lock())
         with lock:
             if what not in shelf.things:
                 shelf.things[what] = make()
@@ -116,7 +116,7 @@ class Workspace:
             self._contents.move_to_end(key)
             while len(self._contents) > _KINDS * self._bodies:
                 self._contents.popitem(last=False)
-            lock = shelf.locks.setdefault(what, threading.RLock())
+            lock = shelf.locks.setdefault(what, Lock())
         with lock:
             if what not in shelf.things:
                 shelf.things[what] = make()
@@ -162,4 +162,4 @@ class _Shelf:
         self.body = body
         self.unknowns = unknowns
         self.things: dict[str, object] = {}
-        self.locks: dict[str, threading.RLock] = {}
+        self.locks: dict[str, Lock] = {}

@@ -10,6 +10,7 @@ import time
 from collections.abc import Generator
 from dataclasses import dataclass
 
+from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.machine import cores, import_fails, system
 from hemivar.basics.memory import available_bytes
 from hemivar.workflows.events import Stage
@@ -127,7 +128,8 @@ def diagnose(*, limit: float = 30.0) -> Generator[Stage, bool | None, Diagnosis]
     Stage
         What is looked at; the generator returns a :class:`Diagnosis`.
     """
-    from hemivar import __version__
+    with IMPORTS:
+        from hemivar import __version__
 
     required = tuple(Part(name, _version(name), "needed", *_absent(name, module)) for name, module in _REQUIRED)
     optional = []
@@ -179,7 +181,8 @@ def _absent(package: str, module: str) -> tuple[str, str | None]:
 
 
 def _threads() -> tuple[tuple[str, int], ...]:
-    from threadpoolctl import threadpool_info
+    with IMPORTS:
+        from threadpoolctl import threadpool_info
 
     return tuple(
         (f"{pool.get('internal_api', '?')} {pool.get('version') or ''}".strip(), int(pool["num_threads"]))
@@ -190,9 +193,10 @@ def _threads() -> tuple[tuple[str, int], ...]:
 
 def _tried() -> tuple[float | None, str | None]:
     """Seconds to solve and certify the survey's body, or why that fails."""
-    from hemivar.certify import certify
-    from hemivar.gallery import survey
-    from hemivar.solvers import Status, solve
+    with IMPORTS:
+        from hemivar.certify import certify
+        from hemivar.gallery import survey
+        from hemivar.solvers import Status, solve
 
     before = time.perf_counter()
     try:

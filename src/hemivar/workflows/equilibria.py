@@ -34,7 +34,7 @@ def solutions(problem: Posable, options: SolutionsOptions | None = None) -> Work
     """
     options = SolutionsOptions() if options is None else options
     problem = posed(problem, "solutions")
-    for warning in problem.warnings:
+    for warning in problem.notes:
         yield Warned(warning)
     found = yield from finding(problem, options)
     for solution in found:
@@ -64,6 +64,6 @@ def path(problem: Posable, options: PathOptions | None = None) -> Work[Path]:
     """
     options = PathOptions() if options is None else options
     line = LoadLine.of(problem) if isinstance(problem, Statement) else LoadLine(posed(problem, "path"))
-    for warning in line.loaded.warnings:
+    for warning in line.loaded.notes:
         yield Warned(warning)
     return (yield from following(line.loaded, options, unloaded=line.unloaded))

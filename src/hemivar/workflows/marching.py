@@ -237,7 +237,7 @@ def march(evolution: Evolution | DiscreteEvolution, plan: March, tools: Tools | 
     """
     refuse_plan(evolution if isinstance(evolution, Evolution) else evolution.evolution, plan)
     discrete = discretize_evolution(evolution) if isinstance(evolution, Evolution) else evolution
-    for warning in discrete.problem.warnings:
+    for warning in discrete.problem.notes:
         yield Warned(warning)
     yield Ready(discrete)
     work = marching(discrete, plan, tools=tools)

@@ -98,7 +98,7 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
     options = RunOptions() if options is None else options
     known = Workspace() if workspace is None else workspace
     problems = [posed(given, "run") for given in (*options.coarser, problem)]
-    for warning in problems[-1].warnings:
+    for warning in problems[-1].notes:
         yield Warned(warning)
     solution = yield from solved(problems, options.solver, options.controls, known)
     complaint, interrupted, certificate = "", solution.status is Status.INTERRUPTED, None

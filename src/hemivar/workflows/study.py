@@ -9,7 +9,6 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -18,6 +17,7 @@ import numpy as np
 from hemivar.basics.arguments import described, expect, whole_number
 from hemivar.basics.content import content
 from hemivar.basics.display import Displayed, brief
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.processes import results
@@ -359,7 +359,7 @@ def _levels(
 
 def _opening(discrete: DiscreteProblem, options: StudyOptions) -> Work[None]:
     """What is told before the first mesh."""
-    for warning in discrete.warnings:
+    for warning in discrete.notes:
         yield Warned(warning)
     if options.solver is not None:
         yield Chosen(options.solver, "")

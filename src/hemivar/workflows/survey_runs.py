@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from hemivar.adapt import exact_distance
 from hemivar.adapt.trace_bounds import TraceBounds, guaranteed_trace_bounds
 from hemivar.basics.display import brief
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError

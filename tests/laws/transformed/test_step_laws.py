@@ -13,6 +13,7 @@ from hemivar.laws import (
     Bilateral,
     Capped,
     Compliance,
+    FormulaLaw,
     NoContact,
     PiecewiseQuadratic,
     Signorini,
@@ -22,6 +23,7 @@ from hemivar.laws import (
     affine,
     bonded,
     envelope,
+    plus,
     pushing,
     secant,
     slipped,
@@ -144,6 +146,26 @@ def test_secant_by_its_definition() -> None:
     assert secant(law, 0.7).weak_convexity[0] == 0.0  # broken: nothing is left to fall
     brittle = secant(Adhesive(5.0, 1.0), 0.2)  # as far as its strength, and not farther: it holds
     assert brittle.derivative(np.array([-0.1]))[0] == pytest.approx(-0.5)
+
+
+def test_a_secant_does_not_leave_rounding_as_a_jump_at_zero() -> None:
+    """Broken glue on springs is convex, whatever rounding its softening has left at zero; a drop stays one."""
+    rng = np.random.default_rng(0)
+    for k, s, soft, d in rng.uniform([0.1, 0.5, 0.1, 0.001], [100.0, 100.0, 50.0, 1.0], (1500, 4)).tolist():
+        end = d + k * d / soft  # where the glue, softening from its strength k d at the opening d, has broken
+        glue = PiecewiseQuadratic([-end, -d, 0.0], [0.0, -soft, k, 0.0], [0.0, 0.0, 0.0], start=0.0)
+        springs = PiecewiseQuadratic([0.0], [s, s], [0.0])
+        for made in (plus(secant(glue, 1.5 * end), springs), secant(plus(glue, springs), end)):
+            assert made.weak_convexity[0] == 0.0
+            r = np.linspace(-0.9 * end, 0.0, 7)
+            np.testing.assert_allclose(made.derivative(r), s * r, atol=1e-12 * (k * d + s * end))
+    drop = PiecewiseQuadratic([-1.0, 0.0], [0.0, 1.0, 2.0], [-1.0, -1e-9], start=0.0)
+    assert secant(drop, 0.5).weak_convexity[0] == np.inf
+    rigid = secant(plus(Adhesive(5.0, 1.0), Signorini()), 0.1)
+    assert rigid.subdifferential(np.zeros(1)).upper[0] == np.inf
+    assert rigid.kinks()[rigid.knots == 0.0].all()
+    smooth = FormulaLaw("5*(r + 0.1 + 0.2)^2 - 3.0000000000000009*r")
+    assert secant(smooth, 0.2).weak_convexity[0] == 0.0
 
 
 def test_a_secant_ends_on_the_law_without_a_kink_of_rounding() -> None:

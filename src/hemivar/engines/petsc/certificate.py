@@ -135,7 +135,7 @@ def _certified(solution: DistributedSolution, tolerance: float, alarm: Alarm) ->
         smallness=smallness,
         method=method,
         seconds=time.perf_counter() - began,
-        warnings=body.warnings,
+        warnings=solution.warnings,
         left_out=tuple(left_out),
     )
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray, Record
 from hemivar.discrete.residual import Residual
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
+from hemivar.fem import Deformation, deformation
 from hemivar.solvers import ContactState, Controls, FixedPoint, NonsmoothMultigrid, Progress, Solver, Status
 from hemivar.solvers.base import State
 from hemivar.solvers.loop import Watch, contact_states, finish, iterate
@@ -38,7 +39,8 @@ class DistributedSolution:
     x : array (n,)
         Displacement in the unknowns of ``body``.
     multiplier : array (m, d)
-        Pressure and friction at the contact points of this rank.
+        Force per area of the body on the foundation at the contact points of this rank: pressure (column 0), and minus
+        the friction.
     status : Status
     residual : Residual
         Of the whole problem.
@@ -78,6 +80,18 @@ class DistributedSolution:
         return self.body.displacement(self.x)
 
     @cached_property
+    def deformation(self) -> Deformation:
+        """Largest strain and rotation of the whole body; all ranks ask for it together."""
+        own, ranks = deformation(self.body.piece.mesh, self.displacement), self.body.ranks
+        return Deformation(*ranks.largest(own.strain, own.rotation), *ranks.total(own.volume, own.whole))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """As :attr:`hemivar.Solution.warnings`; all ranks ask for them together."""
+        strained = self.deformation.warning
+        return self.body.warnings if strained is None else (*self.body.warnings, strained)
+
+    @cached_property
     def state(self) -> IntArray:
         """A :class:`ContactState` for each contact point of this rank."""
         return contact_states(self.body, self.x, self.multiplier)
@@ -86,7 +100,8 @@ class DistributedSolution:
     def sums(self) -> Record:
         """Resultants and extremes of the whole contact boundary.
 
-        Keys ``normal_force``, ``friction_force`` (d - 1,), ``force`` (d,), ``contact_length``, ``whole_length``,
+        Keys ``normal_force``, ``friction_force`` (d - 1,) and ``force`` (d,) of the foundation on the body,
+        ``contact_length``, ``whole_length``,
         ``counts`` (of each :class:`ContactState`), ``max_penetration``, ``max_pressure``.
         """
         body, w, lam = self.body, self.body.weights, self.multiplier
@@ -102,7 +117,7 @@ class DistributedSolution:
         )
         top = body.ranks.largest(self.local[:, 0].max(initial=-np.inf), lam[:, 0].max(initial=-np.inf))
         return {
-            "normal_force": float(total[0]), "friction_force": total[1:d], "force": total[d : 2 * d],
+            "normal_force": float(total[0]), "friction_force": 0.0 - total[1:d], "force": total[d : 2 * d],
             "contact_length": float(total[2 * d]), "whole_length": float(total[2 * d + 1]),
             "counts": {kind: int(c) for kind, c in zip(ContactState, total[2 * d + 2 :], strict=True)},
             "max_penetration": float(top[0]), "max_pressure": float(top[1]),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +51,24 @@ class StateBound(Portable, ABC):
         """Whether that constant comes from samples, or from some penetrations only, so that it may be too small."""
         return False
 
+    @property
+    def differentiable(self) -> bool:
+        """Whether :meth:`slopes` answers: the bound does not jump, and its derivatives are known.
+
+        Then Newton's equation contains the bound; else the bound is frozen, in a fixed point.
+        """
+        return False
+
+    def slopes(self, penetration: Array, pressure: Array) -> tuple[Array, Array]:
+        """Derivatives of the bound in penetration and pressure, (m,) each; at a kink those of one side.
+
+        Raises
+        ------
+        ProblemError
+            The bound is not :attr:`differentiable`.
+        """
+        raise _no_slopes()
+
 
 @dataclass(frozen=True, eq=False)
 class CoulombBound(StateBound):
@@ -80,6 +98,13 @@ class CoulombBound(StateBound):
     @property
     def lipschitz(self) -> Array:
         return np.where(self._coefficient(None) > 0.0, np.inf, 0.0)
+
+    @property
+    def differentiable(self) -> bool:
+        return True
+
+    def slopes(self, penetration: Array, pressure: Array) -> tuple[Array, Array]:
+        return np.zeros(np.shape(pressure)), np.where(pressure > 0.0, self._coefficient(None), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +235,41 @@ class PenetrationBound(StateBound):
     def lipschitz_sampled(self) -> bool:
         return self._sampled
 
+    @property
+    def differentiable(self) -> bool:
+        """Whether it is a table or a formula, and has a Lipschitz constant."""
+        known = not callable(self.source) or isinstance(self.source, ScalarFormula)
+        return known and self._lipschitz < np.inf
+
+    @cached_property
+    def _pieces(self) -> tuple[Array, list[Callable[[Array], Array]]]:
+        """Where the derivative may jump, and the derivative on each piece between these places."""
+        if isinstance(self.source, ScalarFormula):
+            places, _ = self.source.switches(self.reach)
+            ends = np.concatenate([[-2.0 * WIDE * self.reach], places, [2.0 * WIDE * self.reach]])
+            branches = self.source.branches(0.5 * (ends[1:] + ends[:-1]))
+            return places, [branch.derivative() for branch in branches]
+        if callable(self.source):
+            raise _no_slopes()
+        s, bound = (np.asarray(column, dtype=float) for column in self.source)
+        with np.errstate(invalid="ignore"):  # of a row that is given twice, which no penetration lies on
+            rates = [0.0, *(np.diff(bound) / np.diff(s)), 0.0]
+        return s, [partial(np.full_like, fill_value=rate) for rate in rates]
+
+    def slopes(self, penetration: Array, pressure: Array) -> tuple[Array, Array]:
+        s = np.asarray(penetration, dtype=float)
+        places, rates = self._pieces
+        piece, out = np.searchsorted(places, s), np.zeros(s.shape)
+        for number in np.unique(piece).tolist():
+            here = piece == number
+            out[here] = rates[number](s[here])
+        cut = (s < 0.0) & (self.value(s, s) == 0.0)  # negative values count as zero there
+        return np.where(cut, 0.0, out), np.zeros(s.shape)
+
+
+def _no_slopes() -> ProblemError:
+    return ProblemError("the derivatives of the friction bound are not known; take FixedPoint(inner=...)")
+
 
 def _check_rows(s: Array, bound: Array) -> None:
     """Refuse a table at its first bad row."""
@@ -288,6 +348,13 @@ class _PlainBound(StateBound):
     def lipschitz(self) -> Array:
         return np.zeros(1)
 
+    @property
+    def differentiable(self) -> bool:
+        return True
+
+    def slopes(self, penetration: Array, pressure: Array) -> tuple[Array, Array]:
+        return np.zeros(np.shape(penetration)), np.zeros(np.shape(penetration))
+
 
 @dataclass(frozen=True, eq=False)
 class StackedBound(StateBound):
@@ -319,6 +386,16 @@ class StackedBound(StateBound):
         for part, index in zip(self.parts, self.indices, strict=True):
             out[index] = part.value(penetration[index], pressure[index])
         return out
+
+    @property
+    def differentiable(self) -> bool:
+        return all(part.differentiable for part in self.parts)
+
+    def slopes(self, penetration: Array, pressure: Array) -> tuple[Array, Array]:
+        out = np.empty((2, self._count))
+        for part, index in zip(self.parts, self.indices, strict=True):
+            out[:, index] = part.slopes(penetration[index], pressure[index])
+        return out[0], out[1]
 
     @property
     def lipschitz_sampled(self) -> bool:

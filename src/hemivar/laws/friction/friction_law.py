@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 from weakref import WeakSet
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray, Parameter
 from hemivar.errors import ProblemError
@@ -77,6 +77,11 @@ class Friction(Portable):
         else:
             bound = evaluate(self.bound, points, f"bound of friction law '{self.name}'", 0.0)
         return replace(self, bound=bound, profile=self.profile.at(points))
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is friction: a bound that is not the number zero, or zeros alone."""
+        return not isinstance(self.bound, int | float | np.ndarray) or bool(np.any(self.bound))
 
     @property
     def state_dependent(self) -> bool:

@@ -12,12 +12,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from types import MappingProxyType
 from typing import ClassVar, Self
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError

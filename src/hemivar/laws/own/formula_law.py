@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
-from hemivar.formula.smooth import SmoothFormula, Supremum, supremum_of_pieces
+from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
 from hemivar.laws.own.own_law import OwnLaw, Piece, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
 
@@ -20,8 +20,13 @@ __all__ = ["FormulaLaw"]
 
 #: Kinks and turns of the curvature that a formula may have.
 _MOST_KNOTS = 1000
-#: Turns from which on it is made sure that a finer look finds no more.
-_MANY_TURNS = 50
+#: Turns nearer to zero than this part of the reach are told apart as if they were as far.
+_FINEST = 1e-6
+#: Turns nearer to zero than this part of the reach lie at zero.
+_ZERO = 1e-18
+#: Turns in a decade beyond the reach, and work on it, up to which they are taken.
+_FEW_FAR = 20
+_FAR_WORK = 2e6
 _EVERYWHERE = " for every r (use piecewise, max(r, 0) or abs(r))"
 
 
@@ -70,6 +75,7 @@ class _FormulaLaw(OwnLaw):
         count = int(np.clip(40_000 // len(branches), 60, 1000))
         knots = [switches, np.array([k for k in map(float, self.kinks_at) if k > 0.0 or not self.even])]
         plain: dict[int, Piece] = {}
+        sure, seen = True, 0.0
         for node in dict.fromkeys(branch.node for branch in branches):
             here = [i for i, branch in enumerate(branches) if branch.node == node]
             smooth = branches[here[0]]
@@ -87,14 +93,10 @@ class _FormulaLaw(OwnLaw):
                         f"{what}{shown} is not finite at r = {at[np.argmax(bad)]:.4g}; give a formula"
                         + (" that is finite for every r >= 0" if self.even else _EVERYWHERE)
                     )
-            turns = _turns(bend.derivative(), inside)
-            if turns.size > _MANY_TURNS:
-                finer = [self._inside(a, b, 2 * count) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
-                if abs(_turns(bend.derivative(), finer).size - turns.size) > 0.02 * turns.size:
-                    raise ProblemError(
-                        f"the curvature of {shown} turns round too often up to the reach {self.reach:g} for every turn "
-                        f"to be found; take a smaller reach, or give a table"
-                    )
+            turns, complete = self._turns(bend.derivative(), low, high)
+            sure &= complete
+            bends = np.abs(bend(np.concatenate([places, turns])))
+            seen = max(seen, float(bends[np.isfinite(bends)].max(initial=0.0)))
             knots.append(turns)
         check_joined(shown, switches, [plain[branch.node] for branch in branches], self.reach)
         table = np.unique(np.concatenate(knots))
@@ -104,10 +106,29 @@ class _FormulaLaw(OwnLaw):
                 f"{_MOST_KNOTS} are allowed: take a smaller reach, or give a table"
             )
         self._check_slopes()
+        if not sure:
+            self._check_width(seen)
         low = np.concatenate([[self._start], table])
         high = np.concatenate([table, [np.inf]])
         middle = [middle_of(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
         return table, tuple(plain[branches[i].node] for i in np.searchsorted(switches, middle).tolist())
+
+    def _turns(self, third: SmoothFormula, low: Array, high: Array) -> tuple[Array, bool]:
+        """Where a curvature turns round in the intervals ``[low, high]``: the zeros of its derivative; whether all.
+
+        Beyond the reach they are found as far as there are few.
+        """
+        if third.constant:
+            return np.zeros(0), True
+        ends = np.concatenate([low, high])
+        reach = 1.5 * max(self.reach, 2.0 * float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)))
+        inside = graded(np.clip(low, -reach, reach), np.clip(high, -reach, reach))
+        third.graph.work = 0.0
+        found, rest = third.isolated(*inside, _FINEST * reach)
+        sides = [sign for sign, far in ((-1.0, low), (1.0, high)) if np.isinf(far).any()]
+        taken = [found, third.sign_changes(*rest), *_beyond(third, reach, sides)]
+        turns = np.concatenate(taken)
+        return np.where(np.abs(turns) > _ZERO * reach, turns, 0.0), not rest[0].size
 
     def _supremum(self, order: int, sign: float, far: bool, slack: float = 0.0) -> Supremum:
         """Enclosed supremum of ``sign`` times a derivative over all pieces, within the reach or also far away."""
@@ -117,6 +138,16 @@ class _FormulaLaw(OwnLaw):
             most = max(self.reach, 2.0 * float(np.abs(switches).max(initial=0.0)))
             ends = np.clip(ends, -most, most)
         return supremum_of_pieces(branches, ends, self.reach, order=order, sign=sign, slack=slack)
+
+    def _check_width(self, seen: float) -> None:
+        """Refuse a curvature that is much larger at some place than at its turns and all places that were looked at."""
+        for sign in (1.0, -1.0):
+            found = self._supremum(2, sign, far=False, slack=seen)
+            if found.seen > 2.0 * seen:
+                raise ProblemError(
+                    f"the curvature of {self._formula.shown} turns round at r = {found.place:.6g} within a length that "
+                    f"is too narrow for the reach {self.reach:g}; take a smaller reach, or a kink in place of the turn"
+                )
 
     def _check_slopes(self) -> None:
         """Refuse a derivative that grows without bound at some place within the reach."""
@@ -183,22 +214,24 @@ class _FormulaLaw(OwnLaw):
         return self._growth_and_doubt[1]
 
 
-def _turns(third: SmoothFormula, inside: Sequence[Array]) -> Array:
-    """Where a curvature turns round: sign changes of its derivative between the places inside each piece."""
-    if third.constant:
-        return np.zeros(0)
-    places = np.concatenate(inside)
-    piece = np.repeat(np.arange(len(inside)), [at.size for at in inside])
-    values = third(places)
-    values = np.where(np.isfinite(values), values, 0.0)
-    values[np.abs(values) < 1e-10 * np.abs(values).max(initial=0.0)] = 0.0
-    nonzero = np.flatnonzero(values)
-    first, last = nonzero[:-1], nonzero[1:]
-    turns = (piece[first] == piece[last]) & (values[first] * values[last] < 0.0)
-    if np.count_nonzero(turns) > _MOST_KNOTS:
-        return np.asarray(places[first[turns]])
-    found = third.crossings(places[first[turns]], places[last[turns]])
-    return np.where(np.abs(found) > 1e-12 * float(np.abs(places).max()), found, 0.0)
+def _beyond(third: SmoothFormula, reach: float, sides: Sequence[float]) -> list[Array]:
+    """Zeros beyond the reach, to the left (-1) or to the right (1): decade by decade, as far as they are few."""
+    if not sides:
+        return []
+    outer = reach * 10.0 ** np.arange(np.log10(WIDE) + 1.0)
+    first = np.concatenate([sign * outer[:-1] for sign in sides])
+    last = np.concatenate([sign * outer[1:] for sign in sides])
+    third.graph.work = 0.0
+    found, rest = third.isolated(np.minimum(first, last), np.maximum(first, last), reach, _FAR_WORK)
+    taken = []
+    for sign in sides:
+        for start, end in itertools.pairwise(outer.tolist()):
+            here = found[(sign * found > start) & (sign * found <= end)]
+            open_ = (np.abs(rest[0] + rest[1]) < 2.0 * end) & (sign * (rest[0] + rest[1]) > 2.0 * start)
+            if here.size > _FEW_FAR or open_.any():
+                break
+            taken.append(here)
+    return taken
 
 
 def FormulaLaw(  # noqa: N802 - a law, named as the others are
@@ -212,9 +245,11 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
 ) -> Superpotential:
     """A law whose potential is a formula in the variable r, such as ``"7/10*abs(r) - 3/10*exp(-abs(r))"``.
 
-    Derivatives are symbolic. Kinks are found from abs, min, max and the conditions of piecewise; alpha and the
-    growth constants by sampling ``[-reach, reach]`` and some places beyond. The formula may have any value at
-    r = 0; it is shifted to j(0) = 0.
+    Derivatives are symbolic. Kinks are found from abs, min, max and the conditions of piecewise. The turns of the
+    curvature, which separate its pieces, are the zeros of the third derivative: they are isolated by interval
+    arithmetic, whatever the width of the law, within the reach and beyond it where they are few. Alpha and the growth
+    constants are enclosed, or sampled over ``[-reach, reach]`` and some places beyond. The formula may have any value
+    at r = 0; it is shifted to j(0) = 0.
 
     Parameters
     ----------
@@ -238,6 +273,7 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
     Raises
     ------
     ProblemError
-        If the text is not a formula (with the character), is not finite somewhere, or not continuous.
+        If the text is not a formula (with the character), is not finite somewhere, not continuous, or turns too often
+        or within too short a length for its reach.
     """
     return _FormulaLaw(text, tuple(kinks), reach, even, name, where)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
@@ -96,7 +96,22 @@ def _secant_table(law: PiecewiseQuadratic, opening: Array, stiffness: Array, nam
     inside = (knots > -wide) & (knots < 0.0)  # at -D itself the secant ends on the law: no kink by rounding there
     above = np.where(inside, steep * knots, above)
     below = np.where((knots > -wide) & (knots <= 0.0), steep * knots, below)
+    steepest = np.maximum(np.abs(law.slopes[:, :-1]), np.abs(law.slopes[:, 1:]))
+    more = np.where(np.abs(law.breakpoints) <= wide, steepest * np.abs(law.breakpoints), 0.0)
+    above = np.where((knots == 0.0) & _rounding(law, above - below, wide, more), below, above)
     return table(places, slopes, below, above, (np.asarray(law.lower), np.asarray(law.upper)), name)
+
+
+def _rounding(law: Superpotential, jump: Array, wide: Array, more: Array) -> BoolArray:
+    """Whether jumps (m, n) of j' at zero are what rounding makes of the forces of the law up to the opening ``wide``.
+
+    ``more (m, 1 or K)`` are other forces that are rounded.
+    """
+    opened = (law.knots <= 0.0) & (law.knots >= -wide)
+    left, right = (np.where(opened & np.isfinite(side), np.abs(side), 0.0) for side in law.knot_slopes())
+    size = np.max(np.maximum(left, right), axis=-1, keepdims=True)
+    size = np.maximum(size, np.max(more, axis=-1, keepdims=True))
+    return np.asarray(np.abs(jump) <= 8.0 * np.finfo(float).eps * size)
 
 
 def _one_sided(law: PiecewiseQuadratic, knots: Array, before: IntArray, after: IntArray) -> tuple[Array, Array]:
@@ -172,6 +187,11 @@ class SecantLaw(LawOfOne):
             right[:, i] = np.where(here & (after >= 0), pick(base_right, at), right[:, i])
             joined = (knots[:, i] == -self.opening) & ~here  # no kink by rounding where the secant ends
             left[:, i] = np.where(joined, right[:, i], left[:, i])
+            ends = (knots[:, i] == 0.0) & (before < 0)
+            jump = (right[:, i] - left[:, i])[:, None]
+            force = (self.stiffness * self.opening)[:, None]
+            rounding = _rounding(self.base, jump, self.opening[:, None], force)[:, 0]
+            right[:, i] = np.where(ends & rounding, left[:, i], right[:, i])
         return left, right
 
     def knot_slopes(self) -> tuple[Array, Array]:

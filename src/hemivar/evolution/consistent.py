@@ -1,0 +1,169 @@
+"""The equilibrium in which a body without mass begins, and goes on where a load jumps."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.errors import ProblemError
+from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.jumps import Jump
+from hemivar.evolution.ledger import Ledger
+from hemivar.evolution.moment import Moment, Motion
+from hemivar.fem.assembly import quadrature_rule, region_masks
+from hemivar.mechanics.per_volume import at_place
+from hemivar.mechanics.scalar import ScalarProblem
+
+__all__ = ["begun", "longest_without_swing", "ramped", "settled", "sunk_by_a_jump", "yields_at_once"]
+
+#: Part of the next step in which a body yields at once: what is viscous stays where it is.
+_AT_ONCE = 1e-8
+#: Viscosity below this part of its largest one resists nothing.
+_NONE = 1e-12
+#: Part of gaps by which a point that touches may be deep by rounding.
+_TOUCHES = 1e-9
+
+
+def yields_at_once(discrete: DiscreteEvolution) -> bool:
+    """Whether a part of a body has neither mass nor viscosity, so that its displacement is no initial value."""
+    if discrete.mass is not None or discrete.stores:
+        return False
+    return discrete.viscosity is None or not _viscous_everywhere(discrete)
+
+
+def settled(advance: Advance, moment: Moment, step: float, jump: Jump, start: Acting, now: Acting) -> Taken:
+    """The equilibrium with what acts now: parts without viscosity yield at once, branches and memories with them.
+
+    A very short step of implicit Euler, in which viscosity resists whatever moves.  Where several equilibria exist it
+    goes downhill from where the body is, unless ``jump`` says otherwise.
+
+    Parameters
+    ----------
+    advance : Advance
+    moment : Moment
+        Of a body that :func:`yields_at_once`.
+    step : float
+        Length of the next step.
+    jump : Jump
+    start, now : Acting
+        What acted before, and what acts now.
+    """
+    chosen = jump if jump.follows or jump is Jump.GLOBAL else Jump.LOCAL
+    taken = advance.at_once(moment, _AT_ONCE * step, start, now, chosen)
+    still = [np.zeros_like(place) for place in (taken.moment.body.place, taken.moment.local.place)]
+    rest = replace(
+        taken.moment,
+        index=moment.index,
+        body=Motion(taken.moment.body.place, still[0], still[0]),
+        local=Motion(taken.moment.local.place, still[1], still[1]),
+        stretching=None,
+    )
+    return replace(taken, moment=rest)
+
+
+def begun(moment: Moment) -> Moment:
+    """A moment with which the balance of energy begins."""
+    ledger = moment.ledger
+    names = ("elastic", "branches", "contact", "kinetic")
+    return replace(moment, ledger=Ledger(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
+
+
+def ramped(discrete: DiscreteEvolution, taken: Taken, start: Acting, now: Acting) -> Taken:
+    """What :func:`settled` found, with the work of loads and supports that change quickly, but not at once.
+
+    What acts after a jump does more work on the way than what grows to it; the difference is what implicit Euler loses.
+    Of loads it is half of their change on the way, as for a linear body, where supports or gaps jump as well.
+    """
+    before, ledger = taken.before.ledger, taken.moment.ledger
+    lost = ledger.numerical - before.numerical
+    still = np.array_equal(start.prescribed, now.prescribed) and np.array_equal(start.offset, now.offset)
+    way = taken.moment.body.place - taken.before.body.place
+    half = float(discrete.vectors.total(0.5 * float((now.load - start.load) @ way))[0])
+    work = half if discrete.vectors.largest(float(not still))[0] else lost
+    ledger = replace(ledger, numerical=before.numerical, work=ledger.work - work, moved=ledger.moved - (lost - work))
+    return replace(taken, moment=replace(taken.moment, ledger=ledger))
+
+
+def sunk_by_a_jump(advance: Advance, taken: Taken) -> tuple[float, float]:
+    """How far gaps jump towards the body in a step under a law of impact, and how deep points then are in the obstacle.
+
+    Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
+    as much as in the steps beside it, as long as this one.
+
+    Parameters
+    ----------
+    advance : Advance
+    taken : Taken
+
+    Returns
+    -------
+    jump, depth : float
+        Zero where there is none.
+    """
+    discrete, step = advance.discrete, taken.step
+    if taken.stages[0].rule.restitution is None or not discrete.evolution.problem.time_dependent & {"gap", "supports"}:
+        return 0.0, 0.0
+    start, end = taken.before.time, taken.moment.time
+    ends = [advance.acting(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
+    try:
+        ends.append(advance.acting(end + step).offset[:, 0])
+    except ProblemError:  # what depends on time makes no sense any more then
+        ends.append(ends[-1])
+    before, came, after = (early - late for early, late in itertools.pairwise(ends))
+    depth = taken.moment.local.place[:, 0]
+    jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > _TOUCHES * np.abs(ends[2]).max(initial=0.0))
+    jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
+    jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
+    return jump, deepest
+
+
+def longest_without_swing(advance: Advance, taken: Taken) -> float:
+    """Length from which a step like this one, of a body without mass, ends beyond the equilibrium that it goes to.
+
+    A scheme whose law holds in the middle of a step ends it twice as far as there.  Of the force F that is out of
+    balance, the work on the way falls from F0 at the beginning to F1 in the middle, and is negative at the end where
+    ``F0 > 2 F1``: with ``F0 = (1 + z/2) F1``, z the step in units of the retardation time, from z = 2 on.
+
+    Parameters
+    ----------
+    advance : Advance
+    taken : Taken
+
+    Returns
+    -------
+    float
+        inf where nothing is out of balance, or the scheme is another.
+    """
+    discrete, before, stage = advance.discrete, taken.before, taken.stages[0]
+    if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
+        return np.inf
+    n, way = discrete.unknowns, taken.moment.body.place - before.body.place
+    force = advance.acting_after(before.time).load - discrete.stiffness.times(before.body.place)
+    force[:n] -= discrete.problem.contact_force(before.multiplier)
+    first, middle = discrete.vectors.total(
+        float(force[:n] @ way[:n]), 2.0 * discrete.viscosity.energy(way) / taken.step
+    ).tolist()
+    return taken.step * middle / (first - middle) if first > middle > 0.0 else np.inf
+
+
+def _viscous_everywhere(discrete: DiscreteEvolution) -> bool:
+    """Whether every strain rate, of a scalar problem every gradient, is resisted in every quadrature point."""
+    stated = discrete.evolution.problem
+    mesh = stated.mesh
+    barycentric, weights = quadrature_rule(mesh.dim, 2 * stated.order)
+    points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, mesh.dim)
+    masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
+    if isinstance(stated, ScalarProblem):
+        assert stated.viscosity is not None
+        sizes: Array = at_place(stated.viscosity, "viscosity", points, masks).reshape(-1, 1)
+    else:
+        if stated.material.homogeneous_in(True):
+            points, masks = points[:1], {}
+        sizes = np.asarray(np.linalg.eigvalsh(stated.material.viscosity_tensor(points, masks)), dtype=float)
+    most, least = float(sizes.max(initial=0.0)), float(sizes.min(initial=np.inf))
+    largest, small = discrete.vectors.largest(most, -least).tolist()
+    return bool(-small > _NONE * largest)

@@ -1,0 +1,127 @@
+"""Whether a displacement is one of small strains, which linear elasticity assumes: largest strain and rotation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives
+from hemivar.fem.fields import FieldSource, _mesh_and_order
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["SMALL", "Deformation", "deformation", "deformation_of"]
+
+#: Strain and rotation (radians) from which they are called large.
+SMALL = 0.1
+_CELLS_AT_A_TIME = 1 << 16
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """Largest strain and rotation of a body.
+
+    Attributes
+    ----------
+    strain : float
+        Largest principal value of ``(grad u + grad u')/2``, by size.
+    rotation : float
+        Largest angle of ``(grad u - grad u')/2``, in radians.
+    volume : float
+        Of the cells in which one of them is :data:`SMALL` at least (an area in the plane).
+    whole : float
+        Volume of the body.
+    """
+
+    strain: float
+    rotation: float
+    volume: float
+    whole: float
+
+    @property
+    def large(self) -> bool:
+        """Whether strain or rotation are beyond what linear elasticity is for."""
+        largest = max(self.strain, self.rotation)
+        return math.isfinite(largest) and largest >= SMALL
+
+    @property
+    def sizes(self) -> str:
+        """Both numbers in words."""
+        least = 1e-12 * max(self.strain, self.rotation)  # which is rounding
+        strain, rotation = (0.0 if size < least else size for size in (self.strain, self.rotation))
+        return f"strain {100.0 * strain:.3g} %, rotation {rotation:.3g} rad"
+
+    @property
+    def warning(self) -> str | None:
+        """A sentence where strain or rotation are large; None elsewhere."""
+        if not self.large:
+            return None
+        share = 100.0 * self.volume / self.whole if self.whole > 0.0 else 100.0
+        return (
+            f"beyond small strains: largest {self.sizes}, above {100.0 * SMALL:g} % in {share:.3g} % of the body; "
+            "linear elasticity is inaccurate there: check loads and units, or take a code with finite strains"
+        )
+
+
+def deformation_of(problem: DiscreteProblem, unknowns: Array) -> Deformation | None:
+    """Largest strain and rotation of unknowns (n,); None without a mesh, and for scalar problems."""
+    if problem.field is None or not isinstance(problem.origin, ContactProblem):
+        return None
+    return deformation(problem.origin, problem.field.full(unknowns))
+
+
+def deformation(source: FieldSource | Mesh, displacement: Array) -> Deformation:
+    """Largest strain and rotation of a displacement, exact for linear and quadratic elements.
+
+    In quadratic elements both are linear, so that the corners of a cell have the largest.
+
+    Parameters
+    ----------
+    source : Field, ContactProblem or Mesh
+    displacement : array, shape (nodes, d)
+
+    Returns
+    -------
+    Deformation
+        Its numbers are nan where the displacement is not finite.
+    """
+    mesh, order = _mesh_and_order(source, displacement)
+    if not np.isfinite(displacement).all():
+        return Deformation(math.nan, math.nan, math.nan, float(mesh.volumes.sum()))
+    nodes, corners = mesh.cell_nodes(order), np.eye(mesh.dim + 1) if order == 2 else np.eye(mesh.dim + 1)[:1]
+    strain = rotation = volume = 0.0
+    for start in range(0, mesh.number_of_cells, _CELLS_AT_A_TIME):
+        cells = slice(start, start + _CELLS_AT_A_TIME)
+        slopes, moved = barycentric_gradients(mesh, cells), displacement[nodes[cells]]
+        beyond: BoolArray = np.zeros(len(moved), dtype=bool)
+        for corner in corners:
+            shapes = slopes if order == 1 else np.einsum("ab,mbd->mad", shape_derivatives(order, corner), slopes)
+            gradient = np.einsum("mai,maj->mij", moved, shapes)
+            stretched, turned = _principal(gradient), _angle(gradient)
+            strain, rotation = max(strain, float(stretched.max())), max(rotation, float(turned.max()))
+            beyond |= (stretched >= SMALL) | (turned >= SMALL)
+        volume += float(mesh.volumes[cells][beyond].sum())
+    return Deformation(strain, rotation, volume, float(mesh.volumes.sum()))
+
+
+def _angle(gradient: Array) -> Array:
+    """Angle of the small rotation of each gradient (k, d, d), (k,)."""
+    skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
+    return np.asarray(np.sqrt(0.5 * np.einsum("kij,kij->k", skew, skew)))
+
+
+def _principal(gradient: Array) -> Array:
+    """Largest principal strain by size of each gradient (k, d, d); in space a bound from below where it is far smaller
+    than the largest of all and than :data:`SMALL`, (k,)."""
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    if strain.shape[1] == 2:
+        mean = 0.5 * (strain[:, 0, 0] + strain[:, 1, 1])
+        return np.asarray(np.abs(mean) + np.hypot(0.5 * (strain[:, 0, 0] - strain[:, 1, 1]), strain[:, 0, 1]))
+    found = np.sqrt(np.einsum("kij,kij->k", strain, strain) / 3.0)  # at most the largest, and at least it over sqrt(3)
+    close = np.flatnonzero(math.sqrt(3.0) * found >= min(SMALL, float(found.max(initial=0.0))))
+    found[close] = np.abs(np.linalg.eigvalsh(strain[close])).max(axis=1)
+    return np.asarray(found)

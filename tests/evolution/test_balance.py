@@ -1,0 +1,82 @@
+"""A step whose balance of energy does not close to what the residual allows is not solved."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.evolution import Evolution, History, Scheme, march
+from hemivar.evolution.advance import Advance
+from hemivar.evolution.discrete import discretize_evolution
+from hemivar.evolution.initial import initial_moment
+from hemivar.solvers import Controls, Solution, Status
+
+
+def column(ratio: float = 1.0) -> Evolution:
+    """A column on springs under a sudden load, its lower half lighter by a factor."""
+    mesh = hv.rectangle((1.0, 1.0), (1, 4))
+    high = mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5
+    regions = {"upper": np.flatnonzero(high), "lower": np.flatnonzero(~high)}
+    problem = hv.ContactProblem(
+        mesh=dataclasses.replace(mesh, parent=None, regions=regions),
+        material=hv.Material.by_region(
+            {"upper": hv.Material.lame(4, 4, density=1.0), "lower": hv.Material.lame(4, 4, density=ratio)}
+        ),
+        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
+        tractions={"bottom": (0.0, -1.0)},
+        contact={"bottom": hv.Contact(hv.Compliance(5.0))},
+    )
+    return Evolution(problem, inertia=True)
+
+
+def closes(found: History) -> bool:
+    """Whether the gap is small beside the work."""
+    return bool(np.abs(found["gap"]).max() < 1e-4 * np.abs(found["work"]).max())
+
+
+@pytest.mark.parametrize("scheme", [hv.Newmark(), hv.GeneralizedAlpha(0.8)], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize("ratio", [1.0, 1e-6, 1e-12, 1e-15])
+def test_a_march_that_finishes_closes_its_balance(scheme: Scheme, ratio: float) -> None:
+    found = march(column(ratio), 0.1, step=0.01, scheme=scheme)
+    if found.ended == "finished":
+        assert closes(found)
+    else:
+        assert ratio < 1e-6
+        assert found.ended == "inaccurate"
+        assert "the balance of energy does not close" in found.messages[-1]
+        assert "implicit-euler" in found.messages[-1]
+
+
+def test_next_to_no_mass_is_reported() -> None:
+    """The scheme as it is, without shorter steps, is twice as far off as it goes."""
+    found = march(column(1e-12), 0.1, step=hv.FixedStep(0.01, halvings=0), scheme=hv.Newmark())
+    assert found.ended == "inaccurate"
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-8])
+def test_what_the_residual_allows_is_no_alarm(rtol: float) -> None:
+    for scheme in (hv.ImplicitEuler(), hv.Midpoint(), hv.Newmark()):
+        found = march(column(), 0.1, step=0.01, scheme=scheme, controls=Controls(rtol=rtol))
+        assert found.ended == "finished"
+        assert len(found.times) == 11
+
+
+@pytest.mark.parametrize(("off", "status"), [(1e-3, Status.INACCURATE), (1e-11, Status.CONVERGED)])
+def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Said to be converged, and off by a part of its size."""
+    discrete = discretize_evolution(column())
+    advance = Advance(discrete, hv.Newmark(), None, Controls())
+    first = advance.take(initial_moment(advance, 0.01), 0.01).moment
+    kept = Advance._solution
+
+    def wrong(self: Advance, *given: object) -> tuple[Solution, float]:
+        found, resistance = kept(self, *given)  # type: ignore[arg-type]
+        return dataclasses.replace(found, unknowns=found.unknowns * (1.0 + off)), resistance
+
+    monkeypatch.setattr(Advance, "_solution", wrong)
+    taken = advance.take(first, 0.01)
+    assert taken.status is status
+    assert ("does not close" in taken.remedy) == (status is Status.INACCURATE)

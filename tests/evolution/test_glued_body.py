@@ -1,0 +1,61 @@
+"""Quasistatic marches of bodies that glue alone holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import hemivar as hv
+from hemivar.discrete.foothold import PERHAPS_NO_MINIMUM
+from hemivar.evolution.descent import slowed
+from hemivar.evolution.discrete import Bodies, discretize_evolution
+
+
+def hanging(jump: str, until: float) -> hv.History:
+    """A block between frictionless walls, on glue of the strength 2, pulled off it by the tension t."""
+    block = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(4.0, 4.0),
+        supports={"left": hv.Roller(), "right": hv.Roller()},
+        contact={"bottom": hv.Contact(hv.Adhesive(24.0, 2.0, 6.0, 72.0))},
+        tractions={"top": lambda x, t: np.tile([0.0, t], (len(x), 1))},
+    )
+    evolution = hv.Evolution(block)
+    assert discretize_evolution(evolution).problem.notes == (PERHAPS_NO_MINIMUM,)
+    return hv.march(evolution, until=until, step=0.25, jump=jump, save=hv.Save(every=0.25))
+
+
+def test_a_block_on_glue_follows_its_load_until_the_strength_is_reached() -> None:
+    """The opening is tension over stiffness; at the strength the march ends, and says why."""
+    for jump in ("local", "arc-length"):
+        history = hanging(jump, until=1.75)
+        assert history.finished
+        penetration = history.frames[-1].local[:, 0]
+        np.testing.assert_allclose(-penetration, 1.75 / 24.0, rtol=1e-7)
+        beyond = hanging(jump, until=2.5)
+        assert not beyond.finished
+        assert beyond.frames[-1].time in (1.75, 2.0)
+        assert any("may exceed what the foundation can carry" in message for message in beyond.messages)
+
+
+def test_a_step_against_springs_at_the_contact_points_has_one_solution() -> None:
+    """K + R - B'W diag(alpha) B is positive definite, where no multiple of K alone makes it so."""
+    block = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(4.0, 4.0),
+        supports={"left": hv.Roller(), "right": hv.Roller()},
+        contact={"bottom": hv.Contact(hv.Adhesive(24.0, 2.0, 60.0, 72.0))},
+        tractions={"top": (0.0, 1.0)},
+    )
+    discrete = discretize_evolution(hv.Evolution(block))
+    slow = slowed(Bodies(discrete), discrete.problem, np.inf)
+    assert slow.contact is not None
+    problem, B = discrete.problem, discrete.problem.contact.trace.toarray()
+    falls = np.zeros((problem.contact_points, 2))
+    falls[:, 0] = 60.0 * problem.contact.weights
+    softened = slow.problem.linear.stiffness.toarray() - B.T @ np.diag(falls.ravel()) @ B
+    assert np.linalg.eigvalsh(softened)[0] > 0.0
+    K = problem.linear.stiffness.toarray()
+    assert np.linalg.eigvalsh(1e6 * K - B.T @ np.diag(falls.ravel()) @ B)[0] < 0.0
+    u = np.linspace(0.0, 1.0, problem.unknowns)
+    dragged = slow.problem.linear.stiffness @ u - K @ u
+    np.testing.assert_allclose(slow.drag(problem.linear.stiffness, u), dragged, atol=1e-12)

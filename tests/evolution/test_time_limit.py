@@ -1,0 +1,49 @@
+"""The time limit of a march holds within a step."""
+
+from __future__ import annotations
+
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import hemivar as hv
+from hemivar.basics import deadline
+from hemivar.basics.types import Array
+
+
+def falling() -> hv.Evolution:
+    """A block that is drawn off a foundation that lets go: its second step jumps, which takes many solves."""
+
+    def lifted(points: Array, t: float) -> Array:
+        return np.column_stack([np.zeros(len(points)), np.full(len(points), 0.2 * t)])
+
+    law = hv.FormulaLaw("1 - exp(-(r / 0.03)^2)", reach=1.0)
+    problem = hv.ContactProblem(
+        mesh=hv.rectangle((1.0, 1.0), 2),
+        material=hv.Material.lame(4, 4),
+        supports={"top": hv.Prescribed(lifted)},
+        contact={"bottom": hv.Contact(law)},
+    )
+    return hv.Evolution(problem)
+
+
+def test_a_long_step_is_left_in_the_middle(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = itertools.count()
+    monkeypatch.setattr(deadline, "time", SimpleNamespace(perf_counter=lambda: float(next(ticks))))
+    whole = hv.march(falling(), until=1.0, step=0.5)
+    asked = next(ticks)
+    assert whole.finished
+    assert asked > 60  # the clock goes on by one second whenever it is looked at
+    limited = hv.march(falling(), until=1.0, step=0.5, max_time=asked / 2)
+    assert limited.ended == "max_time"
+    assert len(limited.rows) == 2
+    assert next(ticks) - asked < 0.75 * asked
+    assert limited.rows[1].values == whole.rows[1].values
+    assert not any("could not be solved" in message for message in limited.messages)
+
+
+def test_a_limit_of_one_solve_is_not_that_of_the_march() -> None:
+    history = hv.march(falling(), until=1.0, step=0.5, controls=hv.Controls(max_time=1e-9))
+    assert history.ended != "max_time" or history.messages
