@@ -143,6 +143,7 @@ def test_frames_after_steps_that_were_longer_than_the_time_between_them() -> Non
 
 
 def test_looking_back() -> None:
+    assert len(march(block(), 1.0, step=0.4, save=Save(5e-324)).frames) == 4  # every step
     history = march(block(), 1.0, step=0.1, save=Save(0.25))
     frame = history.at(0.4)
     wanted = 0.5 * (history.frames[1].displacement + history.frames[2].displacement)  # of 0.3 and 0.5

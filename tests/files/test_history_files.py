@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import hemivar as hv
+from hemivar.basics.csv_text import csv_text
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Evolution, Frame, History, March, Save, march, marching
@@ -162,6 +163,13 @@ def test_csv_keeps_every_bit(history: History, tmp_path: Path) -> None:
     assert np.array_equal(again["tip.u_y"], history["tip.u_y"])
 
 
+def test_names_of_columns_are_no_formulas_and_come_back(tmp_path: Path) -> None:
+    columns = {"time": [1.0], "step": [-1.0], "=1+1": [-2.0], "'@a": [3.0]}
+    (tmp_path / "t.csv").write_text(csv_text(columns, zip(*columns.values(), strict=True)))
+    assert (tmp_path / "t.csv").read_text().splitlines() == ["time,step,'=1+1,''@a", "1.0,-1.0,-2.0,3.0"]
+    assert list(read_history_table(tmp_path / "t.csv")) == list(columns)
+
+
 def test_parquet_keeps_every_bit_or_says_what_is_missing(history: History, tmp_path: Path) -> None:
     try:
         import pyarrow  # noqa: F401
@@ -214,13 +222,14 @@ def test_other_names_are_refused(history: History, tmp_path: Path) -> None:
         ("a,b\r\n1,2\r\n", "has columns 'time' and 'step'"),
         ("time,step\r\n", "this is no table of a history"),
         ("time,step\r\n1\r\n", "row 2 has 1 entries, the head 2"),
-        ("time,step\r\n1,x\r\n", "column 'step' holds no numbers"),
+        ("time,step\r\n1,SECRET\r\n", "column 2 holds what is no number"),
     ],
 )
 def test_tables_that_are_none(text: str, says: str, tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text(text)
-    with pytest.raises(FileError, match=says):
+    with pytest.raises(FileError, match=says) as caught:
         read_history_table(tmp_path / "t.csv")
+    assert "SECRET" not in str(caught.value)
 
 
 def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None:

@@ -461,6 +461,12 @@ def test_bad_laws_are_reported_with_their_key(tmp_path: Path, text: str, words: 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("deep", ["[" + ".".join(["a"] * 1000) + "]", ".".join(["a"] * 200) + " = 1"])
+def test_tables_that_are_too_deep_are_refused(deep: str) -> None:
+    with pytest.raises(ProblemError, match="nested too deeply"):
+        parse_problem(f"{deep}\n")
+
+
 def test_laws_by_name() -> None:
     assert isinstance(normal_law("survey", q_max=0.3), SurveyLaw)
     assert friction_law("tresca", bound=0.5).bound == 0.5

@@ -109,14 +109,14 @@ def test_reading_tables(tmp_path: Path) -> None:
         ("r,derivative\n0,0\n0.2,1\n0.1,0\n", ["row 3", "r = 0.1 comes after 0.2"]),
         ("0,0\n", ["1 row;", "at least 2"]),
         ("", ["0 rows"]),
-        ("0,0\n1,soft\n", ["line 2", "'1,soft' is not two numbers"]),
+        ("0,0\n1,soft\n", ["line 2", "these are not two numbers", "(found: 1)"]),
         ("0,0\n1\n", ["line 2", "not two numbers"]),
         ("0,1,2,5\n1,0,3,5\n", ["line 1", "4 columns without names", "decimal points, not commas", "r and derivative"]),
         ("0,1\n0,5,2\n", ["line 2", "3 columns where the first line has 2"]),
-        ("0,1;2,5\n", ["line 1", "has decimal commas; write decimal points"]),
-        ("r;derivative\n0,1;2,5\n", ["line 2", "has decimal commas"]),
+        ("0,1;2,5\n", ["line 1", "there are decimal commas; write decimal points"]),
+        ("r;derivative\n0,1;2,5\n", ["line 2", "there are decimal commas"]),
         ("0,1 0,5\n", ["line 1", "3 columns without names", "decimal points"]),
-        ("r,force\n0,0\n1,1\n", ["line 1", "no column named derivative", "found: r, force"]),
+        ("r,force\n0,0\n1,1\n", ["line 1", "no column named derivative", "(the line has 2)"]),
         ("r,r,derivative\n0,0,1\n1,1,1\n", ["line 1", "2 columns are named r"]),
         ("r,derivative,penetration\n0,0,1\n1,1,1\n", ["2 columns are named r"]),
         ("r\n0\n1\n", ["line 1", "no column named derivative"]),
@@ -139,6 +139,26 @@ def test_bad_tables_are_reported_with_their_row(tmp_path: Path, text: str, words
         assert word in str(caught.value)
     with pytest.raises(ProblemError, match="no such file"):
         read_law_table(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "root:SECRET:0",
+        "SECRET,1\n",
+        "0,0\nSECRET,1\n",
+        "SECRET 1 2",
+        "1,SECRET,3\n",
+        '0,"SECRET\n',
+        "0,0\n1,2,SECRET\n",
+    ],
+)
+def test_of_a_file_that_is_no_table_nothing_is_told(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "law.csv"
+    path.write_text(text)
+    with pytest.raises(ProblemError, match="line ") as caught:
+        read_law_table(path)
+    assert "SECRET" not in str(caught.value)
 
 
 def test_friction_tables_refuse_negative_slips() -> None:

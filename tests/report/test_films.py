@@ -288,6 +288,7 @@ def test_mp4_is_written_where_ffmpeg_is(tmp_path: Path) -> None:
         (["--units", "a,b,c,d,e,f"], "--units a,b,c,d,e,f: give five at most"),
         (["--scale", "0"], "scale = 0.0; give a positive number"),
         (["--seconds", "-1"], "seconds = -1"),
+        (["--seconds", "1e300"], "give at most"),
         (["--dpi", "5000"], "dpi = 5000"),
     ],
 )

@@ -143,6 +143,7 @@ def test_a_table_that_was_read_back_is_drawn_as_the_history(history: History, tm
         (lambda h: plot_march({"time": h.times}, "map"), "the map needs frames"),
         (lambda h: plot_march({"time": h.times}, "ledger"), "holds no ledger"),
         (lambda h: plot_march({"time": h.times}, "forces"), "holds no forces"),
+        (lambda h: plot_march({"time": h.times, "step": h["step"]}, "steps"), "holds no steps .column 'residual'"),
         (lambda h: h.animate("run.avi"), "films are written as .gif or .mp4"),
         (lambda h: h.animate("run.gif", seconds=0.0), "seconds = 0"),
         (lambda h: h.animate("run.gif", frames=0), "frames = 0"),

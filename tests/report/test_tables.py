@@ -46,7 +46,27 @@ def test_csv_keeps_all_digits(tmp_path: Path) -> None:
 
 def test_markdown() -> None:
     lines = TABLE.markdown().splitlines()
-    assert lines[2:] == ["| name | value |", "|---|---:|", "| a\\|b <c> | 0.1235 |", "| d |  |", "| e | 1.23e+06 |"]
+    assert lines[2:] == [
+        "| name | value |",
+        "|---|---:|",
+        "| a\\|b &lt;c&gt; | 0.1235 |",
+        "| d |  |",
+        "| e | 1.23e+06 |",
+    ]
+
+
+def test_hostile_names_make_neither_formulas_nor_links(tmp_path: Path) -> None:
+    names = ["=cmd()", "-1.5", "[a](http://b)", "<b>`x` *_\n| c", "![](//d)\\"]
+    table = Table(("@law", "value"), tuple((name, 1.0) for name in names), "# [t](u)")
+    with table.write_csv(tmp_path / "table.csv").open(newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert [row[0] for row in rows] == ["'@law", "'=cmd()", *names[1:]]
+    marked = table.markdown()
+    assert len(marked.splitlines()) == 4 + len(names)
+    assert marked.startswith("**# \\[t\\](u)**\n")
+    for hostile in ("://", "<", "](h"):
+        assert hostile not in marked.replace("\\](h", "")
+    assert "| &lt;b&gt;\\`x\\` \\*\\_ \\| c | 1 |" in marked
 
 
 def test_html_is_escaped() -> None:

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
-from typing import IO
 
 from hemivar.errors import FileError
 
@@ -20,7 +19,6 @@ __all__ = [
     "first_bytes",
     "make_folder",
     "noting_files_read",
-    "open_new",
     "protecting",
     "read_bytes",
     "read_text",
@@ -273,7 +271,7 @@ def make_folder(path: str | Path) -> Path:
 
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file (UTF-8), whole or not at all.  Raises as :func:`whole_file` does."""
-    with whole_file(path) as name, open_new(name) as stream:
+    with whole_file(path) as name, name.open("w", encoding="utf-8", newline="") as stream:
         stream.write(text)
 
 
@@ -299,11 +297,6 @@ def append_line(path: str | Path, line: str) -> None:
         if isinstance(error, FileError):
             raise
         raise FileError(f"cannot write {shown(path)}: {_reason(error)}") from error
-
-
-def open_new(name: Path) -> IO[str]:
-    """A name from :func:`whole_file`, opened for text: UTF-8, line ends as written."""
-    return name.open("w", encoding="utf-8", newline="")
 
 
 def same_file(one: str | Path, other: str | Path) -> bool:

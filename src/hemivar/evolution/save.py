@@ -36,6 +36,8 @@ __all__ = [
 
 #: Distance from the body, as a part of its size, at which a probe counts as outside.
 PROBED = 1e-6
+#: Multiples of the time between frames that are counted; beyond them every step is a frame.
+_MOST_MULTIPLES = 2.0**53
 
 
 @dataclass(frozen=True)
@@ -85,8 +87,9 @@ class Frames:
             due = self._count % self._stride == 0
             self._count += 1
         else:
-            passed = math.floor((moment.time - self._start) / every + 1e-9)  # multiples that are behind
-            due = passed >= self._count
+            behind = (moment.time - self._start) / every + 1e-9
+            passed = math.floor(min(behind, _MOST_MULTIPLES))  # multiples that are behind
+            due = passed >= self._count or behind >= _MOST_MULTIPLES
             self._count = max(self._count, passed + 1)
         if not (due or last):
             return None

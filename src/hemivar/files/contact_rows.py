@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable
 from pathlib import Path
 
-from hemivar.basics.disk import open_new, whole_file
+from hemivar.basics.csv_text import csv_text
+from hemivar.basics.disk import write_text
 from hemivar.files.record import prepared
 from hemivar.solvers import Solution
 from hemivar.solvers.boundary_result import table_columns
@@ -47,12 +46,5 @@ def write_csv(solution: Solution, path: str | Path) -> Path:
     """
     path = prepared(path, ".csv")
     columns = contact_columns(solution)
-    _write_rows(path, list(columns), zip(*columns.values(), strict=True))
+    write_text(path, csv_text(columns, zip(*columns.values(), strict=True)))
     return path
-
-
-def _write_rows(path: Path, header: list[str], rows: Iterable[Iterable[object]]) -> None:
-    with whole_file(path) as name, open_new(name) as stream:
-        writer = csv.writer(stream)
-        writer.writerow(header)
-        writer.writerows(rows)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hemivar.basics.csv_text import cell_read, csv_text
 from hemivar.basics.disk import read_text, shown, whole_file, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
@@ -104,11 +105,8 @@ def write_history_table(columns: Mapping[str, Array], path: str | Path) -> Path:
             parquet.write_table(arrow.table({name: np.asarray(values) for name, values in columns.items()}), name)
         return path
     path = prepared(path, ".csv")
-    text = io.StringIO()
-    rows = csv.writer(text)
-    rows.writerow(columns)
-    rows.writerows(zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True))
-    write_text(path, text.getvalue())
+    rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+    write_text(path, csv_text(columns, rows))
     return path
 
 
@@ -181,9 +179,9 @@ def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
     columns = {}
     for k, column in enumerate(head):
         try:
-            columns[column] = np.array([float(row[k]) for row in body])
-        except ValueError as error:
-            raise FileError(f"{name}: column '{column}' holds no numbers ({error}); write the table anew") from None
+            columns[cell_read(column)] = np.array([float(row[k]) for row in body])
+        except ValueError:  # any file may be named as a table: nothing of it is repeated
+            raise FileError(f"{name}: column {k + 1} holds what is no number; write the table anew") from None
     return columns
 
 

@@ -12,7 +12,7 @@ import contextlib
 import math
 import os
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -49,6 +49,8 @@ __all__ = [
 
 #: Bytes of a problem file.
 _MOST_BYTES = 16 * 2**20
+#: Tables and lists in one another that are read.
+_DEEPEST = 50
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,7 @@ def parse_problem_file(
     """
     try:
         data = tomllib.loads(text)
+        _refuse_deep(data)
     except tomllib.TOMLDecodeError as error:
         raise ProblemError(f"{name}: not valid TOML: {error}; mend that line") from None
     except RecursionError:
@@ -255,6 +258,19 @@ def parse_problem_file(
             raise top.error("heat", "flows in time; add a table [time], or remove it")
         heat = read_heat(top.table("heat", HEAT_KEYS), problem, _Reader(mesh.dim, folder))
     return ProblemFile(problem, solver, name, levels, time, output, heat, tuple(changes))
+
+
+def _refuse_deep(data: object) -> None:
+    """RecursionError where tables and lists stand in one another deeper than in any problem file."""
+    level = [data]
+    for _ in range(_DEEPEST):
+        level = [inner for outer in level for inner in _inside(outer)]
+    if level:
+        raise RecursionError
+
+
+def _inside(value: object) -> Iterable[object]:
+    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 
 
 def _in_time(

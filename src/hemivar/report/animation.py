@@ -28,6 +28,8 @@ _MOST_FRAMES = 200
 _SAMPLES = 8
 #: Colours of a GIF that shows no scale of colours, and those that it must meet.
 _FEW_COLOURS = 64
+#: Seconds that one frame can be shown, the most that a GIF has a number for.
+_LONGEST_FRAME = 655.0
 _EXACT = ("white", "black", BLUE, ORANGE, RED, GREY)
 
 
@@ -119,6 +121,10 @@ def animate(
         raise ProblemError(f"colour = {colour!r}: a film has no such colour; choose one of {known}") from None
     film = film_of(history) if isinstance(history, History) else history
     shown = _shown(film.times, frames)
+    if seconds / len(shown) > _LONGEST_FRAME:
+        raise ProblemError(
+            f"seconds = {seconds:g} is too long for {len(shown)} frames; give at most {_LONGEST_FRAME * len(shown):g}"
+        )
     make_folder(path.parent)
     with IMPORTS:
         from matplotlib.animation import FFMpegWriter

@@ -40,6 +40,7 @@ _LOST = (
 )
 #: What was put in; work of thermal stress where there is heat.
 _GIVEN = ("work", "moved", "thermal")
+_OF_STEPS = ("time", "step", "residual", "margin", "largest_step", "jumped")
 _COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 _DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = ("-", (0, (6, 2)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 #: Below this part of the largest energy an entry of the ledger is left out of the figure.
@@ -254,6 +255,9 @@ def _loop(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> F
 
 
 def _steps(table: Mapping[str, Array], columns: Sequence[str], units: Units) -> Figure:
+    missing = [name for name in _OF_STEPS if name not in table]
+    if missing:
+        raise ProblemError(f"the table holds no steps (column '{missing[0]}' is missing)")
     time = table["time"][1:]
     if not len(time):
         raise ProblemError("the history has no step yet; let it march first")

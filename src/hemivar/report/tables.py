@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import html
 import re
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
-from hemivar.basics.disk import make_folder, open_new, shown, whole_file, write_text
+from hemivar.basics.csv_text import csv_text
+from hemivar.basics.disk import make_folder, shown, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.errors import ProblemError
@@ -85,6 +85,8 @@ class Table:
     def write_csv(self, path: str | Path) -> Path:
         """Write the table with full precision; returns the path.
 
+        A text that a spreadsheet would take for a formula has an apostrophe in front.
+
         Raises
         ------
         FileError
@@ -92,10 +94,7 @@ class Table:
         """
         path = Path(path)
         make_folder(path.parent)
-        with whole_file(path) as name, open_new(name) as stream:
-            writer = csv.writer(stream)
-            writer.writerow(self.columns)
-            writer.writerows(["" if cell is None else cell for cell in row] for row in self.rows)
+        write_text(path, csv_text(self.columns, self.rows))
         return path
 
     def write_latex(self, path: str | Path) -> Path:
@@ -131,7 +130,7 @@ class Table:
             "|" + "|".join("---:" if to_right else "---" for to_right in right) + "|",
         ]
         lines += ["| " + " | ".join(_escape(_text(cell)) for cell in row) + " |" for row in self.rows]
-        heading = f"**{self.title}**\n\n" if self.title else ""
+        heading = f"**{_escape(self.title)}**\n\n" if self.title else ""
         return heading + "\n".join(lines) + "\n"
 
     def _repr_html_(self) -> str:
@@ -198,7 +197,10 @@ def _text(cell: object) -> str:
 
 
 def _escape(text: str) -> str:
-    return text.replace("|", "\\|")
+    """A text for Markdown, in which it makes neither cells, lines, links, pictures nor HTML."""
+    plain = "".join(c if c.isprintable() else " " for c in text)
+    marked = re.sub(r"([\\`*_\[\]|~$])", r"\\\1", html.escape(plain, quote=False))
+    return marked.replace("://", ":&#47;/").replace("www.", "www&#46;").replace("@", "&#64;")  # which are links bare
 
 
 def adaptive_table(found: AdaptiveSolution, *, title: str = "") -> Table:

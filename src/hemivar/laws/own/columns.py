@@ -57,16 +57,15 @@ def read_columns(path: str | Path, names: tuple[Sequence[str], Sequence[str]] = 
         lines = lines[1:]
     elif width > 2:
         raise ProblemError(
-            f"{path}, line {lines[0][0]}: '{_short(lines[0][1])}' has {width} columns without names; write decimal "
-            f"points, not commas, and name the columns in a first line, {names[0][0]} and {names[1][0]}, if there are "
-            f"more than two"
+            f"{path}, line {lines[0][0]}: there are {width} columns without names; write decimal points, not commas, "
+            f"and name the columns in a first line, {names[0][0]} and {names[1][0]}, if there are more than two"
         )
     columns: tuple[list[str], list[str]] = ([], [])
     for number, line in lines:
         cells = _cells(path, number, line, separator)
         wanted = [cells[k] for k in pick] if len(cells) == width > 1 else []
         if not wanted or not all(_NUMBER.fullmatch(cell) for cell in wanted):
-            raise _refused(path, number, line, cells, wanted, width, names)
+            raise _refused(path, number, cells, wanted, width, names)
         for column, cell in zip(columns, wanted, strict=True):
             column.append(cell)
     return np.array(columns[0], dtype=float), np.array(columns[1], dtype=float)
@@ -81,7 +80,7 @@ def _cells(path: str | Path, number: int, line: str, separator: str | None) -> l
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     except (csv.Error, StopIteration) as error:
-        raise ProblemError(f"{path}, line {number}: '{_short(line)}' is no line of a table: {error}") from None
+        raise ProblemError(f"{path}, line {number}: this is no line of a table: {error}") from None
 
 
 def _named(
@@ -95,7 +94,7 @@ def _named(
             wrong = "there is no column" if not here else f"{len(here)} columns are"
             raise ProblemError(
                 f"{path}, line {number}: {wrong} named {known[0]}; name the columns {names[0][0]} and {names[1][0]}, "
-                f"in any order, or give two columns without names (found: {_short(', '.join(head))})"
+                f"in any order, or give two columns without names (the line has {len(head)})"
             )
         found.append(here[0])
     return found[0], found[1]
@@ -104,25 +103,25 @@ def _named(
 def _refused(
     path: str | Path,
     number: int,
-    line: str,
     cells: Sequence[str],
     wanted: Sequence[str],
     width: int,
     names: tuple[Sequence[str], Sequence[str]],
 ) -> ProblemError:
-    where = f"{path}, line {number}: '{_short(line)}'"
+    """What is wrong with a line; of the line itself it repeats numbers only, for any file may be named as a table."""
+    where = f"{path}, line {number}"
     if any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells):
-        return ProblemError(f"{where} has decimal commas; write decimal points")
+        return ProblemError(f"{where}: there are decimal commas; write decimal points")
     if not wanted and width > 1 and len(cells) != width:
         count = f"{len(cells)} column{'' if len(cells) == 1 else 's'}"
         return ProblemError(
-            f"{where} has {count} where the first line has {width}; it is not "
-            f"two numbers, {names[0][0]} and {names[1][0]} (write decimal points, not commas)"
+            f"{where}: there {'is' if len(cells) == 1 else 'are'} {count} where the first line has {width}, not two "
+            f"numbers, {names[0][0]} and {names[1][0]} (write decimal points, not commas)"
         )
-    return ProblemError(f"{where} is not two numbers, {names[0][0]} and {names[1][0]}")
+    read = [cell for cell in cells if _NUMBER.fullmatch(cell)]
+    found = f" (found: {_short(' '.join(read))})" if read else ""
+    return ProblemError(f"{where}: these are not two numbers, {names[0][0]} and {names[1][0]}{found}")
 
 
 def _short(text: str) -> str:
-    text = text.strip()
-    text = text if len(text) <= 40 else text[:37] + "..."
-    return "".join(c if c.isprintable() else " " for c in text)
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,50 @@
+"""Tables as CSV: texts in them are texts to a spreadsheet too, and come back as they were."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterable
+
+__all__ = ["cell_read", "csv_text"]
+
+#: What a spreadsheet takes for the beginning of a formula.
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
+
+
+def csv_text(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """A table as CSV, numbers with all their digits, None as an empty cell.
+
+    A text that a spreadsheet would take for a formula (``=1+1``, ``@SUM``), and that is no number, gets an apostrophe
+    in front, as spreadsheets have it; :func:`cell_read` takes it away.
+
+    Parameters
+    ----------
+    columns : iterable of str
+        Names of the columns.
+    rows : iterable of iterables
+        Texts, numbers or None.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream)
+    writer.writerow([_guarded(name) for name in columns])
+    writer.writerows([_guarded(cell) for cell in row] for row in rows)
+    return stream.getvalue()
+
+
+def cell_read(text: str) -> str:
+    """A text that :func:`csv_text` wrote, as it was."""
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
+
+
+def _guarded(cell: object) -> object:
+    return f"'{cell}" if isinstance(cell, str) and _FORMULA.match(cell) and not _is_number(cell) else cell
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
