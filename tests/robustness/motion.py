@@ -95,6 +95,7 @@ class Motion:
         viscosity = material.get("viscosity")
         self.C = np.zeros((count, count)) if viscosity is None else self._elastic({"lame": viscosity})
         self.branches = [(self._elastic(one), float(one["time"])) for one in material.get("branches", [])]
+        self.yields_at_once = not self.inert and not self.C.any()
         self._hold()
         self._touch()
 
