@@ -2,11 +2,19 @@
 
     python benchmarks/recording.py --write before.json           on the code as it stands
     python benchmarks/recording.py --compare before.json         after the change: exit code 1 if something differs
-    python benchmarks/recording.py --only gallery methods        parts of it: gallery, methods, large
+    python benchmarks/recording.py --only gallery methods        parts of it
 
-Recorded are: every problem of the gallery with its solution (energy, residual, steps, evaluations, every number of the
-JSON result) and its certificate; every run of the method table; energies, steps and cycles of the problems that
-``overhead.py`` times, with the ratio of contact to linear solve.  Words and counts must agree, energies, forces and
+The parts, each with every number of its JSON result:
+
+* ``gallery``: every problem of the gallery, and its certificate; ``methods``: every run of the method table
+* ``large``: energies, steps and cycles of the problems that ``overhead.py`` times, and contact over linear solve
+* ``files``: every file of examples/problems, solved or marched with the steps that it states; ``examples``: every
+  number, solution and march that a script of examples has when it has run
+* ``adaptive``: end states and names of events of marches with adaptive steps
+* ``bounds``: constants, exact distances, and the last mesh of adaptive ones; ``branches``: paths and all solutions
+* ``ranks``: three files on two ranks, where PETSc and ``mpirun`` are
+
+Static problems of ``gallery`` and ``files`` are solved to 1e-12.  Words and counts must agree, energies, forces and
 certificates to ``--rtol`` of the largest entry of their kind; residuals and bounds, which are rounding themselves,
 within a factor; times are compared by their ratio and never fail.
 """
@@ -14,8 +22,15 @@ within a factor; times are compared by their ratio and never fail.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import importlib.util
+import io
 import json
+import runpy
+import shutil
+import subprocess
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,14 +42,23 @@ import overhead
 
 import hemivar as hv
 from hemivar import gallery
+from hemivar.basics.generators import result_of
 from hemivar.certify import certify
-from hemivar.files import solution_record
+from hemivar.files import history_record, solution_record
+from hemivar.files.problem_file import read_problem_file
+from hemivar.workflows import MarchSettings, evolution_of, plan_of
+from hemivar.workflows import march as work
 
+ROOT = Path(__file__).resolve().parents[1]
+PROBLEMS = sorted((ROOT / "examples" / "problems").glob("*.toml"))
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+#: What static problems are solved to: far below what is compared.
+FINE = hv.Controls(rtol=1e-12)
 #: Parts of a record that are times, or tell the version: not compared.
 VOLATILE = ("timings", "seconds", "hemivar", "remedy")
 #: What is rounding itself: the same size is all that can be asked.
 ROUNDING = ("residual", "equilibrium", "inclusion", "error_bound", "history", "rounding", "direction")
-PARTS = ("gallery", "methods", "large")
+PARTS = ("gallery", "methods", "large", "files", "examples", "adaptive", "bounds", "branches", "ranks")
 
 
 def stated() -> Iterator[tuple[str, Callable[[], hv.DiscreteProblem]]]:
@@ -72,9 +96,124 @@ def record_gallery() -> dict[str, Any]:
     found = {}
     for name, make in stated():
         problem = make()
-        solution = hv.solve(problem)
-        certificate = certify(problem, solution.unknowns, solution.multiplier)
-        found[name] = solution_record(solution) | {"certificate": certificate.record()}
+        found[name] = solved(problem)
+    return found
+
+
+def solved(problem: hv.DiscreteProblem) -> dict[str, Any]:
+    """Record of a solution and of its certificate."""
+    solution = hv.solve(problem, controls=FINE)
+    return solution_record(solution) | {"certificate": certify(solution).record()}
+
+
+def end_of(history: hv.History) -> dict[str, Any]:
+    """Where a march ends, and what happened on its way: what does not depend on single adaptive steps."""
+    moment = history.moment
+    return {
+        "place": moment.body.place, "velocity": moment.body.velocity, "multiplier": moment.multiplier,
+        "ended": history.ended, "events": [type(event).__name__ for event in history.events],
+    }  # fmt: skip
+
+
+def record_files() -> dict[str, Any]:
+    """Every problem file, with the steps in time that it states."""
+    found = {}
+    for path in PROBLEMS:
+        read = read_problem_file(path)
+        if read.time is None:
+            found[path.stem] = solved(hv.discretize(hv.read_problem(path)))
+        else:
+            history = result_of(work(evolution_of(read), plan_of(read, MarchSettings())), lambda event: False)
+            found[path.stem] = {"end": end_of(history), "table": history_record(history)["table"]}
+    return found
+
+
+def kept(value: Any) -> Any:
+    """What of a variable of a script is compared; None if nothing is."""
+    if isinstance(value, hv.Solution):
+        return solution_record(value)
+    if isinstance(value, hv.History):
+        return history_record(value)["table"]
+    if isinstance(value, hv.Path):
+        return value.to_dataframe().to_dict("list")
+    if isinstance(value, dict):
+        return {str(key): entry for key, item in value.items() if (entry := kept(item)) is not None} or None
+    if isinstance(value, list | tuple):
+        parts = [kept(item) for item in value]
+        return parts if parts and all(part is not None for part in parts) else None
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return value
+    return value if isinstance(value, bool | int | float | str | np.number) else None
+
+
+def record_examples() -> dict[str, Any]:
+    """What every script of examples has computed when it has run."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    found = {}
+    for path in EXAMPLES:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.chdir(tempfile.gettempdir()):
+            space = runpy.run_path(str(path), run_name="__main__")
+        mine = {name: kept(value) for name, value in space.items() if not name.startswith("_")}
+        found[path.stem] = {name: value for name, value in mine.items() if value is not None}
+    return found
+
+
+def record_adaptive() -> dict[str, Any]:
+    """Ends of marches with steps as long as the error allows."""
+    found = {}
+    for name in ("bounce", "delayed_failure", "relaxation", "wear"):
+        read = read_problem_file(ROOT / "examples" / "problems" / f"{name}.toml")
+        assert read.time is not None
+        first = read.time.step if isinstance(read.time.step, float) else None
+        history = hv.march(evolution_of(read), read.time.until, step=hv.AdaptiveStep(1e-3, first_step=first))
+        found[name] = end_of(history)
+    return found
+
+
+def record_bounds() -> dict[str, Any]:
+    """Constants of the body, distances to the solution of the continuous problem, and adaptive meshes."""
+    found: dict[str, Any] = {}
+    for name, problem in {
+        "survey 5.1": gallery.survey("5.1", 16),
+        "survey logarithmic": gallery.survey_logarithmic(0.3, 8),
+        "survey cube": gallery.survey_cube("5.1", 2),
+    }.items():
+        found[name] = certify(hv.solve(problem, controls=FINE), exact=True).record()
+    adaptive = hv.solve_adaptive(gallery.survey("5.1", 4), rtol=0.1)
+    last = adaptive.levels[-1]
+    found["adaptive survey"] = {
+        "unknowns": [level.unknowns for level in adaptive.levels], "energy": adaptive.solution.energy,
+        "distance": last.distance.distance, "cells": last.distance.cells,
+    }  # fmt: skip
+    return found
+
+
+def record_branches() -> dict[str, Any]:
+    """Paths over the load, and all solutions at some."""
+    found: dict[str, Any] = {}
+    for name, problem in {"survey 5.1": gallery.survey("5.1", 8), "delamination": gallery.delamination()}.items():
+        found[f"path of {name}"] = kept(hv.follow_path(problem))
+        found[f"solutions of {name}"] = {"energies": np.sort(hv.find_solutions(problem).energies)}
+    return found
+
+
+def record_ranks() -> dict[str, Any]:
+    """Two static files and a march on two ranks; nothing where there are none."""
+    if shutil.which("mpirun") is None or importlib.util.find_spec("petsc4py") is None:
+        return {}
+    found = {}
+    begun = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "2", sys.executable, "-m", "hemivar"]
+    for verb, name, written in (
+        ("solve", "cube_friction", "json"), ("solve", "survey_5_1", "json"), ("march", "bounce", "json"),
+    ):  # fmt: skip
+        with tempfile.TemporaryDirectory() as folder:
+            answer = Path(folder) / f"answer.{written}"
+            file = ROOT / "examples" / "problems" / f"{name}.toml"
+            line = [*begun, verb, str(file), "--engine", "petsc", "--json", str(answer)]
+            subprocess.run(line, check=True, capture_output=True, cwd=folder)
+            found[name] = json.loads(answer.read_text())
     return found
 
 
@@ -95,6 +234,11 @@ def record_large() -> dict[str, Any]:
         kept = {key: row[key] for key in ("unknowns", "steps", "cycles", "linear_cycles", "status")}
         found[f"{dim}D {law} 1/{n}"] = kept | {"energy": solution.energy, "timings": {"ratio": row["ratio"]}}
     return found
+
+
+def plain(value: Any) -> Any:
+    """What JSON has no word for."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
 
 def differs(path: str, before: Any, after: Any, rtol: float) -> str | None:
@@ -147,9 +291,11 @@ def main() -> int:
     parser.add_argument("--rtol", type=float, default=1e-9)
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    makers = {"gallery": record_gallery, "methods": record_methods, "large": record_large}
-    after = {part: makers[part]() for part in options.only}
-    after = json.loads(json.dumps(after))
+    after = {}
+    for part in options.only:
+        print(part, flush=True)
+        after[part] = globals()[f"record_{part}"]()
+    after = json.loads(json.dumps(after, default=plain))
     if options.write is not None:
         options.write.write_text(json.dumps(after))
     if options.compare is None:
