@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from typing import TypedDict, Unpack
 
 import numpy as np
 import pytest
+from threadpoolctl import ThreadpoolController
 
 from hemivar.basics.types import Array
 from hemivar.fem import discretize
@@ -14,6 +16,14 @@ from hemivar.laws import Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Quadrature
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import Solution, solve
+
+
+def pytest_configure() -> None:
+    """One thread of BLAS for each worker, and for what it starts: threads of several wait for one another's cores."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    for library in ThreadpoolController().select(user_api="blas").lib_controllers:
+        library.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")
