@@ -309,4 +309,5 @@ def _initial(motion: Motion, u: np.ndarray) -> State:
         w[free] = np.linalg.solve(motion.M[np.ix_(free, free)], force[free])
     # a body that yields at once was at rest before, where its gaps were open
     opening = np.maximum(-(motion.B @ u - motion.gap(0.0))[::2], np.maximum(motion.gap(0.0)[::2], 0.0))
-    return State(0.0, u, v, w, tuple(u if motion.yields_at_once else np.zeros(u.size) for _ in motion.branches), opening)
+    stretched = u if motion.yields_at_once else np.zeros(u.size)
+    return State(0.0, u, v, w, tuple(stretched for _ in motion.branches), opening)
