@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import resource
 import subprocess
@@ -27,6 +28,36 @@ def test_what_fails_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) ->
         fail()
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["a.json"]
+
+
+def test_what_killed_processes_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    """Leftovers of the same file, of regular files that are old and that no process has locked."""
+    path = tmp_path / "a.json"
+    left = tmp_path / f".a-{'0' * 12}.json"
+    others = [".a-0.json", f".a-{'0' * 13}.json", f".a-{'G' * 12}.json", f"a-{'0' * 12}.json", f".b-{'0' * 12}.json"]
+    for name in (left.name, *others, f".a-{'3' * 12}.json", f".a-{'4' * 12}.json"):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (0, 0))
+    os.utime(tmp_path / f".a-{'3' * 12}.json")  # young
+    (tmp_path / f".a-{'1' * 12}.json").mkdir()
+    (tmp_path / f".a-{'2' * 12}.json").symlink_to(tmp_path / "target")
+    os.mkfifo(tmp_path / f".a-{'5' * 12}.json")
+    before = set(os.listdir(tmp_path))
+    code = (
+        "import os, sys\nfrom pathlib import Path\nfrom hemivar.basics import disk\n"
+        "with disk.whole_file(sys.argv[1]) as name:\n os.utime(name, (0, 0)); print(flush=True); sys.stdin.read()"
+    )
+    with open(tmp_path / f".a-{'4' * 12}.json") as locked:
+        fcntl.flock(locked, fcntl.LOCK_EX)
+        with subprocess.Popen([sys.executable, "-c", code, path], stdin=-1, stdout=-1) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            (living,) = set(os.listdir(tmp_path)) - before
+            disk.write_text(path, "new")
+            assert set(os.listdir(tmp_path)) == before - {left.name} | {path.name, living}
+            process.kill()
+        disk.write_text(path, "new")
+    assert set(os.listdir(tmp_path)) == before - {left.name} | {path.name}
 
 
 def test_a_disk_error_is_told_though_another_hides_it(tmp_path: Path) -> None:

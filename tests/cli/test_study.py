@@ -18,6 +18,8 @@ import pytest
 
 import hemivar as hv
 from hemivar import cli
+from hemivar.basics import disk
+from hemivar.errors import FileError
 from hemivar.files.problem_file import read_problem_file
 from hemivar.files.sample import TEMPLATES, template
 from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT, block_file
@@ -134,6 +136,23 @@ def test_sweep_counts_keeps_and_goes_on(block: Path, capsys: pytest.CaptureFixtu
     assert kept.read_bytes() == before
     assert cli.main(["sweep", str(block)]) == 2
     assert "give a range with --set" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "work", [["study", "--refine", "1"], ["sweep", "--set", "contact.bottom.normal.q_max=0:0.4:2"]]
+)
+@pytest.mark.parametrize("full", ["write_text", "append_line"])
+def test_a_full_disk_ends_no_work_whose_file_nobody_asked_for(
+    block: Path, work: list[str], full: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: object, text: str) -> None:
+        raise FileError(f"cannot write {path}: no space left on device")
+
+    monkeypatch.setattr(disk, full, refused)
+    assert cli.main([work[0], str(block), *work[1:]]) == 0
+    assert re.search(r"not kept          cannot write .*jsonl: no space left on device", capsys.readouterr().out)
+    assert cli.main([work[0], str(block), *work[1:], "--keep", "a.jsonl"]) == 2
+    assert "cannot write a.jsonl: no space left" in capsys.readouterr().err
 
 
 def test_values_beside_the_ranges_hold_at_every_point(block: Path) -> None:

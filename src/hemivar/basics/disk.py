@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import secrets
 import stat
 import sys
+import time
 from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
 
 from hemivar.errors import FileError
+
+try:
+    import fcntl
+except ImportError:  # no such locks: what killed processes left stays
+    fcntl = None  # type: ignore[assignment]
 
 __all__ = [
     "MOST_BYTES",
@@ -34,6 +41,8 @@ __all__ = [
 #: Bytes of a text file (problem, law table, result) that are read unless the caller says otherwise.
 MOST_BYTES = 256 * 2**20
 _PORTION = 16 * 2**20
+#: Seconds for which a temporary file is left alone, though nobody has locked it: its maker is about to.
+_YOUNG = 60.0
 
 _noted: ContextVar[list[Path] | None] = ContextVar("files read", default=None)
 
@@ -158,7 +167,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Whoever writes by name (a plotting or mesh library) writes to the name it is given, which ends like ``path``.  The
     old content of ``path`` stays whole until the new one has reached the disk: through full disks, interrupts, a killed
     process, and two writers, of whom the last one wins.  Links are followed, permissions kept.  What is no regular file
-    (a pipe, ``/dev/stdout``) is written to directly, for it cannot be replaced.
+    (a pipe, ``/dev/stdout``) is written to directly, for it cannot be replaced.  What a killed process has left of the
+    same file under a temporary name is removed.
 
     Raises
     ------
@@ -167,14 +177,16 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         it: libraries stumble when they clean up after a full disk.
     """
     temporary: Path | None = None
+    lock: int | None = None
     around = sys.exc_info()[1]
     try:
         target, mode = _target(path)
         if mode is not None and not stat.S_ISREG(mode):
             yield Path(path)
             return
+        _remove_leftovers(target)
         temporary = _beside(target)
-        _make(temporary)
+        lock = _make(temporary)
         yield temporary
         if mode is not None:
             os.chmod(temporary, stat.S_IMODE(mode))
@@ -194,6 +206,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
+        if lock is not None:
+            os.close(lock)
 
 
 def try_output(path: str | Path) -> None:
@@ -207,6 +221,7 @@ def try_output(path: str | Path) -> None:
         In one sentence that names the file.
     """
     temporary: Path | None = None
+    lock: int | None = None
     try:
         target, mode = _target(path)
         if mode is not None and not stat.S_ISREG(mode):
@@ -214,7 +229,7 @@ def try_output(path: str | Path) -> None:
                 raise FileError(f"cannot write {shown(path)}: it is a pipe; name a regular file")
             return
         temporary = _beside(target)
-        _make(temporary)
+        lock = _make(temporary)
     except FileError:
         raise
     except (OSError, ValueError) as error:
@@ -223,6 +238,8 @@ def try_output(path: str | Path) -> None:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
+        if lock is not None:
+            os.close(lock)
 
 
 def _target(path: str | Path) -> tuple[Path, int | None]:
@@ -248,9 +265,41 @@ def _beside(target: Path) -> Path:
     return target.with_name(f".{target.stem[:40]}-{secrets.token_hex(6)}{target.suffix}")
 
 
-def _make(temporary: Path) -> None:
-    """An empty new file, with the permissions that new files have here."""
-    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+def _make(temporary: Path) -> int | None:
+    """An empty new file, with the permissions that new files have here; the descriptor that keeps it locked, if any."""
+    descriptor = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+    if _locks(descriptor):
+        return descriptor
+    os.close(descriptor)
+    return None
+
+
+def _locks(descriptor: int) -> bool:
+    """Whether a file is now locked by this process: no other one that lives is writing it."""
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _remove_leftovers(target: Path) -> None:
+    """Remove temporary files of a target that processes left which were killed: old ones that nobody has locked."""
+    name = re.compile(rf"\.{re.escape(target.stem[:40])}-[0-9a-f]{{12}}{re.escape(target.suffix)}")
+    with contextlib.suppress(OSError, FileError):
+        for found in filter(name.fullmatch, os.listdir(target.parent)):
+            left = target.parent / found
+            status = left.lstat()
+            if not stat.S_ISREG(status.st_mode) or time.time() - status.st_mtime < _YOUNG:
+                continue
+            descriptor = os.open(left, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
+            try:
+                if _locks(descriptor):
+                    remove_file(left)
+            finally:
+                os.close(descriptor)
 
 
 def make_folder(path: str | Path) -> Path:

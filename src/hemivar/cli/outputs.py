@@ -26,6 +26,7 @@ __all__ = [
     "keep_off",
     "kept_file",
     "one_line",
+    "tell_kept",
 ]
 
 #: Characters of a message that are shown: a name of thousands of them would hide what is wrong.
@@ -109,15 +110,22 @@ def keep_off(files: Mapping[str, Iterable[Path]], inputs: Iterable[Path]) -> Non
 def kept_file(problem: Path, kind: str, digest: str, outputs: Mapping[str, Path | None], writer: Writer) -> Path:
     """The file in which work is kept that was given no name: made of the problem's and of what the work depends on.
 
+    Nobody asked for it: where it cannot be written, the work goes on without it.
+
     Raises
     ------
     ProblemError
-        It could not be written, or is one of the other files.
+        It is one of the other files.
     """
     keep = Path(f"{problem.stem}-{digest[:8]}.{kind}.jsonl")
-    check_outputs({"--keep": keep, **outputs}, problem)
+    check_distinct(files_of({"--keep": keep, **outputs}), problem)
     keep_off(files_of({"--keep": keep}), writer.inputs)
     return keep
+
+
+def tell_kept(keep: Path, unkept: str) -> None:
+    """Print where work is kept, or why it is not."""
+    print(f"not kept          {one_line(unkept)}" if unkept else f"kept              {shown(keep)}")
 
 
 def check_folder(path: Path, names: Iterable[str]) -> None:

@@ -11,7 +11,7 @@ import typer
 
 from hemivar.basics.disk import shown
 from hemivar.cli.options import MOST_JOBS, Exit, Given, MaxSteps, MaxTime, ProblemPath, Rtol, method_named
-from hemivar.cli.outputs import kept_file, one_line
+from hemivar.cli.outputs import kept_file, one_line, tell_kept
 from hemivar.cli.session import Session, naming_file
 from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import FileError, HemivarError, ProblemError
@@ -68,7 +68,7 @@ def study(
             "of cells, or [mesh] refine"
         )
     first = stated.problem.on(meshes[-1 - coarser])
-    options = StudyOptions(refine, exact or None, solver, session.controls, jobs)
+    options = StudyOptions(refine, exact or None, solver, session.controls, jobs, must_keep=keep is not None)
     keep = kept_file(problem, "study", study_digest(first, options), outputs, writer) if keep is None else keep
     options = replace(options, keep=keep)
     terminal = console()
@@ -98,7 +98,7 @@ def study(
     if found.quantities:
         writer.write("--plot", plot, draw, picture=True)
     writer.tell()
-    print(f"kept              {shown(keep)}")
+    tell_kept(keep, found.unkept)
     if found.interrupted:
         print(f"interrupted: {len(found.levels)} of {refine + 1} meshes are done; the same command goes on from there")
         return writer.ended(Exit.INTERRUPTED)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ import typer
 
 from hemivar.basics.disk import shown
 from hemivar.cli.options import MOST_JOBS, Exit, ProblemPath, Rtol, check_limits, controls_of
-from hemivar.cli.outputs import kept_file, one_line
+from hemivar.cli.outputs import kept_file, one_line, tell_kept
 from hemivar.cli.session import Session
 from hemivar.cli.show import StageView, console, print_table
 from hemivar.errors import ProblemError
@@ -86,7 +87,7 @@ def sweep(
             raise error from None
     stated, writer = session.stated, session.writer
     search = SolutionsOptions(starts, max_solutions, seed, controls_of(stated, rtol, max_time))
-    options = SweepOptions(search, jobs, None, changes)
+    options = SweepOptions(search, jobs, None, changes, must_keep=keep is not None)
     if keep is None:
         keep = kept_file(problem, "sweep", sweep_digest(problem, axes, options), outputs, writer)
     points = math.prod(len(axis.values) for axis in axes)
@@ -96,7 +97,7 @@ def sweep(
         print(f"set               {shown(change)}")
     print(f"parameters        {', '.join(f'{axis.key} ({len(axis.values)})' for axis in axes)}: {points} points")
     with StageView(terminal) as view:
-        found = result_of(sweeping(problem, axes, SweepOptions(search, jobs, keep, changes)), view)
+        found = result_of(sweeping(problem, axes, replace(options, keep=keep)), view)
     table = sweep_table(found)
     if len(table.rows) <= _SHOWN:
         print_table(terminal, table, keys=len(found.axes))
@@ -117,7 +118,7 @@ def sweep(
     if found.points:
         writer.write("--plot", plot, draw, picture=True)
     writer.tell()
-    print(f"kept              {shown(keep)}")
+    tell_kept(keep, found.unkept)
     if found.interrupted:
         print(f"interrupted: {len(found.points)} of {points} points are done; the same command goes on from there")
         return writer.ended(Exit.INTERRUPTED)

@@ -64,11 +64,18 @@ class KeptWork(Generic[Part]):
         What else stands in the first line, which must be the same as well.
     most_bytes : int
         A larger file is not read.
+    wanted : bool
+        Whether somebody asked for the file.  If nobody did, and it cannot be written, the work goes on without it.
+
+    Attributes
+    ----------
+    unkept : str
+        Why the file could not be written; empty if it was.
 
     Raises
     ------
     FileError
-        The file cannot be read or written, or it is not the record of this work.
+        The file cannot be read, or it is not the record of this work; it is wanted, and cannot be written.
     """
 
     def __init__(
@@ -80,13 +87,16 @@ class KeptWork(Generic[Part]):
         read: Callable[[str], Part],
         said: Mapping[str, object] | None = None,
         most_bytes: int = disk.MOST_BYTES,
+        wanted: bool = True,
     ) -> None:
         self.path = Path(path)
+        self.unkept = ""
+        self._wanted = wanted
         self._kind = kind
         self._parts: list[Part] = []
         head = json.dumps({f"hemivar-{kind}": _FORMAT, "digest": digest, **(said or {})})
         if not os.path.lexists(self.path):
-            disk.write_text(self.path, head + "\n")
+            self._write(lambda: disk.write_text(self.path, head + "\n"))
             return
         text = disk.read_text(self.path, f"record of a {kind}", most_bytes)
         whole = text[: text.rfind("\n") + 1]
@@ -110,7 +120,7 @@ class KeptWork(Generic[Part]):
                     "remove the line, or the file"
                 ) from error
         if whole != text:  # the process ended while it wrote the last line
-            disk.write_text(self.path, whole)
+            self._write(lambda: disk.write_text(self.path, whole))
 
     def _refuse(self, first: str) -> None:
         try:
@@ -126,10 +136,19 @@ class KeptWork(Generic[Part]):
         return iter(tuple(self._parts))
 
     def add(self, part: Part) -> None:
-        """Keep a part: on return its line has reached the disk."""
+        """Keep a part: on return its line has reached the disk, or :attr:`unkept` says why no more are kept."""
         line = part.line()
-        disk.append_line(self.path, f'{_CHECK}{_check(line)}", {line[1:]}')
+        if not self.unkept:
+            self._write(lambda: disk.append_line(self.path, f'{_CHECK}{_check(line)}", {line[1:]}'))
         self._parts.append(part)
+
+    def _write(self, task: Callable[[], None]) -> None:
+        try:
+            task()
+        except FileError as error:
+            if self._wanted:
+                raise
+            self.unkept = str(error)
 
 
 def _check(line: str) -> str:

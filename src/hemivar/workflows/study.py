@@ -75,6 +75,8 @@ class StudyOptions:
     keep : str or Path, optional
         A file to which the solution on every mesh goes when it is done; meshes that it holds are not solved again, also
         where the mesh is now halved more often, or compared with another exact solution.
+    must_keep : bool
+        Whether the study ends where that file cannot be written; else ``Study.unkept`` says why.
 
     Raises
     ------
@@ -89,6 +91,7 @@ class StudyOptions:
     controls: Controls = field(default_factory=Controls)
     jobs: int = 1
     keep: str | Path | None = None
+    must_keep: bool = True
 
     def __post_init__(self) -> None:
         count = whole_number(self.refine, "refine", 1)
@@ -149,6 +152,8 @@ class Study(Displayed):
         ``"exact solution"`` or ``"finest mesh"``.
     interrupted : bool
         Whether the work was stopped from the keyboard; the meshes until then are here.
+    unkept : str
+        Why the solutions could not be kept in their file; empty if they were, and if none was asked for.
     """
 
     options: StudyOptions
@@ -156,6 +161,7 @@ class Study(Displayed):
     norms: Mapping[str, float]
     reference: str
     interrupted: bool = False
+    unkept: str = ""
 
     def __repr__(self) -> str:
         orders = ", ".join(f"{name} {order:.2f}" for name, order in self.orders.items() if not math.isnan(order))
@@ -256,7 +262,9 @@ def studying(problem: Statement | KnownStatement | str | Path, options: StudyOpt
     kept: KeptWork[KeptSolution] | None = None
     if options.keep is not None:
         digest = study_digest(stated, options)
-        kept = KeptWork(options.keep, "study", "mesh", digest, KeptSolution.of_line, most_bytes=_MOST_KEPT)
+        kept = KeptWork(
+            options.keep, "study", "mesh", digest, KeptSolution.of_line, most_bytes=_MOST_KEPT, wanted=options.must_keep
+        )
     levels: list[StudyLevel] = []
     interrupted = False
     try:
@@ -265,7 +273,7 @@ def studying(problem: Statement | KnownStatement | str | Path, options: StudyOpt
         interrupted = True
     if not levels:
         raise ProblemError("study: no mesh was solved before the end of the work; take a coarser mesh, or more time")
-    return _measured(options, levels, stated, known, interrupted)
+    return _measured(options, levels, stated, known, interrupted, "" if kept is None else kept.unkept)
 
 
 def study_digest(problem: Statement, options: StudyOptions) -> str:
@@ -502,7 +510,12 @@ def _pressure(solution: Solution, stated: Statement, known: KnownField) -> Array
 
 
 def _measured(
-    options: StudyOptions, levels: list[StudyLevel], stated: Statement, known: KnownField | None, interrupted: bool
+    options: StudyOptions,
+    levels: list[StudyLevel],
+    stated: Statement,
+    known: KnownField | None,
+    interrupted: bool,
+    unkept: str,
 ) -> Study:
     """The study, with the errors against the finest mesh if there is no exact solution."""
     finest = levels[-1].solution
@@ -516,7 +529,7 @@ def _measured(
         levels = [*(_against_finest(level, finest, fine) for level in levels[:-1]), levels[-1]]
     size = math.sqrt(float(weights @ pressure**2))
     sizes = {"energy": norms.energy, "displacement": norms.mean_square, "pressure": size}
-    return Study(options, tuple(levels), MappingProxyType(sizes), reference, interrupted)
+    return Study(options, tuple(levels), MappingProxyType(sizes), reference, interrupted, unkept)
 
 
 def _against_finest(level: StudyLevel, finest: Solution, fine: Statement) -> StudyLevel:

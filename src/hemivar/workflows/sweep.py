@@ -128,6 +128,8 @@ class SweepOptions:
         ``if __name__ == "__main__":``, for each process reads it anew.
     keep : str or Path, optional
         A file to which every point goes when it is done; points that it holds are not computed again.
+    must_keep : bool
+        Whether the sweep ends where that file cannot be written; else ``Sweep.unkept`` says why.
     changes : sequence of Change
         Values put in place of those of the problem file at every point.
 
@@ -141,6 +143,7 @@ class SweepOptions:
     jobs: int = 1
     keep: str | Path | None = None
     changes: tuple[Change, ...] = ()
+    must_keep: bool = True
 
     def __post_init__(self) -> None:
         whole_number(self.jobs, "jobs", 1)
@@ -172,11 +175,14 @@ class Sweep(Displayed):
         Those that are done, the last parameter running fastest.
     interrupted : bool
         Whether the work was stopped from the keyboard.
+    unkept : str
+        Why the points could not be kept in their file; empty if they were, and if none was asked for.
     """
 
     axes: tuple[SweepAxis, ...]
     points: tuple[SweepPoint, ...]
     interrupted: bool = False
+    unkept: str = ""
 
     def __repr__(self) -> str:
         keys = ", ".join(f"{axis.key} of {len(axis.values)}" for axis in self.axes)
@@ -322,7 +328,7 @@ def sweeping(
     record, done = None, dict[tuple[int, ...], SweepPoint]()
     if options.keep is not None:
         digest, said = sweep_digest(problem, given, options), {"parameters": list(keys)}
-        record = KeptWork(options.keep, "sweep", "point", digest, SweepPoint.of_line, said)
+        record = KeptWork(options.keep, "sweep", "point", digest, SweepPoint.of_line, said, wanted=options.must_keep)
         among = set(places)
         done = {point.place: point for point in record if point.place in among}
     tasks = [
@@ -344,7 +350,8 @@ def sweeping(
                     break
     except KeyboardInterrupt:
         interrupted = True
-    found = Sweep(given, tuple(done[place] for place in places if place in done), interrupted)
+    unkept = "" if record is None else record.unkept
+    found = Sweep(given, tuple(done[place] for place in places if place in done), interrupted, unkept)
     if found.complete and all(point.failed for point in found.points):
         raise ProblemError(f"sweep: no point has a solution; the first: {found.points[0].note}")
     return found
