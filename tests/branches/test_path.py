@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hemivar.branches import find_solutions, follow_path
+from hemivar.branches import find_solutions, follow, follow_path
+from hemivar.branches.chain import Chain
+from hemivar.branches.follower import Track
+from hemivar.branches.path import Path
 from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.residual import residual
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance, PiecewiseQuadratic, Softening
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
 from hemivar.mesh import rectangle
 from hemivar.solvers import LoadStepping, solve
+from hemivar.systems import condense
 
 from ..problems import bar, discrete_square
 from .random_problems import random_problem
@@ -72,6 +77,29 @@ def test_a_curved_law_folds_at_the_load_of_the_closed_form() -> None:
     slip, t = path.local[:, 0, 1], path.load_factor
     moving = slip > 1e-12
     np.testing.assert_allclose(kappa * (t - slip)[moving], h * (0.7 + 0.3 * np.exp(-slip[moving])), rtol=1e-11)
+
+
+@pytest.mark.parametrize("corrected", [True, False])
+def test_a_jump_to_a_curved_branch_lands_on_a_solution_or_says_interpolated(
+    corrected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = shear_column(1.0, 0.1, 0.5)
+    assemble = follow._assemble
+
+    def without_corrector(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Path:
+        if not corrected:
+            monkeypatch.setattr(Chain, "correct", lambda *given: None)
+        return assemble(line, chain, track, perturbed)
+
+    monkeypatch.setattr(follow, "_assemble", without_corrector)
+    up = next(jump for jump in follow_path(problem, (0.0, 8.0)).jumps if jump.loading)
+    assert up.local is not None
+    at_load = condense(LoadLine(problem).at(up.load_factor))
+    lam = at_load.law.nearest_multiplier(up.local, np.zeros_like(up.local))
+    lam[:, 0] = at_load.multiplier(up.local)[:, 0]  # of the side that is held
+    relative = residual(at_load.problem, at_load.recover(up.local, lam)[0], lam).relative
+    assert up.interpolated is not corrected
+    assert (relative < 1e-12) is corrected
 
 
 def test_columns_break_one_after_the_other() -> None:

@@ -205,7 +205,7 @@ def test_a_positive_margin_ends_the_search() -> None:
 
 
 def test_the_kind_of_each_solution_is_that_of_its_certificate() -> None:
-    """One word for one thing: chain and certificate find it in different ways."""
+    """One word for one thing."""
     seen: dict[PointKind, int] = {}
     for seed in range(40):
         problem = random_problem(seed)
@@ -215,10 +215,54 @@ def test_the_kind_of_each_solution_is_that_of_its_certificate() -> None:
             kind = certify(solution).kind
             if kind in (PointKind.UNIQUE_MINIMISER, PointKind.GLOBAL_MINIMISER):
                 kind = PointKind.LOCAL_MINIMISER
-            if kind is not PointKind.DIRECTIONALLY_STATIONARY:
-                assert solution.kind is kind, f"seed {seed}"
-                seen[kind] = seen.get(kind, 0) + 1
+            assert solution.kind is kind, f"seed {seed}"
+            seen[kind] = seen.get(kind, 0) + 1
     assert min(seen[kind] for kind in (PointKind.LOCAL_MINIMISER, PointKind.SADDLE, PointKind.MAXIMUM)) > 1
+
+
+@pytest.mark.parametrize("enumerate_up_to", [20_000, 0])
+@pytest.mark.parametrize(("load", "turn"), [(0.6, 0.1), (0.4, 0.2)])  # the folds of test_path
+def test_where_the_load_turns_the_curvature_does_not_decide(load: float, turn: float, enumerate_up_to: int) -> None:
+    found = find_solutions(bar(load, softening()), enumerate_up_to=enumerate_up_to, starts=5)
+    kinds = {round(s.penetration[0], 9): s.kind for s in found}
+    assert kinds.pop(turn) is PointKind.DIRECTIONALLY_STATIONARY
+    assert list(kinds.values()) == [PointKind.LOCAL_MINIMISER]
+    assert len(found.minima) == 1
+    assert [certify(s).kind for s in found] == [s.kind for s in found]
+
+
+def test_where_the_load_turns_on_a_curved_law_the_curvature_does_not_decide() -> None:
+    kappa, h = 0.1, 0.5
+    slip = np.log(0.3 * h / kappa)
+    found = find_solutions(shear_column(0.7 * h / kappa + 1.0 + slip, kappa, h), starts=5)
+    turning = [s for s in found if abs(s.slip[0, 0] - slip) < 1e-6]
+    assert turning
+    for solution in turning:
+        assert certify(solution).kind is solution.kind is PointKind.DIRECTIONALLY_STATIONARY
+
+
+def test_one_of_many_minimisers_of_a_convex_energy_is_a_global_one() -> None:
+    """Two points on a spring that nothing holds, one of them on a foundation that is rigid-plastic at no force."""
+    law = PiecewiseQuadratic([0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 0.0])
+    K, B = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[1.0, 0.0]])
+    problem = DiscreteProblem.of_arrays(K, np.zeros(2), B, np.ones(1), np.zeros(1), ContactLaw(law))
+    found = find_solutions(problem)
+    assert not found.exhaustive
+    assert found.minima == found.solutions
+    for solution in found:
+        assert certify(solution).kind is solution.kind is PointKind.GLOBAL_MINIMISER
+
+
+def test_the_kinds_on_a_body_that_its_foundation_alone_holds() -> None:
+    K, B = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.eye(2)
+    law = PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -1.5, 2.0], [0.0, 0.0, 0.0])
+    problem = DiscreteProblem.of_arrays(K, np.full(2, 0.14), B, np.ones(2), np.zeros(2), ContactLaw(law))
+    found = find_solutions(problem)
+    middle = [s for s in found if np.ptp(s.penetration) < 1e-9 and 0.1 < s.penetration[0] < 0.2]
+    assert [s.kind for s in middle] == [PointKind.SADDLE]
+    assert len(found.minima) >= 2
+    for solution in found:
+        assert certify(solution).kind is solution.kind
 
 
 def test_a_jump_met_at_its_end_is_stationary_to_one_side_only() -> None:

@@ -20,7 +20,6 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.segments import Segments, graph_segments, joined_rows
-from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import MethodError
 from hemivar.laws import ContactLaw
 from hemivar.systems.condensed import CondensedProblem
@@ -224,27 +223,6 @@ class Chain(Segments):
         except np.linalg.LinAlgError:
             return False
         return True
-
-    def kind(self, theta: Array, segment: IntArray) -> PointKind:
-        """The kind of a stationary point; with a bound that depends on the state, that of the energy frozen here.
-
-        A component at an upward kink is held there, so that a point with such components is no maximum; at a downward
-        jump the energy falls to both sides, or to one where the multiplier is at an end of the jump.
-        """
-        kink = self.pick(self.kink, segment)
-        down = kink & (self.pick(self.direction, segment) < 0.0)
-        values = np.linalg.eigvalsh(self.reduced_hessian(theta, segment))
-        everywhere = bool(np.all(values < 0.0)) and values.size + int(down.sum()) == self.size
-        if down.any():
-            start, end = (np.where(down, self.pick(table, segment), 0.0) for table in (self.start, self.end))
-            slack = _SAME * (end - start)
-            both = down & (theta > start + slack) & (theta < end - slack)
-            if not both.any():
-                return PointKind.CLARKE_STATIONARY
-            return PointKind.MAXIMUM if everywhere and bool((both == down).all()) else PointKind.SADDLE
-        if values.size == 0 or values[0] > 0.0:
-            return PointKind.LOCAL_MINIMISER
-        return PointKind.MAXIMUM if everywhere else PointKind.SADDLE
 
     def correct(self, theta: Array, segment: IntArray, force: Array) -> Array | None:
         """Newton's method for F = 0 with the segments given; None where it fails."""

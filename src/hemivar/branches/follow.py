@@ -246,6 +246,7 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
         force = (1.0 - factor) * systems[0].force + factor * systems[2].force
         answer = float(system.weights @ system.law.value(local[i]))
         energy[i] = 0.5 * x @ (system.matrix @ x) - force @ x + answer + np.polyval(curve, factor)
+    force0, force1 = systems[0].force[system.free], systems[2].force[system.free]
     snaps, snap_size = _snaps(chain, track)
     folds = tuple(Fold(float(t[i]), i, bool(snaps[i])) for i in range(1, t.size - 1) if track.points[i].fold)
     return Path(
@@ -257,7 +258,10 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
         stable=np.array(stable, dtype=bool),
         curved=np.array([stretch.curved for stretch in track.stretches], dtype=bool),
         folds=folds,
-        jumps=tuple(replace(jump, snaps=bool(snaps[jump.index])) for jump in _jumps(t, local, stable)),
+        jumps=tuple(
+            replace(jump, snaps=bool(snaps[jump.index]))
+            for jump in _jumps(chain, track, force0, force1 - force0, local)
+        ),
         ended=track.ended,
         perturbed=perturbed,
         snap_size=snap_size,
@@ -309,8 +313,10 @@ def _strained(system: CondensedProblem, line: LoadLine, t: Array, local: Array, 
     return (told,) if told else ()
 
 
-def _jumps(t: Array, local: Array, stable: list[bool]) -> tuple[Jump, ...]:
+def _jumps(chain: Chain, track: Track, force0: Array, force1: Array, local: Array) -> tuple[Jump, ...]:
     """Where stability is lost while the load goes up, or down, and where the next stable stretch at that load is."""
+    t = np.array([point.t for point in track.points])
+    stable = [stretch.stable for stretch in track.stretches]
     jumps: list[Jump] = []
     for i in range(1, t.size - 1):
         if stable[i - 1] == stable[i]:
@@ -324,10 +330,25 @@ def _jumps(t: Array, local: Array, stable: list[bool]) -> tuple[Jump, ...]:
         loading = bool(t[i] > t[elsewhere[0]])
         stretches = range(i + 1, t.size - 1) if onward else range(i - 2, -1, -1)
         landing: Array | None = None
+        interpolated = False
         for k in stretches:
             if stable[k] and (t[k] - t[i]) * (t[k + 1] - t[i]) <= 0.0 and t[k] != t[k + 1]:
                 part = (t[i] - t[k]) / (t[k + 1] - t[k])
                 landing = local[k] + part * (local[k + 1] - local[k])
+                if track.stretches[k].curved:
+                    landing, interpolated = _landing(chain, track, k, part, force0 + t[i] * force1, landing)
                 break
-        jumps.append(Jump(float(t[i]), i, loading, landing))
+        jumps.append(Jump(float(t[i]), i, loading, landing, interpolated=interpolated))
     return tuple(jumps)
+
+
+def _landing(chain: Chain, track: Track, k: int, part: float, force: Array, between: Array) -> tuple[Array, bool]:
+    """The solution (m, d) on a curved stretch, and False; if none is found the point ``between`` its ends, and True."""
+    segment = track.stretches[k].segment
+    first, last = track.points[k].theta, track.points[k + 1].theta
+    theta = chain.correct(first + part * (last - first), segment, force)
+    if theta is None or not chain.inside(theta, segment, 1e-7 * chain.length).all():
+        return between, True
+    found = between.copy()
+    found[chain.point, chain.column] = chain.evaluate(theta, segment)[0]
+    return found, False

@@ -71,6 +71,8 @@ class Jump:
         Local displacement on the stable branch of this path that is met at the same load; None if there is none.
     snaps : bool
         Whether a single contact point lets go there, as in :class:`Fold`.
+    interpolated : bool
+        Whether ``local`` lies between two points of a curved path and could not be corrected: no solution then.
     """
 
     load_factor: float
@@ -78,6 +80,7 @@ class Jump:
     loading: bool
     local: Array | None
     snaps: bool = False
+    interpolated: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,12 +14,11 @@ from hemivar.branches.chain import Chain
 from hemivar.branches.enumeration import Candidate
 from hemivar.branches.follower import trace
 from hemivar.branches.polish import Polished, polish, polish_by_solver
-from hemivar.branches.state_chain import StateChain
+from hemivar.certify import energy_norm
+from hemivar.certify.kind import kind_of
 from hemivar.discrete.point_kind import PointKind
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
-from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
-from hemivar.systems.contact_moves import newton_components
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["SearchProgress", "SolutionSearch"]
@@ -147,7 +146,7 @@ class SolutionSearch:
         elif self.full:
             self.full_and_more = True
         else:
-            self._keep(self._solution(found, chain.kind(theta, segment)), r, error)
+            self._keep(self._solution(found), r, error)
             self.points.append((theta, segment))
 
     def add_point(self, theta: Array, segment: IntArray) -> bool:
@@ -164,8 +163,7 @@ class SolutionSearch:
         found = polish(self.system, chain, r, lam, theta, segment, self.controls)
         if not found.solves(self.controls):
             return False
-        kind = _kind(self.system, r, lam) if isinstance(chain, StateChain) else chain.kind(theta, segment)
-        self._keep(self._solution(found, kind), r, error)
+        self._keep(self._solution(found), r, error)
         self.points.append((theta, segment))
         return True
 
@@ -181,7 +179,7 @@ class SolutionSearch:
         solution, error = polish_by_solver(self.system, self.workspace, solution, self.controls, self.budget)
         if self.known(solution.local, error):
             return False
-        kind = _kind(self.system, solution.local, solution.multiplier)
+        kind = self._kind(solution.unknowns, solution.multiplier)
         self._keep(replace(solution, kind=kind), solution.local, error)
         if self.chain is not None:
             self.points.append(self.chain.nearest(solution.local, solution.multiplier))
@@ -193,7 +191,15 @@ class SolutionSearch:
             self.add_candidate(candidate)
             yield
 
-    def _solution(self, found: Polished, kind: PointKind) -> Solution:
+    def _kind(self, u: Array, lam: Array) -> PointKind:
+        """What a certificate will call it; that it is stationary where there is no time for more."""
+        problem = self.system.problem
+        try:
+            return kind_of(problem, u, lam, energy_norm(problem, self.workspace))
+        except OutOfTime:
+            return PointKind.STATIONARY
+
+    def _solution(self, found: Polished) -> Solution:
         below = found.residual.below(self.controls.atol, self.controls.rtol)
         return Solution(
             problem=self.system.problem,
@@ -202,7 +208,7 @@ class SolutionSearch:
             status=Status.CONVERGED if below else Status.STALLED,
             residual=found.residual,
             method="find-solutions",
-            kind=kind,
+            kind=self._kind(found.unknowns, found.multiplier),
         )
 
     def _keep(self, solution: Solution, r: Array, error: Array) -> None:
@@ -367,17 +373,3 @@ def _deflated_newton(chain: Chain, theta: Array, known: list[Array]) -> tuple[Ar
             return None
         theta, now = trial, value
     return None
-
-
-def _kind(system: CondensedProblem, r: Array, lam: Array) -> PointKind:
-    """The kind of a stationary point by the curvature of the components that are off the kinks, in any dimension."""
-    frozen = system.for_problem(system.problem.with_(law=system.law_at(r, lam)))
-    index = np.flatnonzero(newton_components(frozen.law, r, frozen.active).ravel())
-    if index.size == 0:
-        return PointKind.LOCAL_MINIMISER
-    H, _ = newton_system(frozen, r, index, frozen.out_of_balance(r))
-    values = np.linalg.eigvalsh(H)
-    if values[0] > 0.0:
-        return PointKind.LOCAL_MINIMISER
-    whole = values[-1] < 0.0 and values.size == frozen.free.size
-    return PointKind.MAXIMUM if whole else PointKind.SADDLE

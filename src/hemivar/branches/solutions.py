@@ -38,9 +38,11 @@ class SolutionSet(Sequence[Solution], Displayed):
     Attributes
     ----------
     solutions : tuple of Solution
-        Each with its energy and its ``kind``: LOCAL_MINIMISER (no lower point nearby), SADDLE, MAXIMUM (of the energy
-        as a function of the contact displacements alone), or CLARKE_STATIONARY.  A point with a component at a downward
-        jump of its law is never a local minimiser.
+        Each with its energy and its ``kind``, as its certificate finds it: LOCAL_MINIMISER (no lower point nearby),
+        GLOBAL_MINIMISER (the law is convex, and others may be as low), SADDLE, MAXIMUM (of the energy as a function of
+        the contact displacements alone), CLARKE_STATIONARY, or DIRECTIONALLY_STATIONARY where the curvature does not
+        decide, as at the load of a fold.  A point with a component at a downward jump of its law is never a local
+        minimiser.
     exhaustive : bool
         Whether there are no others: every combination of pieces and kinks was tried and rounding left none of them
         undecided, or the problem has one solution by its margin.  Solutions nearer to each other than their rounding
@@ -91,8 +93,9 @@ class SolutionSet(Sequence[Solution], Displayed):
 
     @property
     def minima(self) -> tuple[Solution, ...]:
-        """The local minimisers among them."""
-        return tuple(solution for solution in self.solutions if solution.kind is PointKind.LOCAL_MINIMISER)
+        """The minimisers among them, local and global ones."""
+        kinds = (PointKind.LOCAL_MINIMISER, PointKind.GLOBAL_MINIMISER)
+        return tuple(solution for solution in self.solutions if solution.kind in kinds)
 
 
 @dataclass(frozen=True)

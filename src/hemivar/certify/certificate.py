@@ -431,7 +431,7 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     if dependent:
         return local.kind, None, local
     if constants.m_alpha == 0.0 and not constants.alpha_sampled:
-        if local.kind is PointKind.LOCAL_MINIMISER:
+        if local.kind is PointKind.LOCAL_MINIMISER and point.energy.definite:
             return PointKind.UNIQUE_MINIMISER, True, local
         return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)
     falls = local.kind in (PointKind.SADDLE, PointKind.MAXIMUM, PointKind.CLARKE_STATIONARY)

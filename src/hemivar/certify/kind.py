@@ -10,16 +10,18 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.bound import Point, snap
-from hemivar.certify.norms import EnergyNorm, MultigridNorm
+from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm
 from hemivar.discrete.point_kind import PointKind
-from hemivar.discrete.problem import quadratic
+from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.laws import Superpotential
 
-__all__ = ["LocalStudy", "study"]
+__all__ = ["LocalStudy", "kind_of", "study"]
 
-#: Curvatures (relative to the elastic one) this small are not decided.
-_FLAT = 1e-9
-#: A multiplier this near to the end of its interval (relative to the largest multiplier) may leave it.
+#: Curvatures (relative to the elastic one) this small are not decided: where the load turns, a point is known to the
+#: square root of rounding only, and so is the curvature there, which is zero.
+_FLAT = 1e-7
+#: A multiplier this near to the end of its interval (relative to the largest multiplier) may leave it; so may a place
+#: that is as near, by the compliance of its point, to a knot where the curvature jumps.
 _AT_END = 1e-8
 #: Contact components up to which all curvatures are computed, not the smallest one alone.
 _FEW = 200
@@ -61,15 +63,24 @@ class _Part:
         return _Part(*(values[index] for values in vars(self).values()))
 
 
-def _sides(law: Superpotential, r: Array) -> _Part:
-    """One-sided derivatives; r sits on a knot where it equals it."""
-    piece = law.piece_of(r)
+def _sides(law: Superpotential, r: Array, tau: Array, slack: float) -> _Part:
+    """One-sided derivatives; r sits on a knot where it equals it, or where it is as near as ``slack`` is to nothing.
+
+    The latter only at a knot where nothing but the curvature jumps: others were decided by the multiplier.
+    """
     knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
-    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
+    lefts, rights = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
     rows = np.arange(r.size)
+    for before in (1, 0):
+        at = np.clip(law.piece_of(r) - before, 0, knots.shape[-1] - 1)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(r - knots[rows, at]) <= slack * tau
+            r = np.where(near & (np.abs(rights[rows, at] - lefts[rows, at]) <= slack), knots[rows, at], r)
+    piece = law.piece_of(r)
+    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
     knot = knots[rows, at]
     here = (r == knot) & np.isfinite(knot)
-    left, right = (np.broadcast_to(side, (r.size, side.shape[-1]))[rows, at] for side in law.knot_slopes())
+    left, right = lefts[rows, at], rights[rows, at]
     after = np.where(here, at + 1, piece)
     slope = np.broadcast_to(law.piece_derivative(piece, r), r.shape)
     bend = (np.broadcast_to(law.piece_curvature(i, r), r.shape) for i in (piece, after))
@@ -147,17 +158,17 @@ def _components(point: Point) -> _Sorted:
     problem = point.problem
     m, d = problem.contact_points, problem.contact.components
     active = point.active
-    law = point.law(problem.local(point.u), point.lam)
-    r = np.where(active, snap(law, problem.local(point.u), point.lam, point.compliance), 0.0)
+    law, tau = point.law(problem.local(point.u), point.lam), point.compliance
+    r = np.where(active, snap(law, problem.local(point.u), point.lam, tau), 0.0)
     slack = _AT_END * max(float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
     unit = np.eye(d)
     index = np.flatnonzero(active[:, 0])
-    sides = _sides(law.normal, r[:, 0])
+    sides = _sides(law.normal, r[:, 0], tau[:, 0], slack)
     found = _sort(index, np.broadcast_to(unit[0], (index.size, d)), point.lam[index, 0], sides.take(index), slack)
     if d == 1 or m == 0:
         return found
     size = np.linalg.norm(r[:, 1:], axis=1)
-    radial = _sides(law.tangential, size)
+    radial = _sides(law.tangential, size, tau[:, 1], slack)
     # at rest: every direction that is not held by a support, with the curvature of first slip
     force = np.linalg.norm(np.where(active[:, 1:], point.lam[:, 1:], 0.0), axis=1)
     rest, column = np.nonzero(active[:, 1:] & (size == 0.0)[:, None])
@@ -176,6 +187,20 @@ def _components(point: Point) -> _Sorted:
         turns = np.any((across != 0.0) & active[moving], axis=1)
         free += _Components(moving, across, lam / size[moving]).where(turns)
     return found + _Sorted(free.ordered(), still.where(~loose & stuck), still.where(~loose & ~stuck), none, none)
+
+
+def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: Norm) -> PointKind:
+    """The kind of a pair ``u (n,)``, ``lam (m, d)`` that solves a problem, as its certificate finds it.
+
+    Whether it is the only solution is not asked.  A pair whose curvature does not decide is a global minimiser where
+    the law is convex and the problem has an energy.
+    """
+    kind = study(Point(problem, energy, u, lam)).kind
+    if kind is PointKind.DIRECTIONALLY_STATIONARY and not problem.law.state_dependent:
+        parts = (problem.law.normal, problem.law.tangential)
+        if all(law.convex and not law.alpha_sampled for law in parts):
+            return PointKind.GLOBAL_MINIMISER
+    return kind
 
 
 def study(point: Point) -> LocalStudy:
@@ -268,7 +293,7 @@ def _curvatures_on_foundation(point: Point, C: sp.csr_array, weight: Array, held
     """
     problem = point.problem
     stiffness = quadratic(problem.bulk, "the kind of a point").stiffness
-    if problem.limit is None or not point.energy.factorised:
+    if not point.energy.factorised:
         return None
     trace = problem.contact.trace
     seen = np.flatnonzero(np.diff(trace.indptr))
@@ -295,6 +320,8 @@ def _dense(solver: _ConstrainedSolver, C: sp.csr_array, weight: Array) -> tuple[
     values, vectors = np.linalg.eigh(F)
     kept = values > 1e-13 * lift
     root = vectors[:, kept] * np.sqrt(values[kept])
+    if not kept.any():  # all that C sees is held
+        return np.ones(0), np.zeros(C.shape[0]), columns
     bends, modes = np.linalg.eigh(np.eye(int(kept.sum())) + root.T @ (weight[:, None] * root))
     return bends, np.linalg.lstsq(root.T, modes[:, 0], rcond=None)[0], columns
 

@@ -185,7 +185,8 @@ def _print_path(path: EquilibriumPath) -> None:
         print(f"fold              load factor {fold.load_factor:.10g}, point {fold.index}")
     for jump in jumps[:_SHOWN]:
         how = "loading" if jump.loading else "unloading"
-        where = "" if jump.local is not None else ", to no stable branch of this path"
+        where = ", to no stable branch of this path" if jump.local is None else ""
+        where = ", to a place that is interpolated" if jump.interpolated else where
         print(f"jump              load factor {jump.load_factor:.10g} while {how}, point {jump.index}{where}")
     if path.snapping is not None:
         print(f"single points     {path.snapping}")

@@ -70,7 +70,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
     last point, of the one that ends there), ``normal_force``, ``friction_force`` (list; on the body),
     ``max_penetration`` and ``value``, the chosen ``quantity``. ``folds`` and ``jumps`` name points by number;
     ``single_point`` tells where one contact point lets go alone, ``single_point_size`` up to which weight of a point
-    none does.
+    none does; ``interpolated`` that the place after a jump is none of a solution.
     """
     chosen = _quantity(quantity)
     value = chosen.evaluate(path.problem.contact.weights, path.local, path.multiplier)
@@ -93,6 +93,7 @@ def path_record(path: Path, quantity: str = "max-penetration") -> Record:
             "point": jump.index,
             "loading": jump.loading,
             "max_penetration_after": None if jump.local is None else float(jump.local[:, 0].max()),
+            "interpolated": jump.interpolated,
             "single_point": jump.snaps,
         }
         for jump in path.jumps
