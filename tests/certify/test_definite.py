@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -13,7 +15,7 @@ from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, Signorini
-from hemivar.linear.definite import free_unknowns, indefinite
+from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quotient
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
 from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
@@ -194,3 +196,30 @@ def test_springs_added_to_the_stiffness_of_a_mesh_count() -> None:
     assert energy_norm(stiffer).definite
     solution = solve(stiffer)
     assert certify(stiffer, solution.unknowns, solution.multiplier).kind is PointKind.UNIQUE_MINIMISER
+
+
+def test_what_rounded_entries_make_of_an_eigenvalue_that_is_zero_is_not_below_zero() -> None:
+    """``v v'``, |v_i| = 1, with entries a rounding off: an eigenvalue is -n eps, for n of them add up in every row."""
+    n, eps = 300, np.finfo(float).eps
+    v, w = np.resize([1.0, -1.0], n), np.resize([1.0, 1.0, -1.0, -1.0], n)  # orthogonal
+    for off, counts in ((eps, False), (1e-9, True)):
+        K = np.outer(v, v) - off * np.outer(w, w)
+        B = np.eye(1, n)
+        problem = DiscreteProblem.of_arrays(K, np.zeros(n), B, np.ones(1), np.zeros(1), ContactLaw(Signorini()))
+        lowest = quotient(problem.linear.stiffness, w)
+        assert lowest == pytest.approx(-n * off, rel=1e-3)
+        assert (below_zero(problem, lowest) is not None) == counts
+        down = -np.arange(1.0, n + 1.0)
+        assert quotient(problem.linear.stiffness, down) == quotient(problem.linear.stiffness, -down)
+
+
+@pytest.mark.parametrize("stiffness", [1.0, -1.0])
+def test_motions_are_not_free_where_a_spring_was_added(stiffness: float) -> None:
+    """Also one that pulls, and so gives forces of the other sign."""
+    problem = between_walls(3, 0.0)
+    free = free_unknowns(problem)
+    assert free is not None
+    row = int(np.argmax(np.abs(free).max(axis=1)))
+    changed = problem.linear.stiffness.tolil()
+    changed[row, row] += 0.1 * stiffness * np.sign(free[row, 0]) * changed[row, row]
+    assert free_unknowns(problem.with_(bulk=replace(problem.linear, stiffness=sp.csr_array(changed)))) is None

@@ -193,3 +193,23 @@ def test_conductances_are_those_of_the_stage_of_heat(scheme: Scheme, on: str) ->
     evolution = Evolution(problem, heat=heat, inertia=scheme.needs_mass)
     found = [march(evolution, 1.0, step=1.0 / n, scheme=scheme)["temperature.least"][-1] for n in (8, 16, 32)]
     assert 3.0 < (found[0] - found[1]) / (found[1] - found[2]) < 6.0
+
+
+@pytest.mark.parametrize("scheme", [Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.5)], ids=lambda scheme: scheme.name)
+def test_a_pressure_that_grows_evenly_is_known_between_the_steps_from_the_first_on(scheme: Scheme) -> None:
+    """A block falls on ground too soft to stop it, p = 1e-6 t: 2 th' = -t th by the midpoint rule, step by step."""
+    problem = hv.ContactProblem(
+        hv.rectangle((1.0, 1.0), 1),
+        hv.Material.lame(0.0, 3.0, density=1.0),
+        contact={"bottom": hv.Contact(hv.Compliance(1e-6))},
+        supports={"left": hv.Roller(), "right": hv.Roller()},
+    )
+    heat = Heat(1e6, 2.0, temperature=1.0, contact={"bottom": HeatContact(lambda r, p: 1e6 * np.maximum(p, 0.0))})
+    tau, count = 0.25, 4
+    evolution = Evolution(problem, heat=heat, inertia=True, velocity=(0.0, -1.0))
+    history = march(evolution, tau * count, step=tau, scheme=scheme)
+    known = [1.0]
+    for n in range(count):
+        h = (n + 0.5) * tau
+        known.append(known[-1] * (2.0 / tau - 0.5 * h) / (2.0 / tau + 0.5 * h))
+    assert history["temperature.least"] == pytest.approx(known, rel=1e-5)  # type: ignore[arg-type]
