@@ -211,6 +211,7 @@ def test_bounds_are_below_conforming_values(seed: int) -> None:
     assert 0.5 * value < found.both.lower < value
 
 
+@pytest.mark.slow
 def test_in_space() -> None:
     """Prisms above the facets: a hundredth of what a cell alone would leave."""
     found = lower_bounds(held(box((1.0, 1.0, 1.0), (2, 2, 2))), 400)
@@ -227,6 +228,7 @@ def test_where_no_prism_fits_cells_count() -> None:
     assert 0.0 < found.both.lower < found.both.upper
 
 
+@pytest.mark.slow
 def test_a_thin_plate_has_no_room_for_the_prism_of_a_thick_one() -> None:
     """Facets of one shape: what is bounded by a cube above is worse where nothing lies above but a thin layer."""
     compliance = np.linalg.inv(LAME.stiffness_tensor(np.zeros((1, 3))))

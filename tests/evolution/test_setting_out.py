@@ -87,7 +87,11 @@ def exact() -> tuple[Array, Array, float]:
     return y[:n], y[n : 2 * n], work + float(y[-1])
 
 
-@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize(
+    "scheme",
+    [SCHEMES[0], *(pytest.param(scheme, marks=pytest.mark.slow) for scheme in SCHEMES[1:])],
+    ids=lambda scheme: scheme.name,
+)
 def test_where_speeds_jump_schemes_stay_of_their_order(scheme: Scheme) -> None:
     """And the blows are work of the supports: nothing is lost by them."""
     place, velocity, work = exact()
@@ -151,6 +155,7 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     assert np.abs(body.acceleration[n:]).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
 def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
     history = march(dragged(), END, step=hv.AdaptiveStep(1e-3, first_step=0.01), scheme=scheme)
