@@ -36,7 +36,7 @@ plot_contact(solution)
 # Where it slips, friction has its full length and points against the slip; and the forces on the body balance.
 
 slip, friction = solution.slip, solution.friction
-slipping = solution.state == hv.ContactState.SLIP
+slipping = solution.tangential_state == hv.TangentialState.SLIP
 length = np.linalg.norm(friction, axis=1)
 along = np.einsum("ij,ij->i", slip, friction) / np.maximum(np.linalg.norm(slip, axis=1) * length, 1e-300)
 balance = np.array([-0.2, 0.5, -0.8]) + solution.on("bottom").force + solution.reactions["left"]

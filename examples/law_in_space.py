@@ -93,7 +93,7 @@ halves = hv.ContactProblem(
 solution = hv.solve(halves).raise_for_status()
 points = solution.problem.contact.points
 size = np.abs(solution.friction[:, 0])
-slipping = solution.state == hv.ContactState.SLIP
+slipping = solution.tangential_state == hv.TangentialState.SLIP
 smooth = points[:, 0] < 0.5
 print(f"{np.count_nonzero(slipping & smooth)} nodes slip left, {np.count_nonzero(slipping & ~smooth)} right")
 print(f"largest friction {size[smooth].max():.6f} left, {size[~smooth].max():.6f} right")

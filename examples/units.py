@@ -52,6 +52,7 @@ print(f"relative differences: displacement {displacement:.1e}, multiplier {press
 # %%
 # Part of the bracket touches its bed, half a millimetre below it.
 
-touching = np.count_nonzero(si.state != hv.ContactState.OPEN)
-print(f"{touching} of {si.state.size} nodes touch, {np.count_nonzero(si.state == hv.ContactState.SLIP)} slip")
+touching = np.count_nonzero(si.states.closed)
+slipping = np.count_nonzero(si.tangential_state == hv.TangentialState.SLIP)
+print(f"{touching} of {si.normal_state.size} nodes touch, {slipping} slip")
 plot_solution(mm, unit="mm", stress_unit="MPa", scale="auto")

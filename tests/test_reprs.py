@@ -29,7 +29,7 @@ SOFT = bar(0.5, hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], [0
             SOLUTION.on("bottom"),
             ("BoundaryResult('bottom', 4 contact points, normal force 0.3", "contact length 0.875)"),
         ),  # less half a facet at the held node
-        (SOLUTION, ("72 unknowns by newton", "converged after", "energy", "4 points: 0 open", "normal force")),
+        (SOLUTION, ("72 unknowns by newton", "converged after", "energy", "4 points: 4 contact; ", "normal force")),
         (SOLUTION.certify(), ("Certificate", "unique minimiser; the only solution", "distance          at most")),
         (hv.find_solutions(SOFT), ("SolutionSet(3 solutions, all; energies -0.0215", "combinations of pieces")),
         (hv.follow_path(SOFT), ("Path(", "from load factor 0 to 1, 0 folds", "the upper end of the load factors")),

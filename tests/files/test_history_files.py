@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import xml.etree.ElementTree as ElementTree
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import meshio
@@ -16,13 +16,15 @@ import hemivar as hv
 from hemivar.basics.csv_text import csv_text
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
-from hemivar.evolution import Evolution, Frame, History, March, Save, march, marching
+from hemivar.evolution import Evolution, History, March, Save, march, marching
+from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.files import read_film, read_history_table
 from hemivar.files.history_table import HISTORY_FILES
 from hemivar.files.series import Series
-from hemivar.files.snapshot import moving_state, snapshot
+from hemivar.files.snapshot import moving_states, snapshot
 from hemivar.linear.vectors import Whole
-from hemivar.solvers import ContactState
+from hemivar.solvers import NormalState, TangentialState
+from hemivar.solvers.contact_states import KINDS
 
 
 def pressed(gap: object = 0.02) -> Evolution:
@@ -266,17 +268,17 @@ def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None
 def test_slip_is_told_by_the_rate(history: History) -> None:
     """Contact points that were carried along and rest now stick, whatever slip they have behind them."""
     frame = history.frames[-1]
-    still = history.at(1.0)
-    assert np.array_equal(moving_state(still, 0.0), moving_state(frame, 0.0))
+    found = moving_states(history.discrete, frame)
+    assert np.array_equal(moving_states(history.discrete, history.at(1.0)).numbers, found.numbers)
     rest = replace(frame, rate=np.zeros_like(frame.rate), velocity=np.zeros_like(frame.velocity))
     touched = frame.local[:, 0] > 0.0
     assert touched.any()
     assert np.abs(frame.local[touched, 1]).min() > 1e-6
-    assert (moving_state(rest, 0.0)[touched] == ContactState.STICK).all()
+    assert (moving_states(history.discrete, rest).tangential[touched] == TangentialState.STICK).all()
     moving = replace(rest, rate=np.ones_like(frame.rate), velocity=np.ones_like(frame.velocity))
-    assert (moving_state(moving, 0.0)[touched] == ContactState.SLIP).all()
+    assert (moving_states(history.discrete, moving).tangential[touched] == TangentialState.SLIP).all()
     opened = replace(rest, local=frame.local - 1.0, multiplier=np.zeros_like(frame.multiplier))
-    assert (moving_state(opened, 0.0) == ContactState.OPEN).all()
+    assert moving_states(history.discrete, opened).present.keys() == {KINDS[0]}
 
 
 def test_what_a_solver_leaves_of_rest_is_no_slip(history: History) -> None:
@@ -288,19 +290,20 @@ def test_what_a_solver_leaves_of_rest_is_no_slip(history: History) -> None:
     def states(rate: float, start: float = 0.0, moving: bool = True) -> np.ndarray:
         velocity = frame.velocity if moving else np.zeros_like(frame.velocity)
         given = replace(frame, rate=np.full_like(frame.rate, rate), velocity=velocity)
-        return moving_state(given, start)[touched]
+        begun = replace(history.discrete, evolution=replace(history.discrete.evolution, start=start))
+        return moving_states(begun, given).tangential[touched]
 
-    assert (states(1e-7 * speed) == ContactState.STICK).all()
-    assert (states(1e-4 * speed) == ContactState.SLIP).all()
-    assert (states(1e-10 * place, moving=False) == ContactState.STICK).all()
-    assert (states(1e-8 * place, moving=False) == ContactState.SLIP).all()
-    assert (states(1e-8 * place, start=frame.time - 0.01, moving=False) == ContactState.STICK).all()
+    assert (states(1e-7 * speed) == TangentialState.STICK).all()
+    assert (states(1e-4 * speed) == TangentialState.SLIP).all()
+    assert (states(1e-10 * place, moving=False) == TangentialState.STICK).all()
+    assert (states(1e-8 * place, moving=False) == TangentialState.SLIP).all()
+    assert (states(1e-8 * place, start=frame.time - 0.01, moving=False) == TangentialState.STICK).all()
 
 
 def test_glue_that_pulls_is_not_open(history: History) -> None:
     frame = history.frames[-1]
     lifted = replace(frame, local=frame.local - 1.0, multiplier=np.full_like(frame.multiplier, -0.1))
-    assert (moving_state(lifted, 0.0) == ContactState.BONDED).all()
+    assert (moving_states(history.discrete, lifted).normal == NormalState.BONDED).all()
 
 
 def test_a_gap_that_moves_is_that_of_its_time() -> None:
@@ -310,7 +313,7 @@ def test_a_gap_that_moves_is_that_of_its_time() -> None:
         assert gap == pytest.approx(np.full_like(gap, 0.02 + 0.1 * frame.time), rel=1e-14)
 
 
-def test_states_are_told_by_the_sizes_of_all_processes() -> None:
+def test_states_are_told_by_the_sizes_of_all_processes(history: History) -> None:
     """A process whose points hardly move sees rounding, and must not take it for pressure or slip."""
 
     class All(Whole):
@@ -319,12 +322,20 @@ def test_states_are_told_by_the_sizes_of_all_processes() -> None:
         def largest(self, *values: float) -> Array:
             return np.maximum(values, 1.0)
 
-    noise, none = 1e-16 * np.array([[-1.0, 1.0]]), np.zeros((1, 2))
-    lifted = np.array([[-1e-3, 0.0]])
-    frame = Frame(1.0, none, none, lifted, noise, none)
-    assert moving_state(frame, 0.0, All())[0] == ContactState.OPEN
-    assert moving_state(frame, 0.0)[0] != ContactState.OPEN
-    pressed = np.array([[1e-3, 0.0]])
-    frame = Frame(1.0, none, none, pressed, pressed, noise)
-    assert moving_state(frame, 0.0, All())[0] == ContactState.STICK
-    assert moving_state(frame, 0.0)[0] == ContactState.SLIP
+    class Together(DiscreteEvolution):
+        @property
+        def vectors(self) -> All:
+            return All()
+
+    def told(discrete: DiscreteEvolution, **changed: Array) -> set[str]:
+        still = {name: np.zeros_like(getattr(frame, name)) for name in ("displacement", "velocity", "rate")}
+        return {kind.label for kind in moving_states(discrete, replace(frame, **{**still, **changed})).present}
+
+    frame, alone = history.frames[-1], history.discrete
+    together = Together(**{part.name: getattr(alone, part.name) for part in fields(alone)})
+    rows = np.ones((len(frame.local), 1))
+    noise, lifted, pressed = (rows * row for row in ([-1e-16, 1e-16], [-1e-3, 0.0], [1e-3, 0.0]))
+    assert told(together, local=lifted, multiplier=noise) == {"open"}
+    assert told(alone, local=lifted, multiplier=noise) == {"bonded, stick"}
+    assert told(together, local=pressed, multiplier=pressed, rate=noise) == {"contact, stick"}
+    assert told(alone, local=pressed, multiplier=pressed, rate=noise) == {"contact, slip"}

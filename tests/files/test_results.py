@@ -33,10 +33,10 @@ def test_json_holds_the_solution(plane: Solution, tmp_path: Path) -> None:
     assert np.array_equal(contact["normal"], np.tile([0.0, -1.0], (16, 1)))
     assert contact["pressure"] == plane.pressure.tolist()
     assert contact["friction"] == plane.friction[:, 0].tolist()
-    assert set(contact["state"]) == {"stick", "slip"}
-    assert sum(w for w, s in zip(contact["weight"], contact["state"], strict=True) if s != "open") == pytest.approx(
-        record["contact_length"]
-    )
+    assert set(contact["tangential_state"]) == {"stick", "slip"}
+    assert sum(
+        w for w, s in zip(contact["weight"], contact["normal_state"], strict=True) if s != "open"
+    ) == pytest.approx(record["contact_length"])
 
 
 def test_the_force_of_the_foundation_balances_the_rest(plane: Solution) -> None:
@@ -73,7 +73,8 @@ def test_problem_of_arrays(bar: Solution, tmp_path: Path) -> None:
     assert record["contact"]["boundary"] is None
     assert record["contact"]["slip"] is None
     assert record["resultants"]["force"] is None
-    assert write_csv(bar, tmp_path / "bar.csv").read_text().splitlines()[0] == "x,weight,gap,penetration,pressure,state"
+    head = write_csv(bar, tmp_path / "bar.csv").read_text().splitlines()[0]
+    assert head == "x,weight,gap,penetration,pressure,normal_state,tangential_state"
     with pytest.raises(ProblemError, match="no mesh"):
         write_vtu(bar, tmp_path / "bar.vtu")
 
@@ -132,7 +133,8 @@ def test_vtu_at_the_contact_nodes(plane: Solution, tmp_path: Path) -> None:
     points = plane.problem.contact.points
     nodes = [int(np.argmin(np.linalg.norm(grid.points[:, :2] - x, axis=1))) for x in points]
     assert np.array_equal(grid.point_data["pressure"][nodes], plane.pressure)
-    assert np.array_equal(grid.point_data["state"][nodes], plane.state)
+    assert np.array_equal(grid.point_data["state"][nodes], plane.tangential_state)  # all in contact
+    assert np.array_equal(grid.point_data["tangential_state"][nodes], plane.tangential_state)
     assert np.array_equal(grid.point_data["friction"][nodes, 0], plane.friction[:, 0])
     assert np.array_equal(grid.point_data["contact_force"][nodes, 1], plane.pressure)
     assert np.count_nonzero(grid.point_data["state"] >= 0) == 16

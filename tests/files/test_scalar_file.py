@@ -171,7 +171,8 @@ def test_records_and_vtu(number: int, tmp_path: Path) -> None:
         np.testing.assert_allclose(grid.point_data["displacement"][:, 2], found.displacement[:, 0])
     node = found.problem.contact.node
     np.testing.assert_allclose(grid.point_data["pressure"][node], found.pressure)
-    np.testing.assert_array_equal(grid.point_data["state"][node], found.state)
+    np.testing.assert_array_equal(grid.point_data["state"][node], found.states.codes)
+    np.testing.assert_array_equal(grid.point_data["tangential_state"][node], found.tangential_state)
     assert (np.delete(grid.point_data["state"], node) == -1).all()
     assert grid.cell_data["flux"][0].shape == (problem.mesh.number_of_cells, 3)
 

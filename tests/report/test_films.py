@@ -21,7 +21,8 @@ from hemivar.report.animation import _shown
 from hemivar.report.film_pictures import FilmColour, PlanePicture, SolidPicture
 from hemivar.report.gif import palette_of, write_gif
 from hemivar.report.style import BLUE
-from hemivar.solvers import ContactState
+from hemivar.solvers import ContactStates
+from hemivar.solvers.contact_states import KINDS
 
 
 @cache
@@ -55,7 +56,7 @@ def flying(dim: int, frames: int = 4) -> Film:
     def frame(number: int) -> FilmFrame:
         moved = 0.5 * number * way
         speed = np.arange(len(mesh.points), dtype=float)[:, None] * way * number
-        state = np.arange(len(places)) % 3
+        states = ContactStates.of_codes(np.arange(len(places)) % 3)
         return FilmFrame(
             0.25 * number,
             np.tile(moved, (len(mesh.points), 1)),
@@ -63,7 +64,7 @@ def flying(dim: int, frames: int = 4) -> Film:
             places,
             np.tile(moved, (len(places), 1)),
             np.tile(-number * normal, (len(places), 1)),
-            state,
+            states,
             np.full(len(places), 0.1),
         )
 
@@ -107,14 +108,14 @@ def test_a_frame_shows_the_body_where_it_is() -> None:
     assert picture.label.get_text() == "t = 0.750 s     displacement times 2"
     frame = film.frame(3)
     for kind, mark in picture.marks.items():
-        assert np.array_equal(mark.get_xydata(), (frame.places + 2.0 * frame.moved)[frame.state == kind])
+        assert np.array_equal(mark.get_xydata(), (frame.places + 2.0 * frame.moved)[frame.states.present[kind]])
     assert {len(mark.get_xdata()) for mark in picture.marks.values()} == {1}
     assert np.array_equal(picture.arrows.get_offsets(), frame.places + 2.0 * frame.moved)
     assert np.array_equal(np.stack([picture.arrows.U, picture.arrows.V], axis=1), frame.force)
     for name in ("x (mm)", "y (mm)"):
         assert name in (picture.ax.get_xlabel(), picture.ax.get_ylabel())
     told = [text.get_text() for text in picture.fig.legends[0].get_texts()]
-    assert told == ["open", "stick", "slip", "force per area, at most 3"]
+    assert told == ["open", "contact, stick", "contact, slip", "force per area, at most 3"]
 
 
 def test_a_straight_foundation_is_one_line_as_far_as_the_body_goes() -> None:
@@ -136,12 +137,11 @@ def test_a_straight_foundation_is_one_line_as_far_as_the_body_goes() -> None:
 def test_the_foundation_of_a_round_body_is_drawn_piece_by_piece() -> None:
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.5], [1.0, 1.5]])
     places = corners[:3]
+    lifted = ContactStates.of_codes(np.zeros(3, dtype=np.int64))
 
     def frame(number: int) -> FilmFrame:
         none = np.zeros((3, 2))
-        return FilmFrame(
-            float(number), np.zeros((4, 2)), np.zeros((4, 2)), places, none, none, np.zeros(3), np.full(3, 0.2)
-        )
+        return FilmFrame(float(number), np.zeros((4, 2)), np.zeros((4, 2)), places, none, none, lifted, np.full(3, 0.2))
 
     film = Film(corners, np.array([[0, 1, 3], [1, 2, 3]]), np.arange(2.0), "", frame)
     picture = plane(film)
@@ -180,8 +180,8 @@ def test_a_body_in_space_shows_the_face_that_touches() -> None:
     speeds = np.linalg.norm(film.frame(2).velocity, axis=1)
     assert np.asarray(picture.surface.get_array()) == pytest.approx(speeds[picture.facets].mean(axis=1))
     assert picture.ax.get_xlim3d() == pytest.approx((0.0, 4.0 + 2.0 * 1.5))
-    data = np.array(picture.marks[ContactState.OPEN].get_data_3d()).T
-    assert np.array_equal(data, (film.frame(2).places + 2.0 * np.eye(3)[0])[film.frame(2).state == 0])
+    data = np.array(picture.marks[KINDS[0]].get_data_3d()).T
+    assert np.array_equal(data, (film.frame(2).places + 2.0 * np.eye(3)[0])[~film.frame(2).states.closed])
     assert picture.ax.get_xlabel() == "x (m)"
     assert picture.ax.get_zlabel() == ""  # too short for a scale
     plain = SolidPicture(film, [0], 1.0, ("", ""), FilmColour.NONE)

@@ -71,7 +71,7 @@ def shown(value: object) -> Reader:
 def test_solution(plane: Solution) -> None:
     page = shown(plane)
     assert page.row("status") == "converged"
-    assert page.row("contact points") == "3 stick, 13 slip"
+    assert page.row("contact points") == "16 contact; 3 stick, 13 slip"
     assert float(page.row("normal force")) == pytest.approx(plane.normal_force, rel=1e-3)
     assert "remedy" not in page.texts
     assert page.texts[0] == f"Solution: {plane.problem.origin.title}"

@@ -19,7 +19,7 @@ from hemivar.mechanics import Contact, Prescribed, Sphere
 from hemivar.mesh import box
 from hemivar.report import plot_contact, plot_solution, render_solution, save
 from hemivar.report.solid_body import sharp_edges, viewing_direction
-from hemivar.solvers import ContactState, Solution, solve
+from hemivar.solvers import Solution, TangentialState, solve
 
 from .test_figures import texts
 
@@ -53,8 +53,8 @@ def test_surface_is_that_of_the_deformed_body(cube: Solution, tmp_path: Path) ->
         "z (mm)",
         "von Mises stress (MPa)",
         "displacement times 2",
-        "stick (",
-        "slip (",
+        "contact, stick (",
+        "contact, slip (",
     ):
         assert expected in words
     (surface,) = figure.findobj(Poly3DCollection)
@@ -88,10 +88,10 @@ def test_maps_show_pressure_states_and_slip(cube: Solution, tmp_path: Path) -> N
 
     figure = plot_contact(cube, title="A title", unit="mm", stress_unit="MPa")
     words = texts(figure)
-    slipping = cube.state == ContactState.SLIP
+    slipping = cube.tangential_state == TangentialState.SLIP
     for expected in (
         "A title: bottom", "pressure (MPa)", "friction, magnitude (MPa)", "penetration (mm)",
-        f"slip ({np.count_nonzero(slipping)})", f"slip up to {np.linalg.norm(cube.slip, axis=1).max():.3g} mm",
+        f"contact, slip ({np.count_nonzero(slipping)})", f"slip up to {np.linalg.norm(cube.slip, axis=1).max():.3g} mm",
     ):  # fmt: skip
         assert expected in words
     (quiver,) = figure.findobj(Quiver)
@@ -114,7 +114,7 @@ def test_maps_show_the_part_that_touches(tmp_path: Path) -> None:
     solution = solve(discretize(block)).raise_for_status()
     figure = plot_contact(solution)
     assert "bottom, part that touches" in texts(figure)
-    touching = solution.problem.contact.points[solution.state != ContactState.OPEN][:, :2]
+    touching = solution.problem.contact.points[solution.states.closed][:, :2]
     width = np.ptp(touching, axis=0).max()
     assert 0.0 < width < 0.5
     for panel in figure.findobj(Axes):
@@ -136,9 +136,8 @@ def test_maps_of_two_boundaries() -> None:
     words = texts(figure)
     for name in ("bottom", "right"):
         assert name in words
-        state = solution.on(name).state
-        for kind in (ContactState.OPEN, ContactState.STICK, ContactState.SLIP):
-            assert f"{kind.label} ({np.count_nonzero(state == kind)})" in words
+        for kind, here in solution.on(name).states.present.items():
+            assert f"{kind.label} ({np.count_nonzero(here)})" in words
     assert "bonded" not in words
 
 

@@ -29,7 +29,7 @@ from hemivar.mechanics import (
     Sphere,
 )
 from hemivar.mesh import rectangle
-from hemivar.solvers import ContactState, Solution, solve
+from hemivar.solvers import NormalState, Solution, TangentialState, solve
 
 from ..mesh.meshes import distorted
 
@@ -192,12 +192,15 @@ def test_results_of_one_boundary(solution: Solution) -> None:
         assert part.name == name
         for values, whole in (
             (part.penetration, solution.penetration), (part.slip, solution.slip), (part.pressure, solution.pressure),
-            (part.friction, solution.friction), (part.state, solution.state), (part.weights, contact.weights),
+            (part.friction, solution.friction), (part.weights, contact.weights),
+            (part.normal_state, solution.normal_state), (part.tangential_state, solution.tangential_state),
             (part.points, contact.points), (part.normals, contact.frames[:, 0] if contact.frames is not None else None),
         ):  # fmt: skip
             assert whole is not None
             np.testing.assert_array_equal(values, whole[part.index])
-        assert part.contact_length == pytest.approx(contact.weights[part.index] @ (part.state != ContactState.OPEN))
+        assert part.contact_length == pytest.approx(
+            contact.weights[part.index] @ (part.normal_state != NormalState.OPEN)
+        )
         assert part.normals is not None
         pushed = -part.pressure[:, None] * part.normals
         np.testing.assert_allclose(part.tractions, pushed + part.friction_vectors, atol=1e-14)
@@ -246,7 +249,8 @@ def test_contact_table(solution: Solution) -> None:
     np.testing.assert_array_equal(table["friction"], np.squeeze(solution.friction, axis=1) if contact.components == 2
                                   else solution.friction)  # fmt: skip
     np.testing.assert_array_equal(table["gap"], contact.gap)
-    assert [ContactState[state.upper()] for state in table["state"]] == solution.state.tolist()
+    for kind, name in ((NormalState, "normal_state"), (TangentialState, "tangential_state")):
+        assert [kind[state.upper()] for state in table[name]] == getattr(solution, name).tolist()
     for name in contact.names:
         np.testing.assert_allclose(table["force"][table["boundary"] == name].sum(axis=0), solution.on(name).force)
     with pytest.raises(ValueError, match="read-only"):
@@ -255,14 +259,17 @@ def test_contact_table(solution: Solution) -> None:
 
 def test_contact_table_of_arrays() -> None:
     bar = solve(elastic_bar())
-    assert bar.contact_table.dtype.names == ("x", "weight", "gap", "penetration", "pressure", "state")
+    states = ("normal_state", "tangential_state")
+    assert bar.contact_table.dtype.names == ("x", "weight", "gap", "penetration", "pressure", *states)
+    assert bar.contact_table["tangential_state"].tolist() == ["free"] * bar.contact.count
     assert bar.contact_table["pressure"].tolist() == bar.pressure.tolist()
 
 
 COLUMNS = {
-    2: "boundary x y normal_x normal_y weight gap penetration slip pressure friction state force_x force_y",
+    2: "boundary x y normal_x normal_y weight gap penetration slip pressure friction "
+    "normal_state tangential_state force_x force_y",
     3: "boundary x y z normal_x normal_y normal_z weight gap penetration slip_1 slip_2 pressure friction_1 friction_2 "
-    "state force_x force_y force_z",
+    "normal_state tangential_state force_x force_y force_z",
 }
 
 

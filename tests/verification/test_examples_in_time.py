@@ -17,8 +17,8 @@ from hemivar.cli import main
 from hemivar.evolution import History
 from hemivar.files import read_film, read_history_table
 from hemivar.files.problem_file import ProblemFile, read_problem_file
-from hemivar.files.snapshot import moving_state
-from hemivar.solvers import ContactState
+from hemivar.files.snapshot import moving_states
+from hemivar.solvers import TangentialState
 from hemivar.workflows import MarchSettings, evolution_of, plan_of
 from hemivar.workflows import march as work
 
@@ -135,7 +135,8 @@ def test_stick_slip() -> None:
     sticks = 2.0 * drop / (k * V)
     slips = 2.0 / omega * (math.pi - math.atan(drop / (V * k / omega)))
     found = history("stick_slip")
-    stuck = np.array([np.mean(moving_state(frame, 0.0) == ContactState.STICK) > 0.5 for frame in found.frames])
+    states = [moving_states(found.discrete, frame).tangential for frame in found.frames]
+    stuck = np.array([np.mean(state == TangentialState.STICK) > 0.5 for state in states])
     times = np.array([frame.time for frame in found.frames])
     begun = times[1:][stuck[1:] & ~stuck[:-1] & (times[1:] > 1.0)]
     assert len(begun) >= 3

@@ -129,7 +129,7 @@ def test_orders_of_stick_and_slip() -> None:
     known = gallery.antiplane_friction(64)
     found = hv.solve(known.problem).raise_for_status()
     x = found.problem.contact.points[:, 0]  # type: ignore[index]
-    slips = found.state == hv.ContactState.SLIP
+    slips = found.tangential_state == hv.TangentialState.SLIP
     assert np.abs(x[slips].min()) < 2.1 / 64
     np.testing.assert_allclose(found.friction[slips, 0], -1.0, rtol=1e-9)
     inside = np.abs(x) < 0.9

@@ -149,7 +149,7 @@ def stopped_after(problem: hv.ContactProblem, count: int, options: StudyOptions)
 def same_bits(one: hv.Study, other: hv.Study) -> None:
     assert len(one.levels) == len(other.levels)
     for mine, theirs in zip(one.levels, other.levels, strict=True):
-        for name in ("unknowns", "multiplier", "displacement", "local", "pressure", "state"):
+        for name in ("unknowns", "multiplier", "displacement", "local", "pressure", "normal_state", "tangential_state"):
             np.testing.assert_array_equal(getattr(mine.solution, name), getattr(theirs.solution, name))
         for name in ("status", "method", "steps", "evaluations", "residual", "energy", "error_bound", "kind"):
             assert getattr(mine.solution, name) == getattr(theirs.solution, name), name

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hemivar.engines.petsc import DistributedSolution
     from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
-    from hemivar.solvers import ContactState, Progress, Solution
+    from hemivar.solvers import NormalState, Progress, Solution, TangentialState
     from hemivar.workflows import Event
 
 __all__ = [
@@ -242,7 +242,6 @@ def print_not_converged(solution: Solution | DistributedSolution) -> None:
 def print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
     """Print what was found."""
     from hemivar.solvers import Status
-    from hemivar.solvers.solution import state_counts
 
     good = solution.status is Status.CONVERGED
     console.print("\nstatus            ", end="")
@@ -271,20 +270,18 @@ def print_summary(console: Console, solution: Solution, certificate: Certificate
         vector = solution.problem.contact.weights @ solution.friction_vectors
         print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
     whole = float(solution.contact.weights.sum())
-    print_contact(solution.measured, solution.contact_length, whole, state_counts(solution.state))
+    print_contact(solution.measured, solution.contact_length, whole, solution.states.counts)
     print_extremes(float(solution.penetration.max()), float(solution.pressure.max()))
 
 
-def print_contact(what: str, closed: float, whole: float, counts: Mapping[ContactState, int]) -> None:
+def print_contact(
+    what: str, closed: float, whole: float, counts: tuple[Mapping[NormalState, int], Mapping[TangentialState, int]]
+) -> None:
     """Print how much of the contact boundary is closed, and how many points are in each state."""
-    from hemivar.solvers import ContactState
+    from hemivar.solvers.contact_states import state_words
 
     print(f"contact {what:<10}{closed:.6g} of {whole:.6g}")
-    bonded = counts.get(ContactState.BONDED, 0)
-    told = (f"{count} {kind.label}" for kind, count in counts.items() if count or kind is not ContactState.BONDED)
-    print(f"contact points    {', '.join(told)}")
-    if bonded:
-        print(f"{'':<18}bonded points have lifted and are pulled back by the foundation")
+    print(f"contact points    {state_words(*counts)}")
 
 
 def print_extremes(deepest: float, pressure: float) -> None:

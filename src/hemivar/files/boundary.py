@@ -50,10 +50,11 @@ class ContactBoundary:
         """Displacement nodes of the boundary, sorted."""
         return np.unique(self.members)
 
-    def at_nodes(self, values: Array, fill: float = 0.0) -> Array:
+    def at_nodes(self, values: Array, fill: float = 0.0, whole: bool = False) -> Array:
         """Values (m, ...) of contact points at :attr:`used_nodes`; ``fill`` where there is no contact point.
 
-        Where contact points are midpoints of facets, a node gets the mean of its facets.
+        Where contact points are midpoints of facets, a node gets the mean of its facets; of ``whole`` numbers, which
+        name something, that of one of them.
         """
         values = np.asarray(values)
         out = np.full((len(self.used_nodes), *values.shape[1:]), fill, dtype=float)
@@ -62,6 +63,9 @@ class ContactBoundary:
             return out
         assert self.facets is not None
         place = np.searchsorted(self.used_nodes, self.members[self.facets])
+        if whole:
+            out[place] = values[self.index][:, None]
+            return out
         total = np.zeros_like(out)
         count = np.zeros(len(out))
         for k in range(place.shape[1]):

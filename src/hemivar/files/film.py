@@ -19,6 +19,7 @@ from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.snapshot import snapshot
 from hemivar.files.vtu import CELL_TYPES
+from hemivar.solvers import ContactStates
 
 if TYPE_CHECKING:
     import meshio
@@ -40,8 +41,8 @@ class FilmFrame:
         Their displacement.
     force : array (p, d)
         Force per area of the foundation on the body.
-    state : int array (p,)
-        A :class:`~hemivar.solvers.ContactState` each.
+    states : ContactStates
+        What each contact point does.
     gap : array (p,)
         Distance of the foundation from the body at rest, along the normal, with what is worn off it.
     """
@@ -52,7 +53,7 @@ class FilmFrame:
     places: Array
     moved: Array
     force: Array
-    state: IntArray
+    states: ContactStates
     gap: Array
 
 
@@ -116,7 +117,7 @@ def film_of(history: History) -> Film:
             moved[here] = seen.displacement[mesh.boundaries[name][contact.facet[here]]].mean(axis=1)
         force = seen.tractions if len(points) else points
         gap = seen.problem.contact.gap + _worn(seen.memory)
-        return FilmFrame(seen.time, seen.displacement, seen.velocity, points, moved, force, seen.state, gap)
+        return FilmFrame(seen.time, seen.displacement, seen.velocity, points, moved, force, seen.states, gap)
 
     times = np.array([one.time for one in history.frames])
     return Film(mesh.points, mesh.cells, times, discrete.evolution.problem.title, frame)
@@ -175,13 +176,15 @@ def read_film(path: str | Path) -> Film:
         displacement = data["displacement"][:, :dim]
         state = data.get("state", np.full(len(displacement), -1)).astype(np.int64)
         at = np.flatnonzero(state >= 0)
+        moving = data.get("tangential_state")  # files written before there was one hold the first numbers of states
+        states = ContactStates.of_codes(state[at], None if moving is None else moving[at].astype(np.int64))
         places = np.asarray(read.points, dtype=float)[at][:, :dim]
         none = np.zeros(len(displacement))
         force = data.get("contact_force", np.zeros((len(displacement), 3)))[at][:, :dim]
         gap = data.get("gap", none)[at] + np.broadcast_to(_worn(data), none.shape)[at]
         velocity = data.get("velocity", np.zeros((len(displacement), 3)))[used][:, :dim]
         return FilmFrame(
-            float(times[number]), displacement[used], velocity, places, displacement[at], force, state[at], gap
+            float(times[number]), displacement[used], velocity, places, displacement[at], force, states, gap
         )
 
     return Film(vertices, numbers.reshape(cells.shape), times, "", frame)

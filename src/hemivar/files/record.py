@@ -17,7 +17,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import ProblemError
 from hemivar.fem import Deformation
-from hemivar.solvers import BoundaryResult, ContactState, Progress, Solution
+from hemivar.solvers import BoundaryResult, Progress, Solution
 
 __all__ = [
     "MOST_BYTES",
@@ -28,7 +28,6 @@ __all__ = [
     "prepared",
     "read_json",
     "solution_record",
-    "state_names",
     "version",
     "write_json",
 ]
@@ -85,8 +84,9 @@ def solution_record(solution: Solution, certificate: Certificate | None = None) 
 
     ``contact`` holds one entry for each contact point: ``x`` and ``normal`` (vectors; null without points or frames),
     ``boundary`` (name; null if unknown), ``weight``, ``gap`` (that of the obstacle where there is one, less what
-    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction``, ``state`` ("open", "stick", "slip",
-    "bonded") and ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
+    supports prescribe), ``penetration``, ``slip``, ``pressure``, ``friction``, ``normal_state`` ("open",
+    "contact", "bonded", "softening", "debonded"), ``tangential_state`` ("free", "stick", "slip") and
+    ``without_friction`` (whether friction of the law had to be left out there; null if unknown).
     Pressure is positive in compression; friction is that of the foundation on the body.  Slip and friction are numbers
     in 2D (along the normal turned by +90 degrees), vectors of two local components in 3D, and null in 1D. Numbers that
     are not finite become null.
@@ -154,6 +154,7 @@ def _reactions(solution: Solution) -> dict[str, Array] | None:
 
 def _contact_record(solution: Solution) -> Record:
     problem = solution.problem
+    normal, tangential = solution.states.names
     return {
         "x": problem.contact.points,
         "normal": None if problem.contact.frames is None else problem.contact.frames[:, 0],
@@ -164,7 +165,8 @@ def _contact_record(solution: Solution) -> Record:
         "slip": _tangential(solution.slip),
         "pressure": solution.pressure,
         "friction": _tangential(solution.friction),
-        "state": state_names(solution),
+        "normal_state": normal,
+        "tangential_state": tangential,
         "without_friction": problem.contact.without_friction,
     }
 
@@ -174,11 +176,6 @@ def _tangential(values: Array) -> Array | None:
     if values.shape[1] == 1:
         return values[:, 0]
     return values if values.shape[1] > 1 else None
-
-
-def state_names(solution: Solution) -> list[str]:
-    """The state of each contact point: open, stick, slip or bonded."""
-    return [ContactState(number).label for number in solution.state.tolist()]
 
 
 def plain(value: object) -> object:

@@ -19,9 +19,9 @@ def scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict
     Point data: the unknown by its name (``deflection``, ``temperature``; ``u_z`` in antiplane shear), for membranes and
     antiplane shear ``displacement`` as well, a vector across the plane to warp by; ``flux`` (``A grad u``, a vector,
     nodal averages); at contact points ``pressure``, ``gap``, ``penetration``, where there is friction ``friction`` and
-    ``slip`` (numbers), ``state`` (0 open, 1 stick, 2 slip, 3 bonded) and ``boundary`` (number of the contact boundary
-    or area; the field data ``boundary NAME`` hold the number of each); elsewhere 0, and -1 for ``state`` and
-    ``boundary``.
+    ``slip`` (numbers), ``state`` and ``tangential_state`` (as in :func:`hemivar.files.write_vtu`) and ``boundary``
+    (number of the contact boundary or area; the field data ``boundary NAME`` hold the number of each); elsewhere 0, and
+    -1 for states and ``boundary``.
 
     In time ``velocity`` as well, but of heat.  Cell data: ``gradient`` and ``flux`` in the middle of each cell.
     """
@@ -44,7 +44,8 @@ def scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict
             "pressure": (solution.pressure, 0.0),
             "gap": (contact.gap, 0.0),
             "penetration": (solution.penetration, 0.0),
-            "state": (solution.state.astype(float), -1.0),
+            "state": (solution.states.codes.astype(float), -1.0),
+            "tangential_state": (solution.tangential_state.astype(float), -1.0),
             "boundary": (contact.boundary.astype(float), -1.0),
         }
         if contact.components > 1:

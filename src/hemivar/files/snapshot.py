@@ -7,17 +7,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.fem.thermal_stress import cell_thermal_stress
-from hemivar.linear.vectors import WHOLE, Vectors
+from hemivar.laws.memory import Chain
 from hemivar.solvers.boundary_result import ContactValues
-from hemivar.solvers.solution import lifted_states
+from hemivar.solvers.contact_states import ContactStates, contact_states
 
-__all__ = ["Snapshot", "moving_state", "snapshot"]
+__all__ = ["Snapshot", "moving_states", "snapshot"]
 
 #: A point slips where its rate exceeds this part of the largest speed of the body, ...
 _SLOW = 1e-6
@@ -38,8 +38,8 @@ class Snapshot(ContactValues):
     local, multiplier, rate : arrays (m, c)
         At the contact points: penetration and slip; force per area of the body on the foundation, which is the
         pressure (column 0) and minus the friction; velocity of penetration and slip.
-    state : int array (m,)
-        A :class:`~hemivar.solvers.ContactState` each.
+    states : ContactStates
+        What each contact point does.
     memory : mapping of name to array (m, ...)
     temperature : array (nodes,) or None
         Of a body with heat.
@@ -54,7 +54,7 @@ class Snapshot(ContactValues):
     local: Array
     multiplier: Array
     rate: Array
-    state: IntArray
+    states: ContactStates
     memory: Mapping[str, Array] = field(default_factory=dict)
     temperature: Array | None = None
     thermal_stress: Array | None = None
@@ -77,9 +77,9 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     if discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         offset = discrete.acting(frame.time).offset
         problem = replace(problem, contact=replace(problem.contact, offset=offset))
-    state = moving_state(frame, discrete.evolution.start, discrete.vectors)
+    states = moving_states(discrete, frame)
     return Snapshot(
-        problem, frame.time, frame.displacement, frame.velocity, frame.local, frame.multiplier, frame.rate, state,
+        problem, frame.time, frame.displacement, frame.velocity, frame.local, frame.multiplier, frame.rate, states,
         frame.memory, frame.temperature, _thermal_stress(discrete, frame),
     )  # fmt: skip
 
@@ -90,25 +90,38 @@ def _thermal_stress(discrete: DiscreteEvolution, frame: Frame) -> Array | None:
     return cell_thermal_stress(discrete.evolution.body, discrete.heat.heat, frame.temperature)
 
 
-def moving_state(frame: Frame, start: float, vectors: Vectors = WHOLE) -> IntArray:
-    """A :class:`~hemivar.solvers.ContactState` for each contact point, (m,): friction acts on the rate of the slip.
+def moving_states(discrete: DiscreteEvolution, frame: Frame) -> ContactStates:
+    """The states of the contact points: friction acts on the rate of the slip, and glue on the largest opening.
 
-    Open: lifted, no pressure; bonded: lifted, pulled back; slip: it moves along the foundation; else stick.
+    Along the normal they are those of the law at this time, of what it sees where a surface has worn or crept, and of
+    what the points remember.
 
     Parameters
     ----------
+    discrete : DiscreteEvolution
+        Of all processes, or of this one.
     frame : Frame
-    start : float
-        Time at which the evolution began.
-    vectors : Vectors
-        How the parts of all processes are looked at together, if the frame is that of one.
     """
-    penetration, pressure = frame.local[:, 0], frame.multiplier[:, 0]
     parts = (frame.local, frame.multiplier, frame.velocity, frame.displacement)
-    moved, pressed, fast, far = vectors.largest(*(float(np.abs(part).max(initial=0.0)) for part in parts)).tolist()
-    passed = frame.time - start
+    sizes = (float(np.abs(part).max(initial=0.0)) for part in parts)
+    moved, pressed, fast, far = discrete.vectors.largest(*sizes).tolist()
+    passed = frame.time - discrete.evolution.start
     slow = _SLOW * fast
     if passed > 0.0:
         slow = max(slow, _NOISE * far / passed)
     moves = np.linalg.norm(frame.rate[:, 1:], axis=1) > slow
-    return lifted_states(penetration, pressure, moves, (moved, pressed))
+    timed = "law" in discrete.evolution.problem.time_dependent
+    law, contact = discrete.acting(frame.time).law if timed else discrete.problem.law, discrete.problem.contact
+    seen, past_peak = frame.local.copy(), np.zeros(len(frame.local), dtype=bool)
+    for name, index in discrete.blocks:
+        known = {what: values[index] for what, values in frame.memory.items()}
+        state = {what: values for what, values in known.items() if not np.isnan(values).any()}
+        if index.size and state:
+            memory = Chain(discrete.contacts[name].memory)
+            seen[index] = memory.seen(state, seen[index])
+            past_peak[index] = memory.past_peak(law.take(index), state)
+    past_peak |= law.normal.past_peak(seen[:, 0])
+    return contact_states(
+        law, seen, frame.multiplier, (moved, pressed), moves=moves, past_peak=past_peak,
+        without_friction=contact.without_friction,
+    )  # fmt: skip

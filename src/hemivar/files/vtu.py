@@ -29,6 +29,7 @@ from hemivar.solvers.boundary_result import ContactValues
 
 __all__ = [
     "CELL_TYPES",
+    "WHOLE",
     "contact_quantities",
     "region_numbers",
     "symmetric_stress",
@@ -37,6 +38,9 @@ __all__ = [
     "write_vtu",
 ]
 
+
+#: Point data that are whole numbers.
+WHOLE = ("state", "tangential_state", "boundary")
 
 CELL_TYPES = {(2, 1): "triangle", (2, 2): "triangle6", (3, 1): "tetra", (3, 2): "tetra10"}
 _FACET_TYPES = {(2, 1): "line", (2, 2): "line3", (3, 1): "triangle", (3, 2): "triangle6"}
@@ -50,10 +54,12 @@ def write_vtu(
     Point data of the body: ``displacement`` (3 components), ``stress`` (nodal averages), and on the contact boundary
     ``pressure``, ``gap``, ``penetration``, ``slip`` (a global vector), ``friction`` (of the foundation on the body, a
     global vector), ``contact_force`` (pressure and friction on the body, force per area, a global vector), ``state`` (0
-    open, 1 stick, 2 slip, 3 bonded: lifted, but pulled back) and ``boundary`` (number of the contact boundary, in the
-    order of the statement; the field data ``boundary NAME`` hold the number of each). Off the contact boundary, and at
-    contact nodes that a support holds entirely, these are 0, and ``state`` and ``boundary`` are -1. A node of two
-    contact boundaries carries the values of the first.
+    open, 1 contact and stick, 2 contact and slip, 3 bonded, 4 softening, 5 debonded, 6 contact without friction),
+    ``tangential_state`` (0 free, 1 stick, 2 slip; of bonded and softening points too) and ``boundary`` (number of the
+    contact boundary, in the order of the statement; the field data ``boundary NAME`` hold the number of each). Off the
+    contact boundary, and at contact nodes that a support holds entirely, these are 0, and states and ``boundary`` are
+    -1. A node of two contact boundaries carries the values of the first, and where contact points are midpoints of
+    facets the states of one of its facets.
 
     Cell data: ``stress``, six components xx, yy, zz, xy, yz, xz (the order of symmetric tensors in VTK; zz of plane
     models included), ``von_mises`` and ``region`` (number of the region in the order of the mesh, -1 in none).
@@ -61,7 +67,7 @@ def write_vtu(
     of :func:`hemivar.files.scalar_vtu.scalar_fields`.
 
     Of a moment of an evolution the stress is the elastic one, ``velocity`` and ``rate`` (of the contact points, global
-    vectors) join the point data, and so does what contact points remember, by its name; ``state`` tells slip by the
+    vectors) join the point data, and so does what contact points remember, by its name; slip is told by the
     rate.  Of a body with heat there are ``temperature`` at the points and ``thermal_stress`` in the cells, the rows of
     a matrix (d, d) that the whole stress is smaller by.
 
@@ -120,7 +126,9 @@ def write_vtu(
     blocks: list[tuple[ContactBoundary, dict[str, Array]]] = []
     for boundary in reversed(boundaries):
         used = boundary.used_nodes
-        data = {name: boundary.at_nodes(values, fill) for name, (values, fill) in quantities.items()}
+        data = {
+            name: boundary.at_nodes(values, fill, whole=name in WHOLE) for name, (values, fill) in quantities.items()
+        }
         for name, values in data.items():
             held = data["state"] < 0
             point_data[name][used[~held]] = values[~held]
@@ -161,7 +169,8 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
         "friction": (three_components(seen.friction_vectors), 0.0),
         "slip": (three_components(seen.slip_vectors), 0.0),
         "contact_force": (three_components(seen.tractions), 0.0),
-        "state": (seen.state.astype(float), -1.0),
+        "state": (seen.states.codes.astype(float), -1.0),
+        "tangential_state": (seen.tangential_state.astype(float), -1.0),
         "boundary": (contact.boundary.astype(float), -1.0),
     }
     if isinstance(seen, Snapshot):
@@ -200,16 +209,14 @@ def write_grid(
     cell_data: Mapping[str, Array],
     names: Sequence[str] = (),
 ) -> None:
-    """Write a VTU file, silently; ``state`` and ``boundary`` become whole numbers.
+    """Write a VTU file, silently; states and ``boundary`` become whole numbers.
 
     ``names`` are those of the boundaries, whose numbers are written as field data.
     """
     with IMPORTS:
         import meshio
 
-    whole = {
-        name: np.ceil(values).astype(np.int32) for name, values in point_data.items() if name in ("state", "boundary")
-    }
+    whole = {name: values.astype(np.int32) for name, values in point_data.items() if name in WHOLE}
     grid = meshio.Mesh(
         points, cells, point_data={**point_data, **whole}, cell_data={k: [v] for k, v in cell_data.items()}
     )

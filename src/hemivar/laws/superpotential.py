@@ -322,6 +322,40 @@ class Superpotential(Portable, ABC):
         outside = (r < bound.lower) | (r > bound.upper)
         return Interval(np.where(outside, np.inf, low), np.where(outside, -np.inf, high))
 
+    def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
+        """Whether the law pulls less than at some smaller opening, or its pull -j' falls there, (m,).
+
+        It is the largest at knots, at ``r`` or where it begins to fall; openings are negative penetrations.
+
+        Parameters
+        ----------
+        r : array (m,)
+        pull : array (m,), optional
+            What it pulls with, where ``r`` may lie on a jump; ``-j'(r)`` by default.
+        near, slack : float
+            What is rounding of ``r``, and of the pull.
+        """
+        bound = self.domain
+        own = np.clip(np.asarray(r, dtype=float), bound.lower, bound.upper)
+        inside = np.clip(own + near, bound.lower, bound.upper)
+        piece = self.piece_of(inside)
+        rows = np.broadcast_to(self._pulls, (len(inside), self._pulls.shape[-1]))
+        slope, curvature = self.piece_line(piece, inside)
+        largest = np.maximum(np.take_along_axis(rows, piece[:, None], axis=1)[:, 0], -slope)
+        pull = -self.derivative(own) if pull is None else pull
+        with np.errstate(over="ignore", invalid="ignore"):
+            fall = -curvature * (1e9 * near if near > 0.0 else np.abs(own))  # over the largest opening
+            falls = (fall > np.maximum(slack, 1e-9 * pull)) & (pull > slack)
+            return np.asarray((pull < largest * (1.0 - 1e-9) - slack) | falls)
+
+    @cached_property
+    def _pulls(self) -> Array:
+        """The largest pull at each knot and all greater ones, ``(m or 1, K + 1)``; -inf beyond the last."""
+        sides = [np.where(np.isfinite(side) & np.isfinite(self.knots), -side, -np.inf) for side in self.knot_slopes()]
+        ends = np.full((*self.knots.shape[:-1], 1), -np.inf)
+        at_knots = np.concatenate([np.maximum(*sides), ends], axis=-1)
+        return np.maximum.accumulate(at_knots[..., ::-1], axis=-1)[..., ::-1]
+
     def distance(self, r: Array, lam: Array) -> Array:
         """Distance of the multiplier ``lam`` to dj(r); inf outside the domain."""
         return self.subdifferential(r).distance(np.asarray(lam, dtype=float))

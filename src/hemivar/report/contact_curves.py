@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array
 from hemivar.certify import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -18,8 +18,8 @@ from hemivar.report.contact_maps import contact_maps
 from hemivar.report.deformed import round_number
 from hemivar.report.picture import new_figure
 from hemivar.report.scalar_map import area_maps, over_area
-from hemivar.report.style import GREEN, MARKERS, RED, STYLE, drawing, state_mark, with_unit
-from hemivar.solvers import Solution
+from hemivar.report.style import GREEN, MARKERS, RED, STYLE, drawing, in_rows, state_mark, with_unit
+from hemivar.solvers import ContactStates, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,7 +88,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     fig = new_figure((max(6.3, 3.4 * len(parts)), 5.0), layout="constrained")
     panels = fig.subplots(2, len(parts), sharex="col", squeeze=False)
     bound = _rest_bound(problem)
-    local, state = solution.local, solution.state
+    local, states = solution.local, solution.states
     forces = np.column_stack([solution.pressure, solution.friction])
     factor = _slip_factor(local)
     drawn = local * np.array([1.0] + [factor] * (problem.contact.components - 1))
@@ -100,10 +100,10 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
         curves = [(upper, forces, "pressure", "friction"), (lower, drawn, "penetration", "slip")]
         for panel, values, normal_name, tangential_name in curves:
             panel.axhline(0.0, color="#b0b0b0", lw=0.6, zorder=0)
-            _curve(panel, where, values[index, 0], state[index], size, RED, "-", normal_name)
+            _curve(panel, where, values[index, 0], states.take(index), size, RED, "-", normal_name)
             for k in range(1, problem.contact.components):
                 which = tangential_name if problem.contact.components == 2 else f"{tangential_name} {k}"
-                _curve(panel, where, values[index, k], state[index], size, GREEN, (0, (5, 1.5)), which)
+                _curve(panel, where, values[index, k], states.take(index), size, GREEN, (0, (5, 1.5)), which)
         if bound is not None and np.isfinite(bound[index]).all():
             for sign in (1.0, -1.0):
                 upper.plot(where, sign * bound[index], color=GREEN, lw=0.8, ls=":", zorder=1)
@@ -127,12 +127,11 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     ]
     if bound is not None:
         handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
-    present = [kind for kind in MARKERS if (state == kind).any()]
-    handles += [state_mark(kind, kind.label) for kind in present]
+    handles += [state_mark(kind, kind.label) for kind in states.present]
     above = 72.0 * FOOT / STYLE["legend.fontsize"] + 0.5  # the line at the foot, in letters
     fig.legend(
-        handles=handles, loc="outside lower center", borderaxespad=above, ncols=len(handles), columnspacing=1.4,
-        handlelength=1.8,
+        handles=handles, loc="outside lower center", borderaxespad=above, ncols=in_rows(len(handles)),
+        columnspacing=1.4, handlelength=1.8,
     )  # fmt: skip
     if title:
         fig.suptitle(title, fontsize=10)
@@ -141,12 +140,18 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
 
 
 def _curve(
-    panel: Axes, where: Array, values: Array, state: IntArray, size: float, colour: str, dash: LineStyleType, label: str
+    panel: Axes,
+    where: Array,
+    values: Array,
+    states: ContactStates,
+    size: float,
+    colour: str,
+    dash: LineStyleType,
+    label: str,
 ) -> None:
     panel.plot(where, values, color=colour, ls=dash, lw=1.1, label=label, zorder=2)
-    for kind, marker in MARKERS.items():
-        here = state == kind
-        panel.plot(where[here], values[here], ls="", ms=size, mew=0.5, zorder=3, **marker)
+    for kind, here in states.present.items():
+        panel.plot(where[here], values[here], ls="", ms=size, mew=0.5, zorder=3, **MARKERS[kind])
 
 
 def _slip_factor(local: Array) -> float:

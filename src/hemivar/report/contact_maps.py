@@ -14,8 +14,7 @@ from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.report.certificate_line import write_foot
 from hemivar.report.picture import new_figure
 from hemivar.report.style import GREY, MANY_FACETS, STATE_COLOURS, with_unit
-from hemivar.solvers import ContactState, Solution
-from hemivar.solvers.solution import state_counts
+from hemivar.solvers import Solution, TangentialState
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +92,7 @@ def _maps(
 def _window(solution: Solution, boundary: ContactBoundary, places: Array) -> Array | None:
     """Corners (2, 2) of a square about the points that touch, or None if they take more than half of the width."""
     index = boundary.index
-    touching = places[(solution.state[index] != ContactState.OPEN) | (solution.pressure[index] != 0.0)]
+    touching = places[solution.states.closed[index] | (solution.pressure[index] != 0.0)]
     if len(touching) < 2:
         return None
     low, high = touching.min(axis=0), touching.max(axis=0)
@@ -113,20 +112,18 @@ def _state_map(
     problem = solution.problem
     assert problem.contact.points is not None
     places = problem.contact.points[boundary.index] @ axes.T
-    state = solution.state[boundary.index]
+    states = solution.states.take(boundary.index)
     seen = np.ones(len(places), dtype=bool) if window is None else ((places > window[0]) & (places < window[1])).all(1)
     size = float(np.clip(0.5 * 150.0 / math.sqrt(np.count_nonzero(seen)), 0.7, 7.0))
     extent = float(np.ptp(places if window is None else window, axis=0).max())
     handles = []
-    for kind, count in state_counts(state).items():
-        here, colour = state == kind, STATE_COLOURS[kind]
-        if count:
-            panel.plot(*places[here].T, "s", color=colour, mec=GREY, mew=0.3, ms=size, zorder=1)
-        label = f"{kind.label} ({count})"
+    for kind, here in states.present.items():
+        colour, label = STATE_COLOURS[kind], f"{kind.label} ({np.count_nonzero(here)})"
+        panel.plot(*places[here].T, "s", color=colour, mec=GREY, mew=0.3, ms=size, zorder=1)
         handles.append(Line2D([], [], marker="s", ls="", color=colour, mec=GREY, mew=0.3, ms=5.0, label=label))
     slip = solution.slip_vectors[boundary.index] @ axes.T
     length = np.linalg.norm(slip, axis=1)
-    sliding = _thinned(places, np.flatnonzero(state == ContactState.SLIP), extent)
+    sliding = _thinned(places, np.flatnonzero(states.tangential == TangentialState.SLIP), extent)
     if len(sliding) and (largest := float(length[sliding].max())) > 0.0:
         panel.quiver(
             *places[sliding].T, *slip[sliding].T, angles="xy", scale_units="xy", scale=largest / (0.14 * extent),

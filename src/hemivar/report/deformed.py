@@ -17,8 +17,8 @@ from hemivar.mechanics import ContactProblem
 from hemivar.mesh.mesh import Mesh
 from hemivar.report.body_colour import BodyColour
 from hemivar.report.style import MANY_CELLS
-from hemivar.solvers import ContactState, Solution
-from hemivar.solvers.solution import state_counts
+from hemivar.solvers import Solution
+from hemivar.solvers.contact_states import Kind
 
 __all__ = ["DeformedBody", "round_number"]
 
@@ -96,10 +96,10 @@ class DeformedBody:
         """What a legend says of the body."""
         return f"deformed body, {self.magnified}" if self.magnified else "deformed body"
 
-    def states(self) -> Iterator[tuple[ContactState, BoolArray, str]]:
-        """Each contact state, which points are in it, (m,), and what a legend says of it."""
-        for kind, count in state_counts(self.solution.state).items():
-            yield kind, np.asarray(self.solution.state == kind), f"{kind.label} ({count})"
+    def states(self) -> Iterator[tuple[Kind, BoolArray, str]]:
+        """Each pair of states that there is, which points are in it, (m,), and what a legend says of it."""
+        for kind, here in self.solution.states.present.items():
+            yield kind, here, f"{kind.label} ({np.count_nonzero(here)})"
 
     def colour(self, given: BodyColour | str | None) -> BodyColour:
         """What colours the body: what was asked for; by itself stress in space and where cells are many, else nothing.

@@ -16,8 +16,8 @@ from hemivar.files.boundary import polylines
 from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
 from hemivar.report.deformed import round_number
-from hemivar.report.style import DASHES, GREY, MANY_CELLS, MARKERS, RED, state_mark, with_unit
-from hemivar.solvers.solution import state_counts
+from hemivar.report.style import DASHES, GREY, MANY_CELLS, MARKERS, RED, in_rows, state_mark, with_unit
+from hemivar.solvers.contact_states import KINDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,14 +82,14 @@ class FilmPicture(ABC):
             self.travel.add(frame.moved)
             self.push.add(frame.force)
             self.gaps.add(frame.gap)
-            met.append(np.unique(frame.state))
+            met.append(np.unique(frame.states.numbers))
             moved = max(moved, _longest(u))
             self.strongest = max(self.strongest, _longest(frame.force))
             here = self.coloured(frame)
             self.brightest = max(self.brightest, float(np.quantile(here, _BRIGHT)))
             peak = max(peak, float(here.max()))
         self.clipped = peak > self.brightest
-        self.kinds = tuple(state_counts(np.concatenate(met)))
+        self.kinds = tuple(KINDS[number] for number in np.unique(np.concatenate(met)).tolist())
         wanted = 0.1 * float(np.ptp(film.points, axis=0).max())
         if scale == "auto":
             self.factor = round_number(wanted / moved) if 0.0 < moved < wanted else 1.0
@@ -165,10 +165,12 @@ class PlanePicture(FilmPicture):
         bar = 0.0 if colour is FilmColour.NONE else 0.12
         self.wide = 6.3
         frame = self.wide * (0.85 - bar)
+        entries = len(self.kinds) + (self.strongest > 0.0)
+        foot = 0.18 * (max(entries - 1, 0) // 4)  # of further rows of the legend
         tall = float(np.clip(frame * height / width + 1.4, 2.4, 6.3))
-        tall = round(tall * 50.0) / 50.0
+        tall = round((tall + foot) * 50.0) / 50.0
         self.fig = Figure(figsize=(self.wide, tall))
-        self.ax: Axes = self.fig.add_axes((0.12, 1.05 / tall, 0.85 - bar, 1.0 - 1.4 / tall))
+        self.ax: Axes = self.fig.add_axes((0.12, (1.05 + foot) / tall, 0.85 - bar, 1.0 - (1.4 + foot) / tall))
         ax = self.ax
         for line in self.outline:
             ax.plot(*film.points[line].T, color=GREY, lw=0.8, ls=DASHES, zorder=2.5)
@@ -176,7 +178,7 @@ class PlanePicture(FilmPicture):
             self.fill = PolyCollection(list(film.points[film.cells]), cmap="cividis", linewidths=0.0, zorder=1.5)
             self.fill.set_antialiased(False)
             self.fill.set_array(np.zeros(len(film.cells)))
-            self._bar(self.fill, (0.87, 1.05 / tall, 0.022, 1.0 - 1.4 / tall))
+            self._bar(self.fill, (0.87, (1.05 + foot) / tall, 0.022, 1.0 - (1.4 + foot) / tall))
         else:
             self.fill = PolyCollection([], facecolors="#d9e6f2", alpha=0.6, linewidths=0.0, zorder=1.5)
         self.lines = LineCollection([], colors="#8f8f8f", linewidths=0.4, zorder=2)
@@ -194,7 +196,7 @@ class PlanePicture(FilmPicture):
         ax.set_ylabel(with_unit("y", units[0]))
         ax.spines[["top", "right"]].set_visible(False)
         self.arrows: Quiver | None = None
-        self.label = self.fig.text(0.12, 0.36 / tall, "", fontsize=9, family="monospace")
+        self.label = self.fig.text(0.12, (0.36 + foot) / tall, "", fontsize=9, family="monospace")
         self.foundation = LineCollection([], colors="#3a3a3a", linewidths=1.0, zorder=1)
         self.hatch = LineCollection([], colors="#8a8a8a", linewidths=0.6, zorder=0.9)
         for collection in (self.foundation, self.hatch):
@@ -205,8 +207,8 @@ class PlanePicture(FilmPicture):
                 told = f"force per area, at most {self.strongest:.3g}"
                 handles.append(Line2D([], [], color=RED, lw=1.2, label=told))
             self.fig.legend(
-                handles=handles, loc="lower right", bbox_to_anchor=(0.98, 0.0), ncols=len(handles), handlelength=1.2,
-                columnspacing=1.0,
+                handles=handles, loc="lower right", bbox_to_anchor=(0.98, 0.0), ncols=in_rows(len(handles)),
+                handlelength=1.2, columnspacing=1.0,
             )  # fmt: skip
 
     def _straight(self) -> bool:
@@ -247,7 +249,7 @@ class PlanePicture(FilmPicture):
         self.border.set_segments([moved[line] for line in self.outline])
         places = frame.places + self.factor * frame.moved
         for kind, mark in self.marks.items():
-            mark.set_data(*places[frame.state == kind].T)
+            mark.set_data(*places[frame.states.numbers == KINDS.index(kind)].T)
         if self.arrows is not None:
             self.arrows.remove()
             self.arrows = None
@@ -331,7 +333,7 @@ class SolidPicture(FilmPicture):
             self.ax.view_init(*self._view(places))
             self.fig.legend(
                 handles=[state_mark(kind, kind.label) for kind in self.kinds], loc="lower right",
-                ncols=len(self.kinds), handlelength=1.2,
+                ncols=in_rows(len(self.kinds)), handlelength=1.2,
             )  # fmt: skip
         for axis, low, wide in zip("xyz", self.low, extent, strict=True):
             getattr(self.ax, f"set_{axis}lim")(low, low + wide)
@@ -365,7 +367,7 @@ class SolidPicture(FilmPicture):
             self.surface.set_array(self.coloured(frame)[self.facets].mean(axis=1))
         places = frame.places + self.factor * frame.moved
         for kind, mark in self.marks.items():
-            mark.set_data_3d(*places[frame.state == kind].T)
+            mark.set_data_3d(*places[frame.states.numbers == KINDS.index(kind)].T)
         self.label.set_text(self.time(frame))
 
 

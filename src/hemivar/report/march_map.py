@@ -10,17 +10,17 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.boundary import contact_boundaries
-from hemivar.files.snapshot import moving_state
+from hemivar.files.snapshot import moving_states
 from hemivar.report.picture import new_figure
-from hemivar.report.style import GREY, STATE_COLOURS, with_unit
-from hemivar.solvers import ContactState
+from hemivar.report.style import GREY, STATE_COLOURS, in_rows, with_unit
+from hemivar.solvers.contact_states import KINDS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["draw_map"]
 
-_COLOURS = STATE_COLOURS | {ContactState.OPEN: "#f2f2f2"}
+_COLOURS = ["#f2f2f2", *(STATE_COLOURS[kind] for kind in KINDS[1:])]  # open first
 
 
 def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, stress_unit: str) -> Figure:
@@ -51,16 +51,13 @@ def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, 
     order = np.argsort(place, kind="stable")
     index, place = found.index[order], place[order]
     times = np.array([frame.time for frame in history.frames])
-    start = history.discrete.evolution.start
-    state = np.array([moving_state(frame, start)[index] for frame in history.frames])
+    state = np.array([moving_states(history.discrete, frame).numbers[index] for frame in history.frames])
     pressure = np.array([frame.multiplier[index, 0] for frame in history.frames])
     fig = new_figure((6.3, 3.8), layout="constrained")
     left, right = fig.subplots(1, 2, sharex=True, sharey=True)
     across, up = _edges(place), _edges(times)
-    kinds = list(_COLOURS)
-    norm = BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds))
-    colours = ListedColormap([_COLOURS[kind] for kind in kinds])
-    left.pcolormesh(across, up, state, cmap=colours, norm=norm, rasterized=True)
+    norm = BoundaryNorm(np.arange(len(KINDS) + 1) - 0.5, len(KINDS))
+    left.pcolormesh(across, up, state, cmap=ListedColormap(_COLOURS), norm=norm, rasterized=True)
     most = float(pressure.max())
     least = float(pressure.min())
     limit = max(abs(most), abs(least)) or 1.0
@@ -71,11 +68,10 @@ def draw_map(history: History, boundary: str | None, time_unit: str, unit: str, 
     )  # fmt: skip
     fig.colorbar(mesh, ax=right, shrink=0.85, pad=0.02).set_label(with_unit("pressure", stress_unit))
     handles = [
-        Patch(facecolor=_COLOURS[kind], edgecolor=GREY, linewidth=0.4, label=kind.label)
-        for kind in kinds
-        if (state == kind).any()
+        Patch(facecolor=_COLOURS[number], edgecolor=GREY, linewidth=0.4, label=KINDS[number].label)
+        for number in np.unique(state).tolist()
     ]
-    fig.legend(handles=handles, loc="outside lower left", ncols=len(handles), handlelength=1.2)
+    fig.legend(handles=handles, loc="outside lower left", ncols=in_rows(len(handles)), handlelength=1.2)
     left.set_title(f"states on {name}", fontsize=9)
     right.set_title(f"pressure on {name}", fontsize=9)
     left.set_ylabel(with_unit("time", time_unit))

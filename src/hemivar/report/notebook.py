@@ -34,7 +34,7 @@ from hemivar.report.study_tables import study_table, sweep_table
 from hemivar.report.style import MANY_CELLS
 from hemivar.report.tables import Table, adaptive_table
 from hemivar.solvers import Solution, Status
-from hemivar.solvers.solution import state_counts
+from hemivar.solvers.contact_states import state_words
 from hemivar.workflows.study import Study
 from hemivar.workflows.sweep import Sweep
 
@@ -125,7 +125,6 @@ def _rows(rows: Iterable[_Row]) -> Table:
 
 def _solution(solution: Solution) -> _Shown:
     problem = solution.problem
-    counts = state_counts(solution.state)
     rows: list[_Row] = [
         ("status", solution.status.value),
         ("remedy", None if solution.status is Status.CONVERGED else solution.status.remedy),
@@ -134,7 +133,7 @@ def _solution(solution: Solution) -> _Shown:
         ("energy", solution.energy),
         *(_certified(solution) or [("kind", solution.kind)]),
         ("unknowns", problem.unknowns),
-        ("contact points", ", ".join(f"{count} {kind.label}" for kind, count in counts.items() if count) or 0),
+        ("contact points", state_words(*solution.states.counts) or 0),
         (f"contact {solution.measured}", solution.contact_length),
         ("normal force", solution.normal_force),
         ("friction force", _numbers(solution.friction_force) if problem.contact.components > 1 else None),

@@ -22,8 +22,8 @@ from hemivar.errors import FileError
 from hemivar.fem import nodal_average, von_mises
 from hemivar.files.record import deformation_record, iteration_record, plain, prepared, version
 from hemivar.files.snapshot import Snapshot
-from hemivar.files.vtu import contact_quantities, region_numbers, symmetric_stress, three_components, write_grid
-from hemivar.solvers import ContactState
+from hemivar.files.vtu import WHOLE, contact_quantities, region_numbers, symmetric_stress, three_components, write_grid
+from hemivar.solvers import ContactStates
 from hemivar.solvers.boundary_result import ContactValues, friction_of
 
 __all__ = ["pieces_of", "write_frame_on_ranks", "write_json_on_ranks", "write_vtu_on_ranks"]
@@ -92,7 +92,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
 def _boundaries(solution: DistributedSolution) -> Record:
     """Resultants of each contact boundary, over all ranks."""
     body, lam, w = solution.body, solution.multiplier, solution.body.weights
-    closed = w * (solution.state != ContactState.OPEN)
+    closed = w * solution.states.closed
     forces = -w[:, None] * body.contact.global_vectors(lam)
     found = {}
     for name in body.contact.names:
@@ -118,7 +118,8 @@ def _contact(solution: DistributedSolution) -> Record | None:
             body.offset[:, 0],
             solution.local,
             solution.multiplier,
-            solution.state,
+            solution.states.normal,
+            solution.states.tangential,
             contact.without_friction,
         ]
     )
@@ -127,9 +128,10 @@ def _contact(solution: DistributedSolution) -> Record | None:
         return None
     told = told[np.lexsort((told[:, 1], told[:, 0]))]
     names = list(body.statement.contact)
-    boundary, _, x, normal, weight, gap, local, lam, state, left_out = np.split(
-        told, np.cumsum([1, 1, d, d, 1, 1, d, d, 1]), axis=1
+    boundary, _, x, normal, weight, gap, local, lam, states, left_out = np.split(
+        told, np.cumsum([1, 1, d, d, 1, 1, d, d, 2]), axis=1
     )
+    normal_state, tangential_state = ContactStates(*states.astype(np.int64).T).names
     return {
         "x": x,
         "normal": normal,
@@ -140,7 +142,8 @@ def _contact(solution: DistributedSolution) -> Record | None:
         "slip": local[:, 1] if d == 2 else local[:, 1:],
         "pressure": lam[:, 0],
         "friction": friction_of(lam)[:, 0] if d == 2 else friction_of(lam),
-        "state": [ContactState(int(number)).label for number in state[:, 0]],
+        "normal_state": normal_state,
+        "tangential_state": tangential_state,
         "without_friction": left_out[:, 0] > 0.0,
     }
 
@@ -160,7 +163,7 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
         The ``.pvtu`` files.
     """
     body = solution.body
-    seen = _Values(body.contact, solution.local, solution.multiplier, solution.state)
+    seen = _Values(body.contact, solution.local, solution.multiplier, solution.states)
     return _write_pieces(body, Path(path), seen, {"displacement": solution.displacement})
 
 
@@ -185,7 +188,7 @@ class _Values(ContactValues):
     contact: ContactPoints
     local: Array
     multiplier: Array
-    state: IntArray
+    states: ContactStates
 
 
 def _write_pieces(body: BodyOnRanks, path: Path, seen: ContactValues, nodal: dict[str, Array]) -> list[Path]:
@@ -329,7 +332,7 @@ def _parallel_file(files: list[str], point_data: dict[str, Array], cell_data: di
     for tag, data in (("PPointData", point_data), ("PCellData", cell_data)):
         lines.append(f"<{tag}>")
         for name, values in data.items():
-            kind = "Int32" if name in ("state", "boundary") or values.dtype == np.int32 else "Float64"
+            kind = "Int32" if name in WHOLE or values.dtype == np.int32 else "Float64"
             lines.append(f'<PDataArray type="{kind}" Name="{name}" NumberOfComponents="{_components(values)}"/>')
         lines.append(f"</{tag}>")
     lines.append('<PPoints><PDataArray type="Float64" Name="Points" NumberOfComponents="3"/></PPoints>')

@@ -15,8 +15,7 @@ from hemivar.report.certificate_line import FOOT, write_below, write_foot
 from hemivar.report.law_figures import law_captions
 from hemivar.report.picture import new_figure
 from hemivar.report.style import MANY_CELLS, MANY_FACETS, MARKERS, body_axes, state_mark, with_unit
-from hemivar.solvers import ContactState, Solution
-from hemivar.solvers.solution import state_counts
+from hemivar.solvers import Solution
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -75,7 +74,7 @@ def plot_scalar(
         ax.plot(*mesh.points[edge].T, color="black", lw=0.9, zorder=3)
     handles: list[Artist] = []
     over = over_area(solution)
-    touching = over & (solution.state != ContactState.OPEN)
+    touching = over & solution.states.closed
     if touching.any():
         inside = np.zeros(mesh.number_of_nodes)
         inside[contact.node[touching]] = 1.0
@@ -91,11 +90,10 @@ def plot_scalar(
     if len(beside):
         assert contact.points is not None
         size = float(np.clip(30.0 / math.sqrt(len(beside)), 1.4, 4.4))
-        for kind, count in state_counts(solution.state[beside]).items():
-            here = beside[solution.state[beside] == kind]
-            if count:
-                ax.plot(*contact.points[here].T, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
-                handles.append(state_mark(kind, f"{kind.label} ({count})"))
+        for kind, here in solution.states.take(beside).present.items():
+            at = contact.points[beside[here]].T
+            ax.plot(*at, ls="", ms=size, mew=0.6, zorder=6, clip_on=False, **MARKERS[kind])
+            handles.append(state_mark(kind, f"{kind.label} ({np.count_nonzero(here)})"))
     if legend:
         sides = {one.side for one in (*stated.contact.values(), *stated.areas.values()) if not one.rubs}
         lines = [note] if note else []

@@ -14,7 +14,7 @@ from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import write_foot
 from hemivar.report.deformed import DeformedBody
 from hemivar.report.picture import new_figure
-from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, state_mark, with_unit
+from hemivar.report.style import DASHES, GREY, MANY_FACETS, MARKERS, in_rows, state_mark, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,7 +95,7 @@ def legend_of_solid(fig: Figure, body: DeformedBody) -> None:
         if here.any():
             handles.append(state_mark(kind, label))
     fig.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03), ncols=len(handles), columnspacing=1.4,
+        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.03), ncols=in_rows(len(handles)), columnspacing=1.4,
         handlelength=1.8,
     )  # fmt: skip
 

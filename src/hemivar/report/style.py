@@ -12,7 +12,7 @@ from hemivar.basics.first_use import IMPORTS, Lock
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.report.picture import new_figure
-from hemivar.solvers import ContactState
+from hemivar.solvers.contact_states import KINDS, Kind, NormalState, TangentialState
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +38,7 @@ __all__ = [
     "body_axes",
     "drawing",
     "figure_of",
+    "in_rows",
     "state_mark",
     "with_unit",
 ]
@@ -77,22 +78,45 @@ STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": False,
 }
 
-MARKERS: Mapping[ContactState, dict[str, Any]] = {
-    ContactState.OPEN: {"marker": "o", "markerfacecolor": "white", "markeredgecolor": "black"},
-    ContactState.STICK: {"marker": "s", "markerfacecolor": BLUE, "markeredgecolor": BLUE},
-    ContactState.SLIP: {"marker": "^", "markerfacecolor": ORANGE, "markeredgecolor": "black"},
-    ContactState.BONDED: {"marker": "D", "markerfacecolor": PURPLE, "markeredgecolor": "black"},
+#: Colours of both states of a point, for free, stick and slip: flat maps tell all of them apart.
+_COLOURS = {
+    NormalState.OPEN: ("white",),
+    NormalState.CONTACT: (SKY, BLUE, ORANGE),
+    NormalState.BONDED: (PURPLE, "#7b3294", RED),
+    NormalState.SOFTENING: ("#F0E442", GREEN, "#8c6d00"),
+    NormalState.DEBONDED: ("#b0b0b0",),
+}
+STATE_COLOURS: Mapping[Kind, str] = {kind: _COLOURS[kind.normal][kind.tangential] for kind in KINDS}
+#: The shape is that of the normal state; points in contact that slip have one of their own.
+_SHAPES = {
+    NormalState.OPEN: "o",
+    NormalState.CONTACT: "s",
+    NormalState.BONDED: "D",
+    NormalState.SOFTENING: "v",
+    NormalState.DEBONDED: "X",
+}
+_SLIPPING, _STICKING = (Kind(NormalState.CONTACT, one) for one in (TangentialState.SLIP, TangentialState.STICK))
+MARKERS: Mapping[Kind, dict[str, Any]] = {
+    kind: {
+        "marker": "^" if kind == _SLIPPING else _SHAPES[kind.normal],
+        "markerfacecolor": colour,
+        "markeredgecolor": BLUE if kind == _STICKING else "black",
+    }
+    for kind, colour in STATE_COLOURS.items()
 }
 
-STATE_COLOURS = {kind: mark["markerfacecolor"] for kind, mark in MARKERS.items()}
 
-
-def state_mark(kind: ContactState, label: str) -> Line2D:
-    """What a legend shows of a contact state."""
+def state_mark(kind: Kind, label: str) -> Line2D:
+    """What a legend shows of the states of a point."""
     with IMPORTS:
         from matplotlib.lines import Line2D
 
     return Line2D([], [], ls="", ms=4.4, mew=0.7, label=label, **MARKERS[kind])
+
+
+def in_rows(count: int) -> int:
+    """Columns of a legend below a picture, in which ``count`` entries take as few rows of four at most as they can."""
+    return -(-count // max(-(-count // 4), 1))
 
 
 #: The settings of matplotlib belong to the process: one thread draws at a time.

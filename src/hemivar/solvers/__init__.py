@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from hemivar.solvers.base import Solver
 from hemivar.solvers.boundary_result import BoundaryResult
+from hemivar.solvers.contact_states import ContactStates, NormalState, TangentialState
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
@@ -12,7 +13,7 @@ from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.semismooth import SemismoothNewton
-from hemivar.solvers.solution import ContactState, Solution
+from hemivar.solvers.solution import Solution
 from hemivar.solvers.solve import solve, solving, suited
 from hemivar.solvers.status import Status
 from hemivar.solvers.survey.active_set import ExactInner, InnerSolver, NewtonKrylov, PrimalDualActiveSet
@@ -42,7 +43,7 @@ __all__ = [
     "AugmentedLagrangian",
     "AugmentedLagrangianNewton",
     "BoundaryResult",
-    "ContactState",
+    "ContactStates",
     "Controls",
     "ExactInner",
     "FixedPoint",
@@ -51,6 +52,7 @@ __all__ = [
     "NewtonKrylov",
     "NonsmoothMultigrid",
     "NonsmoothNewton",
+    "NormalState",
     "Powell",
     "PrimalDualActiveSet",
     "Progress",
@@ -61,6 +63,7 @@ __all__ = [
     "Solution",
     "Solver",
     "Status",
+    "TangentialState",
     "solve",
     "solve_nested",
     "solving",

@@ -12,6 +12,7 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.errors import ProblemError
+from hemivar.solvers.contact_states import ContactStates
 
 __all__ = ["BoundaryResult", "ContactValues", "contact_table", "friction_of", "table_columns"]
 
@@ -31,14 +32,24 @@ class ContactValues:
         Penetration (column 0) and slip.
     multiplier : array (m, c)
         Force per area of the body on the foundation: pressure (column 0), and minus the friction.
-    state : int array (m,)
-        A :class:`ContactState` for each point.
+    states : ContactStates
+        What each point does, along the normal and along the foundation.
     """
 
     contact: ContactPoints
     local: Array
     multiplier: Array
-    state: IntArray
+    states: ContactStates
+
+    @property
+    def normal_state(self) -> IntArray:
+        """A :class:`hemivar.NormalState` for each point, (m,): open, contact, bonded, softening or debonded."""
+        return self.states.normal
+
+    @property
+    def tangential_state(self) -> IntArray:
+        """A :class:`hemivar.TangentialState` for each point, (m,): free, stick or slip."""
+        return self.states.tangential
 
     @property
     def penetration(self) -> Array:
@@ -98,8 +109,8 @@ class ContactValues:
 
     @cached_property
     def contact_length(self) -> float:
-        """Measure of the part that is not open (length in 2D, area in 3D)."""
-        return float(self.contact.weights @ (self.state != 0))
+        """Measure of the part that is neither open nor debonded (length in 2D, area in 3D)."""
+        return float(self.contact.weights @ self.states.closed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +129,8 @@ class BoundaryResult(ContactValues, Portable):
         Penetration (column 0) and slip.
     multiplier : array (m, c)
         Force per area of the body on the foundation: pressure (column 0), and minus the friction.
-    state : int array (m,)
-        A :class:`ContactState` for each point.
+    states : ContactStates
+        What each point does, along the normal and along the foundation.
     """
 
     name: str
@@ -127,7 +138,7 @@ class BoundaryResult(ContactValues, Portable):
     contact: ContactPoints
     local: Array
     multiplier: Array
-    state: IntArray
+    states: ContactStates
 
     @property
     def points(self) -> Array | None:
@@ -158,9 +169,7 @@ class BoundaryResult(ContactValues, Portable):
         return np.asarray(arms[:, 0] @ forces[:, 1] - arms[:, 1] @ forces[:, 0])
 
 
-def contact_table(
-    contact: ContactPoints, local: Array, multiplier: Array, states: NDArray[np.str_]
-) -> NDArray[np.void]:
+def contact_table(contact: ContactPoints, local: Array, multiplier: Array, states: ContactStates) -> NDArray[np.void]:
     """One row for each contact point, see :attr:`hemivar.Solution.contact_table`."""
     columns: dict[str, NDArray[np.generic]] = {}
     if contact.names:
@@ -175,7 +184,7 @@ def contact_table(
         columns[normal] = values[:, 0]
         if contact.components > 1:
             columns[tangential] = values[:, 1] if contact.components == 2 else values[:, 1:]
-    columns["state"] = states
+    columns["normal_state"], columns["tangential_state"] = map(np.array, states.names)
     if contact.frames is not None:
         columns["force"] = 0.0 - contact.weights[:, None] * contact.global_vectors(multiplier)
     table = np.zeros(contact.count, dtype=[(name, value.dtype, value.shape[1:]) for name, value in columns.items()])

@@ -29,7 +29,7 @@ class Progress:
     residual : float
         Relative residual.
     changed : int
-        Contact points whose state (open, stick, slip, bonded, piece) changed in this step.
+        Contact points whose state (open, contact, bonded; free, stick, slip) changed in this step.
     seconds : float
         Since the start of the iteration.
     """

@@ -9,14 +9,17 @@ import numpy as np
 
 from hemivar.basics.deadline import CALLED
 from hemivar.basics.generators import result_of
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.base import Solver, State, System
+from hemivar.solvers.contact_states import ContactStates, contact_states
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
-from hemivar.solvers.solution import contact_state
 from hemivar.solvers.status import Status
 
-__all__ = ["Watch", "contact_states", "finish", "iterate", "steps"]
+__all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
+
+#: Between steps glue is not looked at more closely.
+_UNKNOWN = np.zeros(1, dtype=bool)
 
 #: Called with every state and the history up to it.
 Watch = Callable[[State, tuple[Progress, ...]], None]
@@ -70,16 +73,16 @@ def steps(
     best, best_rank, smallest = state, np.inf, np.inf
     lowest: list[float] = []
     status: Status | None = None
-    contact: IntArray | None = None
+    contact: ContactStates | None = None
     try:
         if not past:
             state = solver.begin(system, state, budget)
         for step in range(first, max(limit, first) + 1):
             if step > first:
-                before = contact_states(system, state.r, state.lam) if contact is None else contact
+                before = states_of(system, state.r, state.lam, past_peak=_UNKNOWN) if contact is None else contact
                 state = solver.step(system, state, budget)
-                contact = contact_states(system, state.r, state.lam)
-                changed = int(vectors.total(float(np.count_nonzero(contact != before)))[0])
+                contact = states_of(system, state.r, state.lam, past_peak=_UNKNOWN)
+                changed = int(vectors.total(float(np.count_nonzero(contact.numbers != before.numbers)))[0])
             now = system.residual(state.r, state.lam) if state.residual is None else state.residual
             broken = float(not np.isfinite(state.r).all())
             finite = bool(np.isfinite(now.total)) and not vectors.largest(broken)[0]
@@ -136,11 +139,20 @@ def _stopped(due: float) -> Status:
     return Status.INTERRUPTED if due == CALLED else Status.MAX_TIME
 
 
-def contact_states(system: System, r: Array, lam: Array) -> IntArray:
-    """Open, stick, slip or bonded at the contact points of this process, by the sizes of all."""
+def states_of(
+    system: System,
+    r: Array,
+    lam: Array,
+    *,
+    past_peak: BoolArray | None = None,
+    without_friction: BoolArray | None = None,
+) -> ContactStates:
+    """The states of the contact points of this process, by the sizes of all; see :func:`contact_states`."""
     local = system.local(r)
     sizes = system.vectors.largest(np.abs(local).max(initial=0.0), np.abs(lam).max(initial=0.0)).tolist()
-    return contact_state(local, lam, (sizes[0], sizes[1]))
+    return contact_states(
+        system.law, local, lam, (sizes[0], sizes[1]), past_peak=past_peak, without_friction=without_friction
+    )
 
 
 def finish(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
@@ -17,7 +16,7 @@ from hemivar.basics.display import Displayed
 from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array, BoolArray, IntArray, Record
+from hemivar.basics.types import Array, Record
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
@@ -27,6 +26,7 @@ from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
+from hemivar.solvers.contact_states import ContactStates, contact_states, state_words
 from hemivar.solvers.controls import Progress
 from hemivar.solvers.status import Status
 
@@ -37,28 +37,7 @@ if TYPE_CHECKING:
     from hemivar.certify.certificate import Certificate
     from hemivar.systems.workspace import Workspace
 
-__all__ = ["ContactState", "Solution", "contact_state", "lifted_states", "state_counts"]
-
-#: What is rounding, of the largest displacement and multiplier.
-_ROUNDING = 1e-9
-
-
-class ContactState(IntEnum):
-    """What a contact point does."""
-
-    OPEN = 0
-    """It has lifted and bears nothing."""
-    STICK = 1
-    """It rests on the foundation, or has not moved."""
-    SLIP = 2
-    """It has moved sideways."""
-    BONDED = 3
-    """It has lifted, and the foundation pulls it back: glue in tension, whether it moved sideways or not."""
-
-    @property
-    def label(self) -> str:
-        """Name in files and legends."""
-        return self.name.lower()
+__all__ = ["Solution"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +122,11 @@ class Solution(ContactValues, Portable, Displayed):
         return self.problem.local(self.unknowns)
 
     @cached_property
-    def state(self) -> IntArray:  # type: ignore[override]
-        """A :class:`ContactState` for each contact point, (m,)."""
-        return contact_state(self.local, self.multiplier)
+    def states(self) -> ContactStates:  # type: ignore[override]
+        """The normal and the tangential state of the contact points, see :func:`hemivar.solvers.contact_states`."""
+        return contact_states(
+            self.problem.law, self.local, self.multiplier, without_friction=self.contact.without_friction
+        )
 
     @property
     def measured(self) -> str:
@@ -183,8 +164,7 @@ class Solution(ContactValues, Portable, Displayed):
         lines = [f"Solution of {problem.unknowns} unknowns by {self.method}", f"status      {ended}"]
         lines.append(f"energy      {self.energy:.10g}" + (f", {self.kind.value}" if self.kind else ""))
         if problem.contact_points:
-            states = ", ".join(f"{count} {kind.label}" for kind, count in state_counts(self.state).items())
-            lines.append(f"contact     {problem.contact_points} points: {states}")
+            lines.append(f"contact     {problem.contact_points} points: {state_words(*self.states.counts)}")
             lines.append(f"            penetration at most {r[:, 0].max():.4g}, normal force {self.normal_force:.6g}")
         return "\n  ".join([*lines, *(f"warning     {sentence}" for sentence in self.warnings)])
 
@@ -198,7 +178,9 @@ class Solution(ContactValues, Portable, Displayed):
         """
         index = self.contact.on(boundary)
         points = self.contact.take(index)
-        return BoundaryResult(boundary, index, points, self.local[index], self.multiplier[index], self.state[index])
+        return BoundaryResult(
+            boundary, index, points, self.local[index], self.multiplier[index], self.states.take(index)
+        )
 
     @cached_property
     def reactions(self) -> Mapping[str, Array]:
@@ -219,12 +201,12 @@ class Solution(ContactValues, Portable, Displayed):
         """One row for each contact point, a structured array (m,).
 
         Fields: ``boundary`` (name), ``x`` and ``normal`` (vectors), ``weight``, ``gap``, ``penetration``, ``slip``,
-        ``pressure``, ``friction`` (it and ``slip`` in local components: numbers in 2D), ``state`` ("open", "stick",
-        "slip", "bonded") and ``force`` (vector; of the foundation on the body).  What is not known of a problem made of
-        arrays, and what a law of one component lacks, is left out.
+        ``pressure``, ``friction`` (it and ``slip`` in local components: numbers in 2D), ``normal_state`` ("open",
+        "contact", "bonded", "softening", "debonded"), ``tangential_state`` ("free", "stick", "slip") and ``force``
+        (vector; of the foundation on the body).  What is not known of a problem made of arrays, and what a law of one
+        component lacks, is left out.
         """
-        names = np.array([kind.label for kind in ContactState])
-        return contact_table(self.contact, self.local, self.multiplier, names[self.state])
+        return contact_table(self.contact, self.local, self.multiplier, self.states)
 
     def to_dataframe(self) -> DataFrame:
         """The :attr:`contact_table` as a pandas DataFrame, a column for each component of a vector.
@@ -279,32 +261,3 @@ class Solution(ContactValues, Portable, Displayed):
                 f"{self.residual.relative:.1e}: {self.status.remedy}"
             )
         return self
-
-
-def contact_state(local: Array, multiplier: Array, sizes: tuple[float, float] | None = None) -> IntArray:
-    """Open (lifted, no pressure), bonded (lifted, pulled back), slip (moved tangentially) or stick, for each point.
-
-    ``sizes`` are the largest displacement and multiplier of all points, where these are not all.
-    """
-    if sizes is None:
-        sizes = float(np.abs(local).max(initial=0.0)), float(np.abs(multiplier).max(initial=0.0))
-    moved = np.linalg.norm(local[:, 1:], axis=1) > _ROUNDING * sizes[0]
-    return lifted_states(local[:, 0], multiplier[:, 0], moved, sizes)
-
-
-def lifted_states(penetration: Array, pressure: Array, moves: BoolArray, sizes: tuple[float, float]) -> IntArray:
-    """A :class:`ContactState` for each contact point, (m,), of those that move sideways and those that do not.
-
-    ``sizes`` are the largest displacement and multiplier, of which a billionth is rounding.
-    """
-    small, weak = _ROUNDING * sizes[0], _ROUNDING * sizes[1]
-    lifted = penetration < -small
-    state = np.where(moves, ContactState.SLIP, ContactState.STICK)
-    state = np.where(lifted & (pressure < -weak), ContactState.BONDED, state)
-    return np.asarray(np.where(lifted & (np.abs(pressure) <= weak), ContactState.OPEN, state), dtype=np.int64)
-
-
-def state_counts(state: IntArray) -> dict[ContactState, int]:
-    """How many points are in each state, for tables and legends: bonded ones only where there are some."""
-    counts = {kind: int(np.count_nonzero(state == kind)) for kind in ContactState}
-    return {kind: count for kind, count in counts.items() if count or kind is not ContactState.BONDED}

@@ -9,14 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, IntArray, Record
+from hemivar.basics.types import Array, Record
 from hemivar.discrete.residual import Residual
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.fem import Deformation, deformation
-from hemivar.solvers import ContactState, Controls, FixedPoint, NonsmoothMultigrid, Progress, Solver, Status
+from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Progress, Solver, Status
 from hemivar.solvers.base import State
-from hemivar.solvers.loop import Watch, contact_states, finish, iterate
+from hemivar.solvers.contact_states import ContactStates, NormalState, TangentialState
+from hemivar.solvers.loop import Watch, finish, iterate, states_of
 
 __all__ = ["DistributedSolution", "Saved", "depends_on_ranks", "solve_distributed"]
 
@@ -92,9 +93,9 @@ class DistributedSolution:
         return self.body.warnings if strained is None else (*self.body.warnings, strained)
 
     @cached_property
-    def state(self) -> IntArray:
-        """A :class:`ContactState` for each contact point of this rank."""
-        return contact_states(self.body, self.x, self.multiplier)
+    def states(self) -> ContactStates:
+        """The states of the contact points of this rank."""
+        return states_of(self.body, self.x, self.multiplier, without_friction=self.body.contact.without_friction)
 
     @cached_property
     def sums(self) -> Record:
@@ -102,24 +103,26 @@ class DistributedSolution:
 
         Keys ``normal_force``, ``friction_force`` (d - 1,) and ``force`` (d,) of the foundation on the body,
         ``contact_length``, ``whole_length``,
-        ``counts`` (of each :class:`ContactState`), ``max_penetration``, ``max_pressure``.
+        ``counts`` (of each normal and of each tangential state), ``max_penetration``, ``max_pressure``.
         """
         body, w, lam = self.body, self.body.weights, self.multiplier
         d = body.dim
-        closed = self.state != ContactState.OPEN
         force = -w @ body.contact.global_vectors(lam)
         total = body.ranks.total(
             *(w @ lam),
             *force,
-            float(w @ closed),
+            float(w @ self.states.closed),
             float(w.sum()),
-            *(float(np.count_nonzero(self.state == s)) for s in ContactState),
+            *(float(count) for own in self.states.counts for count in own.values()),
         )
         top = body.ranks.largest(self.local[:, 0].max(initial=-np.inf), lam[:, 0].max(initial=-np.inf))
+        found = [int(count) for count in total[2 * d + 2 :]]
         return {
             "normal_force": float(total[0]), "friction_force": 0.0 - total[1:d], "force": total[d : 2 * d],
             "contact_length": float(total[2 * d]), "whole_length": float(total[2 * d + 1]),
-            "counts": {kind: int(c) for kind, c in zip(ContactState, total[2 * d + 2 :], strict=True)},
+            "counts": (
+                dict(zip(NormalState, found[:-3], strict=True)), dict(zip(TangentialState, found[-3:], strict=True))
+            ),
             "max_penetration": float(top[0]), "max_pressure": float(top[1]),
         }  # fmt: skip
 

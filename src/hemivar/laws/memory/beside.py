@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from hemivar.basics.relaxation import squares_of_relaxation
-from hemivar.basics.types import Array, Parameter
+from hemivar.basics.types import Array, BoolArray, Parameter
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept
 from hemivar.laws.superpotential import Superpotential
@@ -55,6 +55,10 @@ class Bonding(Memory):
         v, beta = self.values(), state["bond"]
         driving = step.tau * v["stiffness"] * np.minimum(r[:, 0], 0.0) ** 2 / v["viscosity"]
         return kept(bond=np.minimum(beta, (beta + step.tau * v["energy"] / v["viscosity"]) / (1.0 + driving)))
+
+    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
+        """Where the bond has faded."""
+        return np.asarray(state["bond"] < 1.0)
 
     def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         opening = np.minimum(r[:, 0], 0.0)

@@ -19,7 +19,7 @@ import numpy as np
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.parameters import evaluate
@@ -169,6 +169,10 @@ class Memory(Portable, ABC):
     ) -> Array:
         """Energy that is lost in the step by the change of the state, (m,); that of friction is not counted."""
         return np.zeros(len(r))
+
+    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
+        """Where the memory alone says that the pull of the foundation is past its peak, (m or 1,)."""
+        return np.zeros(1, dtype=bool)
 
     def seen(self, state: MemoryState, r: Array) -> Array:
         """Local displacement (m, c) that the law without this memory sees in a state: of a worn surface, less wear."""

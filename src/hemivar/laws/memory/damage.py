@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction import Friction
 from hemivar.laws.memory.contact_memory import Energy, LocalStep, Memory, MemoryState, energy_of, kept, slide
@@ -41,6 +41,9 @@ class Secant(Memory):
 
     def advance(self, law: ContactLaw, state: MemoryState, step: LocalStep, r: Array, lam: Array) -> MemoryState:
         return self._opened(law, state["opening"], r)
+
+    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
+        return law.normal.past_peak(-state["opening"])
 
     def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         of_law = energy_of(law, inner)

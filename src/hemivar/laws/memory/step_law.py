@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hemivar.basics.arguments import described
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.friction import Friction
@@ -134,6 +134,10 @@ class Chain(Memory):
         for i in range(len(self.parts) - 1, -1, -1):
             r = self.parts[i].seen(self._own(state, i), r)
         return r
+
+    def past_peak(self, law: ContactLaw, state: MemoryState) -> BoolArray:
+        own = [part.past_peak(law, self._own(state, i)) for i, part in enumerate(self.parts)]
+        return np.asarray(np.logical_or.reduce(np.broadcast_arrays(np.zeros(1, dtype=bool), *own)))
 
     def stored(self, law: ContactLaw, state: MemoryState, r: Array, inner: Energy | None = None) -> Array:
         energy = energy_of(law, inner)
