@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 import hemivar as hv
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.files import solution_record
+from hemivar.files import read_film, solution_record
 from hemivar.files.snapshot import moving_states
 from hemivar.solvers import NormalState, TangentialState
 from hemivar.solvers.contact_states import KINDS, ContactStates, contact_states, state_words
@@ -141,25 +145,79 @@ def test_codes_of_files() -> None:
 # ---- in time -----------------------------------------------------------------------------------------------------
 
 
-def test_glue_with_a_memory_stays_softened_and_broken() -> None:
-    """Pulled beyond the peak, let go, then off: irreversible glue is not bonded again below its largest opening."""
-    pulled = np.array([0.0, 0.3, 1.5, 0.3, 3.0, 1.0, -0.1])  # displacement of the top at t = 0, 1, 2, ...
+def column(pulled: list[float], contact: hv.Contact, **more: object) -> hv.Evolution:
+    """A spring of stiffness 100 whose top is where it is told to be at t = 0, 1, 2, ..."""
 
     def top(x: np.ndarray, t: float) -> np.ndarray:
-        return np.full(len(x), np.interp(t, np.arange(pulled.size), pulled))
+        return np.full(len(x), np.interp(t, np.arange(len(pulled)), pulled))
 
-    column = hv.ContactProblem(
+    problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), (1, 1)),
-        material=hv.Material.lame(0.0, 50.0),  # a spring of stiffness 100
+        material=hv.Material.lame(0.0, 50.0),
         supports={"top": hv.Fixed(y=top), "left": hv.Roller(), "right": hv.Roller()},
-        contact={"bottom": hv.Contact(GLUE, memory=(hv.Secant(),))},
+        contact={"bottom": contact},
     )
-    found = hv.march(hv.Evolution(column), 6.0, step=0.5, save=hv.Save(every=1.0))
+    return hv.Evolution(problem)
+
+
+def test_glue_with_a_memory_stays_softened_and_broken(tmp_path: Path) -> None:
+    """Pulled beyond the peak, let go, then off: irreversible glue is not bonded again below its largest opening."""
+    pulled = column([0.0, 0.3, 1.5, 0.3, 3.0, 1.0, -0.1], hv.Contact(GLUE, memory=(hv.Secant(),)))
+    found = hv.march(pulled, 6.0, step=0.5, save=hv.Save(every=1.0))
     assert found.finished
-    seen = [moving_states(found.discrete, frame) for frame in found.frames]
-    for states, expected in zip(seen[1:], (BONDED, SOFTENING, SOFTENING, DEBONDED, DEBONDED, CONTACT), strict=True):
-        assert states.normal.tolist() == [expected] * 2
-        assert states.tangential.tolist() == [FREE] * 2
     largest = 145.0 / 98.0  # 100 (1.5 - w) = 5 - 2 w
     secant = (5.0 - 2.0 * largest) / largest
     assert found.frames[3].local[:, 0] == pytest.approx(-0.3 * 100.0 / (100.0 + secant))
+    film = read_film(found.write(tmp_path / "run.pvd")[0])
+    expected = (BONDED, SOFTENING, SOFTENING, DEBONDED, DEBONDED, CONTACT)
+    for number, state in enumerate(expected, start=1):
+        states = moving_states(found.discrete, found.frames[number])
+        assert states.normal.tolist() == [state] * 2
+        assert states.tangential.tolist() == [FREE] * 2
+        assert film.frame(number).states.numbers.tolist() == states.numbers.tolist()
+
+
+def test_glue_without_a_memory_is_that_of_its_opening() -> None:
+    found = hv.march(column([0.0, 0.3, 1.5, 0.3], hv.Contact(GLUE)), 3.0, step=0.5, save=hv.Save(every=1.0))
+    seen = [moving_states(found.discrete, frame).normal[0] for frame in found.frames[1:]]
+    assert seen == [BONDED, SOFTENING, BONDED]
+
+
+def test_a_bond_that_fades_softens_and_breaks() -> None:
+    """Beneath its energy, 4 w^2 = 1e-3, it is whole."""
+    bond = hv.Contact(hv.Signorini(), memory=(hv.Bonding(4.0, 1e-3, 1e-3),))
+    found = hv.march(column([0.0, 0.01, 0.2], bond), 2.0, step=0.5, save=hv.Save(every=1.0))
+    frame = found.frames[-1]
+    broken = replace(frame, multiplier=0.0 * frame.multiplier, memory={"0.bond": np.zeros(2)})
+    seen = [moving_states(found.discrete, one).normal[0] for one in (*found.frames[1:], broken)]
+    assert seen == [BONDED, SOFTENING, DEBONDED]
+
+
+def test_a_point_above_a_foundation_that_has_crept_is_open() -> None:
+    """It lies deeper than the foundation was at first, and not as deep as it has become."""
+    crept = hv.Contact(hv.Compliance(20.0), hv.Tresca(0.1), memory=(hv.ViscousFoundation(2.0),))
+    found = hv.march(column([0.0, -0.3, -0.3, -0.02], crept), 3.0, step=0.5, save=hv.Save(every=1.0))
+    assert (found.frames[-1].local[:, 0] > 0.01).all()
+    assert [moving_states(found.discrete, frame).normal[0] for frame in found.frames[1:]] == [CONTACT, CONTACT, OPEN]
+
+
+# ---- files -------------------------------------------------------------------------------------------------------
+
+
+def test_points_at_midpoints_of_facets_have_states_that_there_are(tmp_path: Path) -> None:
+    """A node between two facets has the states of one of them, not a mean of numbers that are names."""
+    strip = hv.ContactProblem(
+        mesh=hv.rectangle((4.0, 1.0), (8, 2)),
+        material=hv.Material.lame(40.0, 40.0),
+        supports={"left": hv.Clamped()},
+        tractions={"right": (0.0, 0.8)},
+        contact={"bottom": hv.Contact(hv.Adhesive(8.0, 0.4, 4.0, 60.0))},
+        quadrature=hv.Quadrature.MIDPOINT,
+    )
+    found = hv.solve(strip)
+    kinds = {(int(a), int(b)) for a, b in zip(found.states.codes, found.tangential_state, strict=True)}
+    assert {(3, 0), (5, 0)} <= kinds
+    read = meshio.read(found.to_vtu(tmp_path / "strip.vtu")).point_data
+    assert {(int(a), int(b)) for a, b in zip(read["state"], read["tangential_state"], strict=True)} - {
+        (-1, -1)
+    } == kinds
