@@ -325,7 +325,7 @@ class Superpotential(Portable, ABC):
     def past_peak(self, r: Array, pull: Array | None = None, near: float = 0.0, slack: float = 0.0) -> BoolArray:
         """Whether the law pulls less than at some smaller opening, or its pull -j' falls there, (m,).
 
-        It is the largest at knots, at ``r`` or where it begins to fall; openings are negative penetrations.
+        What it pulls at smaller openings is looked at in knots; openings are negative penetrations.
 
         Parameters
         ----------
@@ -344,9 +344,9 @@ class Superpotential(Portable, ABC):
         largest = np.maximum(np.take_along_axis(rows, piece[:, None], axis=1)[:, 0], -slope)
         pull = -self.derivative(own) if pull is None else pull
         with np.errstate(over="ignore", invalid="ignore"):
-            fall = -curvature * (1e9 * near if near > 0.0 else np.abs(own))  # over the largest opening
-            falls = (fall > np.maximum(slack, 1e-9 * pull)) & (pull > slack)
-            return np.asarray((pull < largest * (1.0 - 1e-9) - slack) | falls)
+            weaker = (largest > slack) & (pull < largest * (1.0 - 1e-9) - slack)
+            falls = (pull > slack) & (-curvature * np.abs(own) > np.maximum(slack, 1e-9 * pull))
+            return np.asarray(weaker | falls)
 
     @cached_property
     def _pulls(self) -> Array:
