@@ -339,8 +339,8 @@ def test_marks_and_arrows_do_not_pile_up() -> None:
         assert solution.problem.contact.points is not None
         at_rest = np.diff(np.sort(solution.problem.contact.points[index, 0]))
         np.testing.assert_allclose(at_rest, at_rest[0])  # even on the body
-        ((kind, here),) = solution.states.present.items()
-        assert f"{kind.label} ({np.count_nonzero(here)})" in texts(figure)
+        for kind, here in solution.states.present.items():
+            assert f"{kind.label} ({np.count_nonzero(here)})" in texts(figure)
 
 
 @pytest.mark.parametrize("reach", [0.05, 0.5])
