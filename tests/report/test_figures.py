@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from matplotlib.text import Text
+from PIL import Image
 
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -421,3 +422,11 @@ def test_errors_leave_out_the_mesh_next_to_the_reference(tmp_path: Path) -> None
 def test_drawing_is_imported_late() -> None:
     code = "import sys, hemivar.report; sys.exit(any(m in sys.modules for m in ('matplotlib', 'meshio', 'rich')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_texts_that_fit_into_no_picture_are_cut(plane: Solution, tmp_path: Path) -> None:
+    for number, title in enumerate(("x" * 1_000_000, "y\n" * 100_000)):
+        fig = plot_solution(plane, title=title)
+        file = save(fig, tmp_path / f"{number}.png", dpi=20)
+        assert max(Image.open(file).size) < 2000
+        assert 200 < len(fig.axes[0].get_title()) < 300 if number == 0 else len(fig.axes[0].get_title()) < 300

@@ -49,6 +49,8 @@ class Case:
         The problem file, where the answer can be examined.
     answer : str or None
         The JSON file with the answer.
+    rewritten : sequence of str
+        Files that the command may change.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Case:
     file_size: int | None = None
     problem: str | None = None
     answer: str | None = None
+    rewritten: Sequence[str] = ()
 
     @property
     def command(self) -> str:

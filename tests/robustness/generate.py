@@ -11,13 +11,14 @@ from typing import Any
 from tests.robustness.case import Case
 from tests.robustness.evolutions import random_evolution
 from tests.robustness.formulas import ATTACKS, BOUNDS, LAWS, nested, random_formula
+from tests.robustness.kept import kept_case
 from tests.robustness.meshes import foreign, other_model, renumbered, tokens
 from tests.robustness.msh import FORMATS, grid_mesh, write_msh
 from tests.robustness.seeds import FILES, METHODS, known, random_law, random_problem, seed
 from tests.robustness.tables import odd_table
 from tests.robustness.toml import dump, leaves, put, spoilt, strange_name, strange_number, strange_value
 
-__all__ = ["FAMILIES", "make_case"]
+__all__ = ["FAMILIES", "SLOW_TO_MAKE", "family_of", "make_case"]
 
 
 class _Maker:
@@ -600,7 +601,13 @@ class _Maker:
         files = {"problem.toml": dump(data).encode(), **{name: text.encode() for name, text in tables.items()}}
         return Case(self.name, "evolution", note, words, files, problem="problem.toml", answer="march.json")
 
+    def kept(self) -> Case:
+        """A command that goes on from a hostile file."""
+        return kept_case(self.rng, self.name)
 
+
+#: Families whose cases begin with runs of the command, which take seconds.
+SLOW_TO_MAKE = frozenset({"solution", "kept"})
 #: Generators with their weights.
 FAMILIES: dict[str, tuple[Callable[[_Maker], Case], int]] = {
     "physics": (_Maker.physics, 22),
@@ -616,15 +623,20 @@ FAMILIES: dict[str, tuple[Callable[[_Maker], Case], int]] = {
     "files": (_Maker.files, 5),
     "surroundings": (_Maker.surroundings, 3),
     "evolution": (_Maker.evolution, 6),
+    "kept": (_Maker.kept, 6),
 }
 
 
 def make_case(seed_number: int, number: int, family: str | None = None) -> Case:
     """The case of this seed and number; of one family, or of one that the number chooses."""
-    if family is None:
-        names, weights = list(FAMILIES), [weight for _, weight in FAMILIES.values()]
-        family = random.Random(f"family {seed_number}:{number}").choices(names, weights)[0]
+    family = family_of(seed_number, number) if family is None else family
     return FAMILIES[family][0](_Maker(f"{seed_number}:{number}"))
+
+
+def family_of(seed_number: int, number: int) -> str:
+    """The family that a number chooses."""
+    names, weights = list(FAMILIES), [weight for _, weight in FAMILIES.values()]
+    return random.Random(f"family {seed_number}:{number}").choices(names, weights)[0]
 
 
 def _merely_large(data: Any) -> bool:

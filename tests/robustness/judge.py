@@ -83,7 +83,7 @@ def run_and_judge(case: Case, folder: Path, limits: Limits = LIMITS) -> Outcome:
     """Run a case in a folder and judge it; the folder is left as the run leaves it."""
     shutil.rmtree(folder, ignore_errors=True)
     lay_out(case, folder)
-    before = _prints(folder, case.files)
+    before = _prints(folder, set(case.files) - set(case.rewritten))
     run = run_case(case, folder, limits)
     outcome = judge(case, folder, run, before)
     (folder.parent / f"{folder.name}.log").write_bytes(
@@ -193,9 +193,18 @@ def _untidy(case: Case, folder: Path, run: Run) -> str:
 
 
 def _ask_the_oracle(case: Case, folder: Path, outcome: Outcome) -> None:
+    from tests.robustness.kept import examine_kept
     from tests.robustness.moving import examine_march
     from tests.robustness.oracle import Verdict, examine, examine_many, examine_record
 
+    if case.family == "kept":
+        verdict = Verdict()
+        examine_kept(folder, case, verdict)
+        outcome.examined = ["certified"] if "expected" in case.files else []
+        outcome.left_out = verdict.left_out
+        if verdict.wrong:
+            outcome.faults["wrong acceptance"] = "; ".join(verdict.wrong)[:600]
+        return
     if case.problem is None or case.answer is None or "--help" in case.arguments:
         return
     verdict = Verdict()

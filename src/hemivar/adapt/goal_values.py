@@ -34,6 +34,7 @@ from hemivar.adapt.goals import Goal
 from hemivar.adapt.sweeps import Sweeper
 from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.adapt.vertex_moments import unsettled
+from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, IntArray
@@ -155,6 +156,10 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
     ProblemError
         Elements are not linear.
     """
+    expect(goal, Goal, "the goal", "give what goal_named(...) returns")
+    expect(solution, Solution, "the solution", "give what solve(...) returns")
+    expect(distance, ExactDistance, "the distance", "give what exact_distance(...) returns")
+    expect(constants, TraceBounds, "the constants", "give the TraceBounds of the body")
     discrete, data = solution.problem, distance.stress.data
     if data.problem.order != 1:
         raise ProblemError("quantities of interest are bounded for linear elements; take order = 1")

@@ -73,6 +73,7 @@ def known_goals(problem: ContactProblem) -> tuple[str, ...]:
     -------
     tuple of str
     """
+    expect(problem, ContactProblem, "the problem", "give a ContactProblem")
     parts = (
         (GoalKind.CONTACT_FORCE, problem.contact),
         (GoalKind.REACTION, problem.supports),

@@ -7,13 +7,17 @@ import math
 import numbers
 import operator
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from types import UnionType
-from typing import Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.errors import ProblemError
 
-__all__ = ["described", "expect", "number", "suggest", "whole_number"]
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+__all__ = ["check_numbers", "described", "expect", "number", "suggest", "whole_number"]
 
 Kind = TypeVar("Kind")
 
@@ -75,6 +79,26 @@ def whole_number(value: object, name: str, least: int) -> int:
 
 def number(value: object, name: str, what: str = "give a real number") -> float:
     """A real number, NumPy's included, not nan."""
-    if not isinstance(value, numbers.Real) or isinstance(value, bool) or math.isnan(value):
+    try:
+        found = float(value) if isinstance(value, numbers.Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:  # an integer beyond all floats
+        found = math.nan
+    if math.isnan(found):
         raise ProblemError(f"{name} is {described(value)}; {what}")
-    return float(value)
+    return found
+
+
+def check_numbers(options: DataclassInstance) -> None:
+    """Refuse options, a dataclass, of which a field declared as ``float`` or ``int`` holds anything else.
+
+    Raises
+    ------
+    ProblemError
+        ``CLASS.FIELD is WHAT; give a number``.
+    """
+    for one in fields(options):
+        name = f"{type(options).__name__}.{one.name}"
+        if one.type == "float":
+            number(getattr(options, one.name), name)
+        elif one.type == "int":
+            whole_number(getattr(options, one.name), name, 0)

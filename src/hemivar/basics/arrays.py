@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hemivar.basics.arguments import described
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray, Array
 from hemivar.errors import ProblemError
@@ -20,6 +21,8 @@ __all__ = ["norm", "real_array", "real_matrix"]
 
 #: Squares of norms between which no square of an entry that counts over- or underflows.
 _TINY, _HUGE = 1e-240, 1e240
+#: What NumPy's kinds of entries that are no numbers are called.
+_KINDS = {"S": "text", "U": "text", "b": "truth values"}
 
 
 def real_array(value: object, name: str, ndim: int | None = None, *, finite: bool = True, own: bool = False) -> Array:
@@ -47,7 +50,7 @@ def real_array(value: object, name: str, ndim: int | None = None, *, finite: boo
     given = _checked(value, name)
     try:
         array = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ProblemError(f"{name} is no array of numbers: {error}") from error
     if ndim is not None and array.ndim != ndim:
         raise ProblemError(f"{name} has shape {array.shape}; it must have {ndim} {'axis' if ndim == 1 else 'axes'}")
@@ -117,11 +120,18 @@ def _checked(value: object, name: str) -> AnyArray:
     entries: list[object] = list(given.ravel()) if kind == "O" else []
     if kind == "c" or any(isinstance(entry, Complex) and not isinstance(entry, Real) for entry in entries):
         raise ProblemError(f"{name} is complex; give real numbers (take .real if the imaginary part is meant to go)")
-    wrong = next((entry for entry in entries if entry is None or isinstance(entry, str | bytes)), None)
-    if kind not in "biufO" or wrong is not None or any(entry is None for entry in entries):
-        what = f"holds {wrong!r}" if kind == "O" else f"is {'text' if kind in 'SU' else given.dtype.name}"
-        raise ProblemError(f"{name} is no array of numbers: it {what}")
+    wrong = [entry for entry in entries if not isinstance(entry, Real) or isinstance(entry, bool)]
+    if kind not in "iufO" or wrong or _holds_truth_values(value):
+        what = f"is {_KINDS.get(kind, given.dtype.name)}" if kind not in "iufO" else "holds a truth value"
+        raise ProblemError(f"{name} is no array of numbers: it {f'holds {described(wrong[0])}' if wrong else what}")
     return given
+
+
+def _holds_truth_values(value: object) -> bool:
+    """Whether lists hold True or False, which NumPy takes for numbers where numbers stand beside them."""
+    return isinstance(value, bool | np.bool_) or (
+        isinstance(value, list | tuple) and any(map(_holds_truth_values, value))
+    )
 
 
 def norm(vector: ArrayLike) -> float:

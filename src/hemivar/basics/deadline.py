@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+from hemivar.basics.arguments import number
+
 __all__ = ["CALLED", "LATE", "Budget", "OutOfTime", "check_time", "limited"]
 
 #: What :meth:`Budget.due` returns: the time is over; somebody has asked for the end.
@@ -39,6 +41,9 @@ class Budget:
 
     limit: float
     started: float = field(default_factory=lambda: time.perf_counter())
+
+    def __post_init__(self) -> None:
+        number(self.limit, "the time limit", "give seconds")
 
     @property
     def spent(self) -> float:

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from pathlib import Path
 
+from hemivar.basics.arguments import described
 from hemivar.errors import FileError
 
 try:
@@ -26,6 +27,7 @@ __all__ = [
     "first_bytes",
     "make_folder",
     "noting_files_read",
+    "path_of",
     "protecting",
     "read_bytes",
     "read_text",
@@ -93,6 +95,20 @@ def remove_file(path: str | Path) -> None:
         raise FileError(f"cannot remove {shown(path)}: {_reason(error)}") from error
 
 
+def path_of(name: object) -> Path:
+    """The path that a name of a file is.
+
+    Raises
+    ------
+    FileError
+        It is no name.
+    """
+    try:
+        return Path(name)  # type: ignore[arg-type]
+    except TypeError:
+        raise FileError(f"the name of a file is {described(name)}; give its path as a text or a Path") from None
+
+
 def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BYTES) -> Path:
     """The path, if it names a regular file that can be read and is not larger than ``most_bytes``.
 
@@ -103,7 +119,7 @@ def regular_file(path: str | Path, what: str = "file", most_bytes: int = MOST_BY
     FileError
         In one sentence that names the file.
     """
-    name = Path(path)
+    name = path_of(path)
     try:
         found = name.stat()
     except (OSError, ValueError) as error:  # a NUL in the name is a ValueError
@@ -248,7 +264,7 @@ def _target(path: str | Path) -> tuple[Path, int | None]:
     A protected file is refused though its folder would let it be replaced.
     """
     _guard(path, "write")
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(path_of(path)))
     try:
         mode = target.stat().st_mode
     except FileNotFoundError:
@@ -310,7 +326,7 @@ def make_folder(path: str | Path) -> Path:
     FileError
         In one sentence that names the folder.
     """
-    folder = Path(path)
+    folder = path_of(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:

@@ -68,7 +68,7 @@ class MultigridNorm:
         self.problem = problem
         self.bulk = quadratic(problem.bulk, "multigrid")
         self.stiffness = self.bulk.stiffness
-        self._levels = levels_of(problem, Workspace() if workspace is None else workspace).levels
+        self._levels = levels_of(problem, Workspace.given(workspace)).levels
         self._top = len(self._levels.sizes) - 1
         self._negative: float | None = None
 

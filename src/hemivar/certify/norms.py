@@ -31,7 +31,7 @@ def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) ->
     -------
     Norm
     """
-    kept = Workspace() if workspace is None else workspace
+    kept = Workspace.given(workspace)
 
     def make() -> Norm:
         if not factorises(problem):

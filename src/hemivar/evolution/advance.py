@@ -182,7 +182,7 @@ class Advance:
         self.solver = solver
         self.controls = controls
         self.bodies = Bodies(discrete)
-        self.workspace = Workspace() if workspace is None else workspace
+        self.workspace = Workspace.given(workspace)
         #: Whether viscosity or a mass chooses among several solutions; branches, which yield at once, do not.
         self.resists = discrete.mass is not None or discrete.viscosity is not None
         #: What takes the steps of heat.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from hemivar.basics.arguments import number
 from hemivar.basics.display import Displayed, brief
 from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import Portable
@@ -208,7 +209,7 @@ class History(Portable, Displayed):
         if not self.frames:
             raise ProblemError("no frames were saved; march(..., save=Save(every=...)) saves them")
         known = np.array([frame.time for frame in self.frames])
-        if not known[0] <= time <= known[-1]:
+        if not known[0] <= number(time, "t") <= known[-1]:
             raise ProblemError(f"t = {time:g} lies outside of what was saved, {known[0]:g} to {known[-1]:g}")
         after = int(np.searchsorted(known, time))
         if known[after] == time:

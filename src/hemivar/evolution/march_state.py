@@ -85,7 +85,7 @@ class Checkpoint:
     minutes: float = 10.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "file", Path(self.file))
+        object.__setattr__(self, "file", disk.path_of(self.file))
         if not number(self.minutes, "minutes of Checkpoint", "give a time >= 0") >= 0.0:
             raise ProblemError(f"Checkpoint(minutes={self.minutes:g}): give a time >= 0")
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hemivar.basics.arguments import expect, number
+from hemivar.basics.disk import path_of
 from hemivar.errors import ProblemError
 from hemivar.evolution.evolution_problem import Evolution, Mass
 from hemivar.evolution.happenings import Event
@@ -96,7 +97,7 @@ class March:
         if not number(self.max_time, "max_time", "give seconds") >= 0.0:
             raise ProblemError(f"max_time = {self.max_time:g}; give seconds >= 0")
         if isinstance(self.checkpoint, str | Path):
-            object.__setattr__(self, "checkpoint", Checkpoint(Path(self.checkpoint)))
+            object.__setattr__(self, "checkpoint", Checkpoint(path_of(self.checkpoint)))
         if self.resume and self.checkpoint is None:
             raise ProblemError("resume needs a checkpoint; name its file, checkpoint='run.ckpt'")
 

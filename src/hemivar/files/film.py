@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.disk import read_text, regular_file, shown
+from hemivar.basics.disk import path_of, read_text, regular_file, shown
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import FileError, ProblemError
@@ -145,7 +145,7 @@ def read_film(path: str | Path) -> Film:
     FileError
         The file cannot be read, is no such list, or names a file that is missing or of another kind.
     """
-    path = Path(path)
+    path = path_of(path)
     name = shown(path)
     text = read_text(path, "PVD file")
     try:

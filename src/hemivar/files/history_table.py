@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.csv_text import cell_read, csv_text
-from hemivar.basics.disk import read_text, shown, whole_file, write_text
+from hemivar.basics.disk import path_of, read_text, shown, whole_file, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Array, Record
@@ -75,7 +75,7 @@ def write_history(history: History, path: str | Path) -> tuple[Path, ...]:
     FileError
         A file cannot be written.
     """
-    suffix = Path(path).suffix.lower()
+    suffix = path_of(path).suffix.lower()
     if suffix == ".pvd":
         return write_pvd(history, path)
     if suffix == ".xdmf":
@@ -97,7 +97,7 @@ def write_history_table(columns: Mapping[str, Array], path: str | Path) -> Path:
     FileError
         The file cannot be written.
     """
-    path = Path(path)
+    path = path_of(path)
     if path.suffix.lower() == ".parquet":
         path = prepared(path, ".parquet")
         arrow, parquet = _arrow()
@@ -151,7 +151,7 @@ def read_history_table(path: str | Path) -> dict[str, Array]:
     ProblemError
         pyarrow is not installed.
     """
-    path = Path(path)
+    path = path_of(path)
     name = shown(path)
     if path.suffix.lower() == ".parquet":
         _, parquet = _arrow()

@@ -89,7 +89,7 @@ class KeptWork(Generic[Part]):
         most_bytes: int = disk.MOST_BYTES,
         wanted: bool = True,
     ) -> None:
-        self.path = Path(path)
+        self.path = disk.path_of(path)
         self.unkept = ""
         self._wanted = wanted
         self._kind = kind

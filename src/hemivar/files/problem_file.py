@@ -157,6 +157,7 @@ def read_problem_file(path: str | Path, changes: Sequence[Change] = ()) -> Probl
 
 def read_text(path: str | Path) -> str:
     """The text of a problem file, which is a regular file of at most 16 MiB."""
+    path = disk.path_of(path)
     try:
         return disk.read_text(path, "problem file", _MOST_BYTES)
     except FileError as error:
@@ -336,7 +337,7 @@ def write_problem(
     FileError
         If a file cannot be written, or a file beside it would take the place of another one.
     """
-    path = Path(path)
+    path = disk.path_of(path)
     given = KnownStatement.of(problem)
     stated = given if isinstance(given, ProblemFile) else ProblemFile(cast("Statement", given))
     settings = _settings(stated.solver, method, controls)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, read_text, write_text
+from hemivar.basics.disk import make_folder, path_of, read_text, write_text
 from hemivar.basics.types import Array, Record
 from hemivar.certify import Certificate
 from hemivar.discrete.problem import DiscreteProblem
@@ -243,7 +243,7 @@ def read_json(path: str | Path) -> Record:
     ProblemError
         The file is missing, or is not JSON with an object in it.
     """
-    path = Path(path)
+    path = path_of(path)
     text = read_text(path, "result file", MOST_BYTES)
     try:
         record = json.loads(text)
@@ -264,7 +264,7 @@ def boundary_names(problem: DiscreteProblem) -> list[str] | None:
 
 def prepared(path: str | Path, suffix: str) -> Path:
     """The path with its folder made; only the expected suffix is accepted."""
-    path = Path(path)
+    path = path_of(path)
     if path.suffix.lower() != suffix:
         raise ProblemError(f"'{path}' must end in '{suffix}'")
     make_folder(path.parent)

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hemivar.basics.arguments import expect
 from hemivar.errors import ProblemError
 from hemivar.formula.graph import OPERATIONS, Graph
 
@@ -44,7 +45,7 @@ class Reader:
     """Parses a text and checks every node against what is allowed."""
 
     def __init__(self, text: str, prefix: str, variables: Sequence[str] = VARIABLES, pieces: bool = False) -> None:
-        self.text = text
+        self.text = expect(text, str, f"{prefix}a formula", "give a text, such as '0.1 * x'")
         self.prefix = prefix
         self.variables = tuple(variables)
         self.pieces = pieces

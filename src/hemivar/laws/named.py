@@ -34,7 +34,7 @@ class ParameterLaw(Superpotential):
         found: dict[str, Array] = {}
         for f in fields(self):  # type: ignore[arg-type]
             given = getattr(self, f.name)
-            if given is None:
+            if given is None and f.default is None:
                 continue
             what = f"{f.name} of law '{self.name}'"
             found[f.name] = evaluate(given, points, what, self.minimum.get(f.name))

@@ -40,12 +40,7 @@ def evaluate(parameter: Parameter, points: Array | None, what: str, minimum: flo
         values: ArrayLike = parameter(points)
     else:
         values = parameter
-    if np.iscomplexobj(values):
-        raise ProblemError(f"{what} is complex; give real numbers")
-    try:
-        result = np.atleast_1d(real_array(values, what, finite=False))
-    except ProblemError:
-        raise ProblemError(f"{what} must be a number or numbers, not {values!r}") from None
+    result = np.atleast_1d(real_array(values, what, finite=False))
     if result.ndim != 1 or (points is not None and result.size not in (1, len(points))):
         expected = "a number" if points is None else f"a number or {len(points)} numbers, one for each contact point"
         raise ProblemError(f"{what} has shape {result.shape}; give {expected}")

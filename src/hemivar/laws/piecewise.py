@@ -84,6 +84,8 @@ class PiecewiseQuadratic(Superpotential):
                 raise ProblemError(f"law '{self.name}': a {what} is not a finite number")
         if (np.diff(knots, axis=-1) <= 0).any():
             raise ProblemError(f"law '{self.name}': the knots must increase strictly, got {knots[0]}")
+        if not knots.ndim == slopes.ndim == jumps.ndim == 2:
+            raise ProblemError(f"law '{self.name}': knots, slopes and jumps must have 1 or 2 axes")
         rows = np.broadcast_shapes(
             knots.shape[:1],
             slopes.shape[:1],

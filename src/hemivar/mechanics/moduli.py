@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import Portable
@@ -172,7 +171,7 @@ def moduli(value: Moduli | Viscosity, name: str) -> Moduli:
     pair = isinstance(value, Sequence) and len(value) == 2 and not any(isinstance(v, Sequence) for v in value)
     if pair or (isinstance(value, np.ndarray) and value.shape == (2,)):
         return Moduli(_pair(cast(Sequence[Number], value), name, ("lam", "mu")), None, False, name)
-    if not callable(value) and np.ndim(cast(ArrayLike, value)) != 2:
+    if not callable(value) and real_array(value, name).ndim != 2:
         raise ProblemError(
             f"{name} = {value!r}; give two constants of Lame's, ({name}=(lam, mu)), or a matrix: zero is (0, 0)"
         )

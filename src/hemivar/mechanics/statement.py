@@ -11,7 +11,7 @@ from typing import get_args
 
 import numpy as np
 
-from hemivar.basics.arguments import described, suggest
+from hemivar.basics.arguments import described, number, suggest, whole_number
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.errors import ProblemError
@@ -231,21 +231,12 @@ class ContactProblem(Portable, Displayed):
             raise ProblemError(
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
             )
-        if self.order not in (1, 2):
+        if whole_number(self.order, "order", 1) > 2:
             raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
         try:
             object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
         except ValueError as error:
             raise ProblemError(f"quadrature = {self.quadrature!r}; choose Quadrature.NODAL or MIDPOINT") from error
-        if self.contact and self.order == 2 and self.mesh.dim == 3:
-            raise ProblemError(
-                "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
-            )
-        if self.contact and self.quadrature is Quadrature.MIDPOINT and self.mesh.dim == 3:
-            raise ProblemError(
-                "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
-                "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
-            )
         for name in ("contact", "supports", "tractions"):
             value = getattr(self, name)
             if not isinstance(value, Mapping):
@@ -255,6 +246,15 @@ class ContactProblem(Portable, Displayed):
             object.__setattr__(self, name, MappingProxyType(dict(value)))
             for boundary in value:
                 self._check_name(name, boundary)
+        if self.contact and self.order == 2 and self.mesh.dim == 3:
+            raise ProblemError(
+                "contact with elements of order 2 in 3D is not available (corner weights vanish); take order=1"
+            )
+        if self.contact and self.quadrature is Quadrature.MIDPOINT and self.mesh.dim == 3:
+            raise ProblemError(
+                "quadrature at midpoints is for plane bodies: in 3D a contact boundary has about twice as many facets "
+                "as nodes, more pressures than displacements can tell apart; take Quadrature.NODAL"
+            )
         self._check_values()
         object.__setattr__(self, "body_force", plain_data(self.body_force, "body_force"))
         bedding = bedding_of(self.bedding)
@@ -296,7 +296,7 @@ class ContactProblem(Portable, Displayed):
         ProblemError
             The time is not a finite number.
         """
-        if isinstance(t, bool) or not isinstance(t, int | float | np.number) or not np.isfinite(t):
+        if not np.isfinite(number(t, "the time", "give a finite number")):
             raise ProblemError(f"the time is {t!r}; give a finite number")
         if not self.time_dependent:
             return self

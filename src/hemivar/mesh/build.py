@@ -59,7 +59,7 @@ def rectangle(
         If a length or a number of cells is not positive, the pattern is unknown, the mesh does not fit into memory, or
         the origin is so far away that rounding spoils the cells.
     """
-    if pattern not in ("cross", "right", "left"):
+    if not isinstance(pattern, str) or pattern not in ("cross", "right", "left"):
         raise ProblemError(f"pattern '{pattern}' is unknown; choose 'cross', 'right' or 'left'")
     width, height = _lengths(size, 2)
     nx, ny = _counts(cells, 2)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import ItemsView, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.memory import mesh_bytes, require
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -182,7 +183,10 @@ def _check_cuts(points: Array, outer: IntArray, named: IntArray) -> None:
 
 def index_array(value: object, name: str, count: int) -> IntArray:
     """An array of whole numbers from 0 to ``count - 1``; of its own, unless what was given is read-only."""
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise ProblemError(f"{name} must hold whole numbers in rows of one length") from None
     if array.size == 0:
         return np.zeros((0, 0), dtype=np.int64)
     if array.dtype.kind not in "iu":
@@ -220,7 +224,7 @@ def checked_boundaries(points: Array, cells: IntArray, boundaries: Mapping[str, 
     sorted_keys, first = ordered[start], order[start]
     _check_sides(points, facets, order, start, counts)
     result, named = {}, []
-    for name, value in boundaries.items():
+    for name, value in _by_name(boundaries, "boundaries"):
         given = index_array(value, f"boundary '{name}'", count)
         if given.size == 0:
             raise ProblemError(f"boundary '{name}' holds no facets; remove it or fill it")
@@ -248,10 +252,14 @@ def checked_boundaries(points: Array, cells: IntArray, boundaries: Mapping[str, 
     return result
 
 
+def _by_name(parts: Mapping[str, object], what: str) -> ItemsView[str, object]:
+    return expect(parts, Mapping, what, "give a dict of numbers by names").items()  # type: ignore[type-abstract]
+
+
 def checked_regions(regions: Mapping[str, object], count: int) -> dict[str, IntArray]:
     """Named parts of ``count`` cells, each by sorted numbers."""
     result = {}
-    for name, value in regions.items():
+    for name, value in _by_name(regions, "regions"):
         ids = index_array(value, f"region '{name}'", count)
         if ids.size == 0:
             raise ProblemError(f"region '{name}' holds no cells; remove it or fill it")

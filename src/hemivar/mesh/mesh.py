@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.memory import mesh_bytes, refined_cells, require
@@ -124,7 +124,7 @@ class Mesh(Portable):
         if negative.any():
             connectivity = connectivity.copy()
             connectivity[negative, :2] = connectivity[negative, 1::-1]
-        return cls(nodes, connectivity, dict(boundaries or {}), dict(regions or {}))  # type: ignore[arg-type]
+        return cls(nodes, connectivity, {} if boundaries is None else boundaries, {} if regions is None else regions)  # type: ignore[arg-type]
 
     @classmethod
     def trusted(
@@ -314,12 +314,13 @@ class Mesh(Portable):
         """The mesh turned counterclockwise by ``angle`` (radians) about the origin; 2D only."""
         if self.dim != 2:
             raise ProblemError("rotated(angle) turns plane meshes only; use moved(matrix) in 3D")
-        c, s = math.cos(angle), math.sin(angle)
+        turn = number(angle, "the angle")
+        c, s = math.cos(turn), math.sin(turn)
         return self.moved(np.array([[c, -s], [s, c]]))
 
     def scaled(self, factor: float) -> Mesh:
         """The mesh with all coordinates multiplied by ``factor > 0``."""
-        if isinstance(factor, complex) or not (np.isfinite(factor) and factor > 0):
+        if not 0.0 < number(factor, "the factor", "a mesh is scaled by a positive number") < math.inf:
             raise ProblemError(f"factor = {factor}; a mesh is scaled by a positive number")
         mesh = self.moved(factor * np.eye(self.dim))
         return mesh if self.recipe is None else mesh.made_by(self.recipe.scaled(factor))
@@ -363,6 +364,7 @@ class Mesh(Portable):
         """
         outer = self.boundary_facets
         chosen = {}
+        expect(boundaries, Mapping, "boundaries", "give a dict of choices by names")  # type: ignore[type-abstract]
         for name, value in boundaries.items():
             if callable(value):
                 mask = np.asarray(value(self.points[outer].mean(axis=1)))

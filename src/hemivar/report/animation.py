@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.disk import make_folder, path_of, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -41,7 +41,7 @@ def check_film(path: str | Path) -> None:
     ProblemError
         Another suffix; MP4 without ffmpeg.
     """
-    suffix = Path(path).suffix.lower()
+    suffix = path_of(path).suffix.lower()
     if suffix not in FILMS:
         raise ProblemError(f"'{path}': films are written as {' or '.join(FILMS)}, not '{suffix}'")
     if suffix == ".mp4":
@@ -104,7 +104,7 @@ def animate(
     FileError
         The file cannot be written.
     """
-    path = Path(path)
+    path = path_of(path)
     check_film(path)
     if not (math.isfinite(seconds) and seconds > 0.0):
         raise ProblemError(f"seconds = {seconds:g}; give a positive length of the film")

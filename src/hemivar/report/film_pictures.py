@@ -16,6 +16,7 @@ from hemivar.files.boundary import polylines
 from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
 from hemivar.report.deformed import round_number
+from hemivar.report.picture import new_figure
 from hemivar.report.style import DASHES, GREY, MANY_CELLS, MARKERS, RED, in_rows, state_mark, with_unit
 from hemivar.solvers.contact_states import KINDS
 
@@ -151,7 +152,6 @@ class PlanePicture(FilmPicture):
         super().__init__(film, shown, scale, units, colour)
         with IMPORTS:
             from matplotlib.collections import LineCollection, PolyCollection
-            from matplotlib.figure import Figure
             from matplotlib.lines import Line2D
 
         places = self.places
@@ -169,7 +169,7 @@ class PlanePicture(FilmPicture):
         foot = 0.18 * (max(entries - 1, 0) // 4)  # of further rows of the legend
         tall = float(np.clip(frame * height / width + 1.4, 2.4, 6.3))
         tall = round((tall + foot) * 50.0) / 50.0
-        self.fig = Figure(figsize=(self.wide, tall))
+        self.fig = new_figure((self.wide, tall))
         self.ax: Axes = self.fig.add_axes((0.12, (1.05 + foot) / tall, 0.85 - bar, 1.0 - (1.4 + foot) / tall))
         ax = self.ax
         for line in self.outline:
@@ -302,14 +302,13 @@ class SolidPicture(FilmPicture):
     ) -> None:
         super().__init__(film, shown, scale, units, colour)
         with IMPORTS:
-            from matplotlib.figure import Figure
             from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
         self.facets = Mesh(film.points, film.cells).boundary_facets
         extent = np.maximum(self.high - self.low, 1e-6 * float((self.high - self.low).max()))
         slender = float(extent[2] / extent[:2].max())
         tall = 3.0 if slender < 0.4 else 5.0
-        self.fig = Figure(figsize=(6.3, tall))
+        self.fig = new_figure((6.3, tall))
         room = 0.94 - 0.3 / tall  # below a title
         self.ax = self.fig.add_axes((0.02, 0.06, 0.8, room), projection="3d", computed_zorder=False)
         self.surface = Poly3DCollection(

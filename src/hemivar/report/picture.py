@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Literal
 from hemivar.basics.first_use import IMPORTS
 
 if TYPE_CHECKING:
+    from matplotlib.backend_bases import RendererBase
     from matplotlib.figure import Figure
 
 __all__ = ["new_figure"]
 
 #: Dots per inch in a notebook.
 _DPI = 110
+#: Letters of a line of text that are drawn, and lines of a text.
+_LONGEST = 200
+_MOST_LINES = 50
 
 
 def new_figure(size: tuple[float, float], *, layout: Literal["constrained", "tight"] | None = None) -> Figure:
@@ -28,15 +32,29 @@ def new_figure(size: tuple[float, float], *, layout: Literal["constrained", "tig
 def _kind() -> type[Figure]:
     with IMPORTS:
         from matplotlib.figure import Figure
+        from matplotlib.text import Text
 
     class Picture(Figure):
-        """A figure as a notebook shows it."""
+        """A figure as a notebook shows it, whose texts are no longer than it can show."""
+
+        def draw(self, renderer: RendererBase) -> None:
+            _shorten(self)
+            super().draw(renderer)
 
         def _repr_png_(self) -> bytes:
             with IMPORTS:
                 from hemivar.report.saving import png
 
             return png(self, _DPI)
+
+    def _shorten(figure: Figure) -> None:
+        """Cut long lines of texts, such as a title of a million letters, the picture of which fits into no memory."""
+        for text in figure.findobj(Text):
+            assert isinstance(text, Text)
+            lines = text.get_text().split("\n")
+            if len(lines) > _MOST_LINES or max(map(len, lines)) > _LONGEST:
+                shown = (one if len(one) <= _LONGEST else f"{one[:_LONGEST]}..." for one in lines[:_MOST_LINES])
+                text.set_text("\n".join(shown))
 
     Picture.__qualname__ = "Picture"
     return Picture

@@ -6,7 +6,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hemivar.basics.disk import make_folder, whole_file
+from hemivar.basics.disk import make_folder, path_of, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.errors import ProblemError
 from hemivar.report.style import drawing
@@ -38,7 +38,7 @@ def save(fig: Figure, path: str | Path, *, dpi: int = 200) -> Path:
     FileError
         The file or its folder cannot be made.
     """
-    path = Path(path)
+    path = path_of(path)
     suffix = path.suffix.lower()
     if suffix not in (".png", ".svg", ".pdf"):
         raise ProblemError(f"'{path}': figures are written as .png, .svg or .pdf, not '{path.suffix}'")

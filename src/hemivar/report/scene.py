@@ -16,6 +16,7 @@ from hemivar.errors import ProblemError
 from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import certificate_line, write_foot
 from hemivar.report.deformed import DeformedBody
+from hemivar.report.picture import new_figure
 from hemivar.report.solid_body import legend_of_solid, mark_size, sharp_edges, viewing_direction
 from hemivar.report.style import GREY, MARKERS, drawing, with_unit
 from hemivar.solvers import Solution
@@ -84,14 +85,12 @@ def render_solution(
     body = DeformedBody.of(solution, scale)
     coloured = body.colour(colour)
     make_folder(path.parent)
-    with IMPORTS:
-        from matplotlib.figure import Figure
-
     pixels = size[1] / _HEIGHT  # in an inch
     left, bottom, width, height = (round(part * whole) for part, whole in zip(_PLACE, 2 * size, strict=True))
     scene = _Scene(body, coloured, (max(width, 16), max(height, 16)), unit)
     with drawing():
-        fig = Figure(figsize=(size[0] / pixels, _HEIGHT), dpi=pixels)
+        fig = new_figure((size[0] / pixels, _HEIGHT))
+        fig.set_dpi(pixels)
         place = (left / size[0], bottom / size[1], width / size[0], height / size[1])
         ax = fig.add_axes(place)
         ax.imshow(scene.picture, interpolation="nearest", aspect="auto")

@@ -14,7 +14,7 @@ import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
 from hemivar.basics.csv_text import csv_text
-from hemivar.basics.disk import make_folder, shown, write_text
+from hemivar.basics.disk import make_folder, path_of, shown, write_text
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.errors import ProblemError
@@ -92,14 +92,14 @@ class Table:
         FileError
             The file or its folder cannot be made.
         """
-        path = Path(path)
+        path = path_of(path)
         make_folder(path.parent)
         write_text(path, csv_text(self.columns, self.rows))
         return path
 
     def write_latex(self, path: str | Path) -> Path:
         """Write :meth:`latex`; returns the path.  Raises as :meth:`write_csv`."""
-        path = Path(path)
+        path = path_of(path)
         make_folder(path.parent)
         write_text(path, self.latex())
         return path

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import check_numbers, expect
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -52,6 +52,7 @@ class FixedPoint(Solver):
 
     def __post_init__(self) -> None:
         expect(self.inner, Solver, "FixedPoint.inner", "pass a method such as NonsmoothNewton()")
+        check_numbers(self)
         if not 0.0 < self.relaxation <= 1.0:
             raise ProblemError(f"FixedPoint.relaxation is {self.relaxation}; it must be in (0, 1]")
         if self.max_outer < 1:

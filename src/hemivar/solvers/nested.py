@@ -74,7 +74,7 @@ def solve_nested(
     ProblemError
         The problems are no list, or there is none.
     """
-    if isinstance(problems, DiscreteProblem | Statement | str):
+    if isinstance(problems, DiscreteProblem | Statement | str) or not isinstance(problems, Sequence):
         raise ProblemError(f"the problems are {described(problems)}; give a list of them, from coarse to fine")
     if not problems:
         raise ProblemError("no problem to solve: give the discrete problems from coarse to fine")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hemivar.basics.arguments import expect
+from hemivar.basics.arguments import check_numbers, expect
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
@@ -64,6 +64,7 @@ class SemismoothNewton(Solver):
 
     def __post_init__(self) -> None:
         expect(self.fallback, FixedPoint, "SemismoothNewton.fallback", "pass FixedPoint(NonsmoothNewton())")
+        check_numbers(self)
         for name in ("rounds", "halvings"):
             if getattr(self, name) < 1:
                 raise ProblemError(f"SemismoothNewton.{name} is {getattr(self, name)}; it must be at least 1")

@@ -96,7 +96,7 @@ def run(problem: Posable, options: RunOptions | None = None, workspace: Workspac
         As :func:`hemivar.solve`.
     """
     options = RunOptions() if options is None else options
-    known = Workspace() if workspace is None else workspace
+    known = Workspace.given(workspace)
     problems = [posed(given, "run") for given in (*options.coarser, problem)]
     for warning in problems[-1].notes:
         yield Warned(warning)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hemivar.basics.arguments import number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray, Parameter
@@ -145,7 +146,7 @@ class PenetrationBound(StateBound):
 
     def __post_init__(self) -> None:
         source = self.source
-        if not (np.isfinite(self.reach) and self.reach > 0.0):
+        if not 0.0 < number(self.reach, "reach of the friction bound", "give a length") < np.inf:
             raise ProblemError(f"reach of the friction bound is {self.reach}; it must be a positive length")
         if isinstance(source, str):
             source = ScalarFormula(source, "s", "friction bound")
@@ -260,9 +261,9 @@ class PenetrationBound(StateBound):
         s = np.asarray(penetration, dtype=float)
         places, rates = self._pieces
         piece, out = np.searchsorted(places, s), np.zeros(s.shape)
-        for number in np.unique(piece).tolist():
-            here = piece == number
-            out[here] = rates[number](s[here])
+        for index in np.unique(piece).tolist():
+            here = piece == index
+            out[here] = rates[index](s[here])
         cut = (s < 0.0) & (self.value(s, s) == 0.0)  # negative values count as zero there
         return np.where(cut, 0.0, out), np.zeros(s.shape)
 

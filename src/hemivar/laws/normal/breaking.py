@@ -12,6 +12,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.arguments import number
+from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.named import NamedLaw, columns
@@ -128,12 +130,7 @@ class Adhesive(NamedLaw):
 
 
 def _numbers(values: Sequence[float] | Array, what: str) -> Array:
-    if np.iscomplexobj(values):
-        raise ProblemError(f"{what} are complex; give real numbers")
-    try:
-        numbers = np.atleast_1d(np.asarray(values, dtype=float))
-    except (TypeError, ValueError):
-        raise ProblemError(f"{what} must be a list of numbers, not {values!r}") from None
+    numbers = np.atleast_1d(real_array(values, what, finite=False))
     if numbers.ndim != 1 or numbers.size == 0 or not np.isfinite(numbers).all():
         raise ProblemError(f"{what} must be a list of finite numbers, not {values!r}")
     return numbers
@@ -188,7 +185,7 @@ def Layered(  # noqa: N802 - a law, named as the others are
     if (lost < 0.0).any():
         raise ProblemError(f"drops of law 'layered' hold {lost.min():g}; a drop is the pressure lost, at least 0")
     knots = np.concatenate([[0.0], np.cumsum(thick)])
-    slopes = np.concatenate([[0.0], stiff, [0.0 if base is None else float(base)]])
+    slopes = np.concatenate([[0.0], stiff, [0.0 if base is None else number(base, "base of law 'layered'")]])
     upper = np.inf if base is not None else knots[-1]
     stated = {"law": "layered", "thicknesses": thick, "stiffnesses": stiff, "drops": lost, "base": base}
     jumps = np.concatenate([[0.0], -lost])
@@ -233,7 +230,7 @@ def SawTooth(  # noqa: N802 - a law, named as the others are
     rates = _same_length("slopes of law 'saw-tooth'", _numbers(slopes, "slopes of law 'saw-tooth'"), ends.size, reason)
     shift = np.zeros(ends.size) if offsets is None else _numbers(offsets, "offsets of law 'saw-tooth'")
     shift = _same_length("offsets of law 'saw-tooth'", shift, ends.size, reason)
-    if compression is not None and not compression >= 0.0:
+    if compression is not None and not number(compression, "compression of law 'saw-tooth'") >= 0.0:
         raise ProblemError(f"compression of law 'saw-tooth' is {compression:g}; it must be at least 0")
     # from the far opening to zero: r = -w, j'(r) = -tension(-r)
     starts = np.concatenate([[0.0], ends[:-1]])

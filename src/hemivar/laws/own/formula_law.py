@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.arguments import number
+from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
@@ -43,7 +45,7 @@ class _FormulaLaw(OwnLaw):
     _formula: ScalarFormula = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.reach) and self.reach > 0.0):
+        if not 0.0 < number(self.reach, f"reach of law '{self.name}'", "give a length") < np.inf:
             raise ProblemError(f"reach of law '{self.name}' is {self.reach}; it must be a positive length")
         object.__setattr__(self, "_formula", ScalarFormula(self.text, "r", self.where))
         _ = self._own
@@ -276,4 +278,5 @@ def FormulaLaw(  # noqa: N802 - a law, named as the others are
         If the text is not a formula (with the character), is not finite somewhere, not continuous, or turns too often
         or within too short a length for its reach.
     """
-    return _FormulaLaw(text, tuple(kinks), reach, even, name, where)
+    places = np.atleast_1d(real_array(kinks, f"kinks of law '{name}'")).ravel()
+    return _FormulaLaw(text, tuple(places.tolist()), reach, even, name, where)

@@ -10,7 +10,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.exact_table import MANY, separated, table, table_of
-from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, numbers, row
+from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, check_law, numbers, row
 
 __all__ = ["AffineLaw", "affine"]
 
@@ -39,6 +39,7 @@ def affine(law: Superpotential, theta: Array | float, c: Array | float = 0.0) ->
     ProblemError
         theta is not positive, or a number is not finite.
     """
+    check_law(law)
     theta = numbers(theta, f"the factor of the argument of law '{law.name}'", above=0.0)
     c = numbers(c, f"the shift of the argument of law '{law.name}'")
     return _affine(law, theta, c)

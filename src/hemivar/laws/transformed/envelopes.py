@@ -11,7 +11,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.exact_table import MANY, pick, table, table_of
-from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, falls_between, numbers, row
+from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, check_law, falls_between, numbers, row
 
 __all__ = ["EnvelopeLaw", "envelope"]
 
@@ -39,6 +39,7 @@ def envelope(law: Superpotential, compliance: Array | float) -> Superpotential:
     ProblemError
         A negative compliance, or ``c alpha >= 1``: the point would snap.
     """
+    check_law(law)
     known = numbers(compliance, f"the compliance in series with law '{law.name}'", least=0.0)
     stacked = by_parts(law, lambda part, index: envelope(part, row(known, index)))
     if stacked is not None:

@@ -12,7 +12,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.exact_table import MANY, count_knots, filled, merged, pick, table, table_of
-from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, falls_between, numbers, row
+from hemivar.laws.transformed.transformed_law import LawOfOne, by_parts, check_law, falls_between, numbers, row
 
 __all__ = ["SecantLaw", "secant", "secant_stiffness"]
 
@@ -40,6 +40,7 @@ def secant(law: Superpotential, opening: Array | float) -> Superpotential:
     ProblemError
         A negative opening, or a law that pushes at D.
     """
+    check_law(law)
     known = numbers(opening, f"the largest opening of law '{law.name}'", least=0.0)
     stacked = by_parts(law, lambda part, index: secant(part, row(known, index)))
     if stacked is not None:

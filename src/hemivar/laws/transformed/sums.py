@@ -14,7 +14,7 @@ from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 from hemivar.laws.transformed.exact_table import MANY, count_knots, filled, merged, pick, separated, table, table_of
-from hemivar.laws.transformed.transformed_law import TransformedLaw, by_parts
+from hemivar.laws.transformed.transformed_law import TransformedLaw, by_parts, check_law
 from hemivar.laws.transformed.turns import steepest_fall, turns
 
 __all__ = ["SummedLaw", "plus"]
@@ -40,6 +40,8 @@ def plus(law: Superpotential, *others: Superpotential) -> Superpotential:
     ProblemError
         There is no r that all terms allow.
     """
+    for one in (law, *others):
+        check_law(one)
     terms = [term for one in (law, *others) for term in (one.terms if isinstance(one, SummedLaw) else (one,))]
     stacked = next((term for term in terms if isinstance(term, StackedLaw)), None)
     if stacked is not None:

@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
@@ -56,6 +57,11 @@ class LawOfOne(TransformedLaw):
         base = self.base.take(index) if self.base.knots.shape[0] > 1 else self.base
         rest = [row(getattr(self, one.name), index) for one in fields(self) if one.name != "base"]  # type: ignore[arg-type]
         return type(self)(base, *rest)  # type: ignore[call-arg]
+
+
+def check_law(law: object) -> None:
+    """Refuse what is no law of one variable."""
+    expect(law, Superpotential, "the law", "pass a law such as SurveyLaw(...) or FormulaLaw(...)")  # type: ignore[type-abstract]
 
 
 def numbers(value: Array | float, what: str, *, above: float = -np.inf, least: float = -np.inf) -> Array:

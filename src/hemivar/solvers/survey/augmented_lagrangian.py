@@ -11,6 +11,7 @@ import scipy.optimize as opt
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from hemivar.basics.arguments import check_numbers
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -82,6 +83,7 @@ class AugmentedLagrangian(Solver):
     default_steps: ClassVar[int] = 20
 
     def __post_init__(self) -> None:
+        check_numbers(self)
         _check_penalty(self.penalty)
         _check_penalty(self.smallest)
         if not 0.0 < self.decrease <= 1.0:
@@ -165,6 +167,7 @@ class AugmentedLagrangianNewton(Solver):
     default_steps: ClassVar[int] = 60
 
     def __post_init__(self) -> None:
+        check_numbers(self)
         _check_penalty(self.penalty)
 
     def refuse(self, problem: DiscreteProblem) -> str | None:

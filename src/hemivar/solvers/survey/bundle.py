@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import scipy.linalg as la
 
+from hemivar.basics.arguments import check_numbers
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
@@ -59,6 +60,7 @@ class ProximalBundle(Solver):
     default_steps: ClassVar[int] = 200
 
     def __post_init__(self) -> None:
+        check_numbers(self)
         if not (self.tolerance > 0.0 and self.weight >= 0.0 and 0.0 <= self.fading < 1.0 and 0.0 < self.descent < 1.0):
             raise ProblemError(
                 "ProximalBundle needs tolerance > 0, weight >= 0, fading in [0, 1) and descent in (0, 1)"

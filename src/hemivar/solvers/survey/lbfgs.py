@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.arguments import check_numbers
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
@@ -39,6 +40,7 @@ class LBFGS(Solver):
     patience: ClassVar[int] = 300
 
     def __post_init__(self) -> None:
+        check_numbers(self)
         if self.memory < 1:
             raise ProblemError(f"L-BFGS needs a memory of at least 1 pair, not {self.memory}")
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 import scipy.optimize as opt
 
+from hemivar.basics.arguments import check_numbers
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -42,6 +43,7 @@ class Powell(Solver):
     default_steps: ClassVar[int] = 50
 
     def __post_init__(self) -> None:
+        check_numbers(self)
         if not (self.ftol > 0.0 and self.xtol > 0.0):
             raise ProblemError(f"Powell's tolerances are {self.ftol}, {self.xtol}; they must be positive")
 
