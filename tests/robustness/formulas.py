@@ -31,7 +31,9 @@ ATTACKS = [
 def nested(rng: random.Random, variable: str) -> str:
     """A formula that is deep, or long."""
     depth = rng.choice([5, 20, 30, 40, 80, 150, 250, 5000])
-    kind = rng.choice(["abs", "sin", "brackets", "minus", "sum", "product", "power", "min", "piecewise", "sqrt"])
+    kind = rng.choice(
+        ["abs", "sin", "brackets", "minus", "sum", "product", "sines", "power", "min", "piecewise", "sqrt"]
+    )
     inner = variable
     match kind:
         case "abs" | "sin" | "sqrt":
@@ -45,6 +47,8 @@ def nested(rng: random.Random, variable: str) -> str:
             inner = "+".join([inner] * depth)
         case "product":
             inner = "*".join([inner] * depth)
+        case "sines":
+            inner = "*".join([f"sin({rng.choice(['', '2*', '7*'])}{inner})" for _ in range(min(depth, 120))])
         case "power":
             inner = "^".join([inner] * min(depth, 80))
         case "min":
