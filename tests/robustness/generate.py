@@ -545,7 +545,8 @@ class _Maker:
             words = ["certify", "problem.toml", "--solution", name]
         else:
             words += ["--json", "a.json"]
-        return Case(self.name, "files", f"{role}: {kind}, {name[:60]!r}", words, files, special)
+        rewritten = (name,) if role == "output" else ()
+        return Case(self.name, "files", f"{role}: {kind}, {name[:60]!r}", words, files, special, rewritten=rewritten)
 
     # -- the surroundings of the process
 

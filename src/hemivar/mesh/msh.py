@@ -104,11 +104,14 @@ class _Reader:
                 self._end(name)
             elif name in _SECTIONS and self._in_blocks(name):
                 kind = np.int64 if name == "Elements" else np.float64
-                self._sizes_known(name, Numbers(self._numbers(self._text(name), name, kind), name))
+                text = self._text(name)
+                self._sizes_known(name, Numbers(self._numbers(text, name, kind), name, text))
             elif name == "Elements":
                 self._old_elements(self._numbers(self._text(name), name, np.int64))
             elif name in _SECTIONS:
-                self._old_nodes(self._numbers(self._text(name), name, np.float64), name == "ParametricNodes")
+                text = self._text(name)
+                numbers = Numbers(self._numbers(text, name, np.float64), name, text)
+                self._old_nodes(numbers, name == "ParametricNodes")
             else:
                 self._text(name)
         if "Nodes" not in self.seen and "ParametricNodes" not in self.seen:
@@ -265,13 +268,12 @@ class _Reader:
 
     # ---- nodes --------------------------------------------------------------------------------------------------
 
-    def _old_nodes(self, number: Array, parametric: bool) -> None:
-        count = checked_count(number[0] if len(number) else -1, "$Nodes")
-        rows = number[1:]
+    def _old_nodes(self, numbers: Numbers, parametric: bool) -> None:
+        count, rows = numbers.size(), numbers.values[1:]
         if not parametric:
             if len(rows) != 4 * count:
                 raise ProblemError(f"$Nodes says {count} nodes and holds {len(rows) / 4:g}; save the mesh again")
-            self._add_nodes(rows.reshape(-1, 4)[:, 0], rows.reshape(-1, 4)[:, 1:])
+            self._add_nodes(*numbers.nodes(count, 3))
             return
         for start, width, many in runs(
             rows, count, 6, lambda head: (6 + parameters(head[4]), (4,)), "$ParametricNodes"

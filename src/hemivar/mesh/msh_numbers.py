@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hemivar.basics.disk import shown
 from hemivar.basics.types import AnyArray, Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
 
@@ -17,27 +19,40 @@ __all__ = ["Bytes", "Numbers", "checked_count", "first_rows", "parameters", "run
 Number = TypeVar("Number", np.int64, np.float64)
 
 
+#: What may be a whole number that is written as another one.
+_WHOLE_BY_VALUE = re.compile(rb"\.0*\s|[eE]\+?\d")
+_ALL = slice(None)
+
+
 class Numbers:
     """Numbers of a section in text, one after the other."""
 
-    def __init__(self, values: AnyArray, name: str) -> None:
+    def __init__(self, values: AnyArray, name: str, text: bytes = b"") -> None:
         self.values = values
         self.name = name
         self.place = 0
+        #: The words, if one of them may be a whole number that is written as another one, such as 9.0.
+        self._words = text.split() if _WHOLE_BY_VALUE.search(text) else []
 
-    def _take(self, count: int) -> AnyArray:
+    def _take(self, count: int, tags: slice | None = None) -> AnyArray:
+        """The next numbers, of which ``tags`` are to be written as whole numbers."""
         if self.place + count > len(self.values):
             raise ProblemError(f"${self.name} holds less than its counts say; it is cut off or damaged: save it again")
         self.place += count
+        if tags is not None and self._words:
+            for word in self._words[self.place - count : self.place][tags]:
+                if not word.lstrip(b"+-").isdigit():
+                    found = shown(word[:30].decode("ascii", "backslashreplace"))
+                    raise ProblemError(f"'{found}' is not a whole number (${self.name}); mend it or save it again")
         return self.values[self.place - count : self.place]
 
     def size(self) -> int:
         """A size, the next number."""
-        return checked_count(self._take(1)[0], f"${self.name}")
+        return checked_count(self._take(1, _ALL)[0], f"${self.name}")
 
     def integers(self, count: int) -> list[int]:
         """The next whole numbers."""
-        return [checked_count(value, f"${self.name}", least=-(2**31)) for value in self._take(count)]
+        return [checked_count(value, f"${self.name}", least=-(2**31)) for value in self._take(count, _ALL)]
 
     def floats(self, count: int) -> list[float]:
         """The next numbers."""
@@ -46,15 +61,15 @@ class Numbers:
 
     def tags(self, rows: int, columns: int) -> AnyArray:
         """Numbers of nodes and elements, in rows."""
-        return self._take(rows * columns).reshape(rows, columns)
+        return self._take(rows * columns, _ALL).reshape(rows, columns)
 
     def coordinates(self, rows: int, columns: int) -> Array:
         """Coordinates, in rows."""
-        return self.tags(rows, columns)
+        return self._take(rows * columns).reshape(rows, columns)
 
     def nodes(self, rows: int, columns: int) -> tuple[AnyArray, Array]:
         """Nodes, each by its number and its coordinates."""
-        table = self.tags(rows, 1 + columns)
+        table = self._take(rows * (1 + columns), slice(None, None, 1 + columns)).reshape(rows, 1 + columns)
         return table[:, 0], table[:, 1:]
 
     def finish(self) -> None:
