@@ -16,7 +16,17 @@ from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.gallery import manufactured_softening, survey, survey_cube, weighted_block
 from hemivar.gallery.known import KnownProblem
-from hemivar.laws import CoulombBound, Friction, Logarithmic, Signorini, Softening, Superpotential, SurveyLaw, Tresca
+from hemivar.laws import (
+    Capped,
+    CoulombBound,
+    Friction,
+    Logarithmic,
+    Signorini,
+    Softening,
+    Superpotential,
+    SurveyLaw,
+    Tresca,
+)
 from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Prescribed, Sphere
 from hemivar.mesh import rectangle
@@ -130,6 +140,23 @@ def test_bound_is_not_below_the_error_of_random_problems(seed: int) -> None:
     error = error_of(problem, u, 2)
     assert error <= found.distance
     assert found.distance * (1.0 - found.constant) < 2.0 * error
+
+
+def test_friction_pays_a_gap_on_a_foundation_that_breaks() -> None:
+    """Its law jumps down, so that the normal part keeps to it; the friction sticks at one end of a facet and slips."""
+    problem = ContactProblem(
+        mesh=rectangle((1.0, 3.0), (2, 6), pattern="cross"),
+        material=Material.lame(4.0, 4.0),
+        supports={"top": Clamped()},
+        contact={"bottom": Contact(Capped(1.0, 0.3, 0.05), Tresca(0.06))},
+        body_force=(0.05, -0.1),
+    )
+    found, u = judged(problem)
+    error = error_of(problem, u)
+    assert found.theorem == 1
+    assert found.parts.gap > 0.0
+    assert 0.0 < found.constant < 0.05
+    assert error < found.distance < 1.28 * error  # 1.31 where all of a facet does the same
 
 
 def test_bound_of_a_displacement_that_is_no_solution() -> None:

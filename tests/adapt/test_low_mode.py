@@ -40,9 +40,10 @@ def test_closed_forms() -> None:
     assert confined_error(1.0, 0.0, 0.9, 0.9, 0.2, 0.1) == np.inf
 
 
+@pytest.mark.parametrize("gap", [0.0, 0.4])
 @pytest.mark.parametrize("seed", range(8))
-def test_nothing_that_fulfils_the_inequality_is_outside(seed: int) -> None:
-    """e'(I - T) e <= R'e in four dimensions, psi near to the first mode of T or not."""
+def test_nothing_that_fulfils_the_inequality_is_outside(seed: int, gap: float) -> None:
+    """e'(I - T) e <= R'e + G in four dimensions, psi near to the first mode of T or not."""
     rng = np.random.default_rng(seed)
     turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     values = np.sort(rng.uniform(0.0, 0.95, 4))[::-1]
@@ -54,10 +55,10 @@ def test_nothing_that_fulfils_the_inequality_is_outside(seed: int) -> None:
     root = np.linalg.cholesky(np.linalg.inv(np.eye(4) - T))
     centre = 0.5 * root.T @ force
     around = rng.normal(size=(20_000, 4))
-    around *= np.linalg.norm(centre) / np.linalg.norm(around, axis=1, keepdims=True)
+    around *= np.sqrt(centre @ centre + gap) / np.linalg.norm(around, axis=1, keepdims=True)
     largest = float(np.linalg.norm((centre + around) @ root.T, axis=1).max())
     bound = confined_error(
-        float(np.linalg.norm(force)), abs(float(force @ psi)), float(psi @ T @ psi), values[0], values[1], 0.0
+        float(np.linalg.norm(force)), abs(float(force @ psi)), float(psi @ T @ psi), values[0], values[1], 0.0, gap
     )
     assert largest <= bound
 

@@ -10,6 +10,7 @@ constant at u alone. For weakly convex laws zeta may leave dj at the price of th
 
     [eta + rho + sqrt((eta + rho)^2 + 4 (1 - c) G)] / (2 (1 - c)).
 
+Each part, normal and tangential, of each facet may do either; c and G then take of each what belongs to its choice.
 Proofs are in docs/bounds.md.
 """
 
@@ -34,7 +35,7 @@ from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.adapt.vertex_moments import unsettled
 from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.contact_normals import has_constant_normals
 from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
@@ -241,10 +242,9 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
     forces = traces.forces(sweeper.moments)
     eta = float(np.sqrt(sweeper.misfit))
     best = _chosen(traces, forces, replace(constants, weighted=None), eta)
-    weight = best.weight
 
     def multiplier(forces: Array) -> Array:
-        return traces.allowed(forces) if weight is None else fenchel_gap(traces, forces, weight).multiplier
+        return _multiplier(traces, forces, best.weight, best.paying)
 
     wanted = multiplier(forces)
     mass = traces.mass(np.maximum(1.0 - following(forces, multiplier), _LEAST))
@@ -254,13 +254,30 @@ def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> C
     return ContactPrice(traces.facets, traces.moments(wanted), price, mass, sweeper.moments[traces.facets])
 
 
+def _multiplier(
+    traces: ContactTraces, forces: Array, weight: float | None, paying: tuple[BoolArray, BoolArray]
+) -> Array:
+    """zeta (k, q, d) for forces (k, q, d), as :class:`_Choice` describes it."""
+    exact = traces.allowed(forces)
+    if weight is None:
+        return exact
+    return fenchel_gap(traces, forces, weight).only(paying, traces, forces, exact).multiplier
+
+
 def _best_gap(
-    traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, c: float, fine: bool
+    traces: ContactTraces,
+    forces: Array,
+    exact: Array,
+    paying: tuple[BoolArray, BoolArray],
+    constants: TraceBounds,
+    base: float,
+    c: float,
+    fine: bool,
 ) -> tuple[float, FenchelGap]:
     """The least bound over the weights of the gap, and the gap of the best one; a ``fine`` one is worth more looks."""
 
     def of(power: float) -> tuple[float, FenchelGap]:
-        gap = fenchel_gap(traces, forces, 10.0**power * constants.both)
+        gap = fenchel_gap(traces, forces, 10.0**power * constants.both).only(paying, traces, forces, exact)
         rho = constants.distance(gap.normal, gap.tangential)
         return _value(base + rho, float(gap.normal_gap.sum() + gap.tangential_gap.sum()), c), gap
 
@@ -297,7 +314,10 @@ def _bound(
 
     count = 0 if traces is None else len(traces.facets)
     nodes = table.facets[np.zeros(0, dtype=np.int64) if traces is None else traces.facets]
-    found = _Choice(base, 0.0, 0.0, 2, np.zeros(count), np.zeros(count), (np.zeros(count), np.zeros(count)))
+    none = np.zeros(count, dtype=bool)
+    found = _Choice(
+        base, 0.0, 0.0, 2, np.zeros(count), np.zeros(count), (np.zeros(count), np.zeros(count)), (none, none)
+    )
     wrong = ""
     if traces is not None:
         if traces.beyond > 0.0:
@@ -352,6 +372,8 @@ def _inexact(data: BodyData) -> list[str]:
 class _Choice:
     """The bound of one choice of zeta: value, c, rho, theorem, what facets add, alpha on them, the weight of the gap.
 
+    ``paying`` are the normal and the tangential parts (k,) whose zeta leaves dj(r) at the price of a gap.
+
     ``falls`` counts the facets on which the displacement passes a downward jump of the law.
     """
 
@@ -362,6 +384,7 @@ class _Choice:
     facet_contact: Array
     facet_gap: Array
     alpha: tuple[Array, Array]
+    paying: tuple[BoolArray, BoolArray]
     weight: float | None = None
     falls: int = 0
 
@@ -394,31 +417,47 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
 def _chosen(
     traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, modes: SoftModes | None = None
 ) -> _Choice:
-    """The better of both theorems; without modes a quick look."""
+    """The best of both theorems and of their mixtures; without modes a quick look."""
     table, coupling = traces.data.table, _coupling(traces, constants)
     corners = table.mesh.points[table.facets[traces.facets]]
-    allowed = traces.allowed(forces)
-    normal, tangential = traces.square(forces - allowed)
-    near = _softening(traces, *(part.max(axis=1) for part in one_sided_constants(traces, allowed)))
-    c = constants.softening(corners, *near) + coupling
-    rho = constants.distance(normal, tangential)
-    value = _value(base + rho, 0.0, c)
-    if modes is not None and constants.weighted is not None and _SOFT < c < np.inf and traces.data.problem.order == 1:
-        first, second = constants.weighted(corners, *near)
-        if second < first and first + coupling < 1.0:
-            mode = modes.softest(*near)
-            seen = modes.seen(mode, allowed)
-            value = min(value, confined_error(base + rho, seen, mode.theta, first, second, coupling))
-    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)), near)
+    exact = traces.allowed(forces)
+    near = tuple(part.max(axis=1) for part in one_sided_constants(traces, exact))
+    every = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
+    convex = tuple(part.reshape(traces.weights.shape).max(axis=1) for part in every)
 
-    if _weakly_convex(traces) and 0.0 < constants.both < np.inf:
-        every = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
-        alpha = _softening(traces, *(part.reshape(traces.weights.shape).max(axis=1) for part in every))
-        c = constants.softening(corners, *alpha) + coupling
-        value, gap = _best_gap(traces, forces, constants, base, c, modes is not None)
+    def constant(paying: tuple[BoolArray, BoolArray]) -> tuple[float, tuple[Array, Array]]:
+        alpha = _softening(traces, *(np.where(*part) for part in zip(paying, convex, near, strict=True)))
+        return constants.softening(corners, *alpha) + coupling, alpha
+
+    def confined(alpha: tuple[Array, Array], c: float, total: float, zeta: Array, gap: float) -> float:
+        if modes is None or constants.weighted is None or traces.data.problem.order > 1 or not _SOFT < c < np.inf:
+            return np.inf
+        first, second = constants.weighted(corners, *alpha)
+        if not (second < first and first + coupling < 1.0):
+            return np.inf
+        mode = modes.softest(*alpha)
+        return confined_error(total, modes.seen(mode, zeta), mode.theta, first, second, coupling, gap)
+
+    none = np.zeros(len(traces.facets), dtype=bool)
+    normal, tangential = traces.square(forces - exact)
+    rho = constants.distance(normal, tangential)
+    c, alpha = constant((none, none))
+    value = min(_value(base + rho, 0.0, c), confined(alpha, c, base + rho, exact, 0.0))
+    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)), alpha, (none, none))
+
+    # A part pays where that costs no c, or wherever it can.
+    finite = tuple(np.isfinite(part) for part in convex)
+    free = tuple(part & (whole <= one) for part, whole, one in zip(finite, convex, near, strict=True))
+    choices = [free] if all(map(np.array_equal, free, finite)) else [free, finite]
+    for paying in choices if 0.0 < constants.both < np.inf else ():
+        c, alpha = constant(paying)
+        if not c < 1.0 or not (paying[0].any() or paying[1].any()):
+            continue
+        value, gap = _best_gap(traces, forces, exact, paying, constants, base, c, modes is not None)
+        rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
+        value = min(value, confined(alpha, c, base + rho, gap.multiplier, float(paid.sum())))
         if value < best.value:
-            rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
-            best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, alpha, gap.weight)
+            best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, alpha, paying, gap.weight)
     return replace(best, falls=int((np.isinf(near[0]) | np.isinf(near[1])).sum()))
 
 

@@ -10,6 +10,8 @@ zero where zeta is in dj(r). Of all zeta that with the least ``|xi - zeta|^2 / (
 
 a local problem that laws solve exactly, and ``D = jh(r) - jh(p) - y . (r - p)`` because y is in djh(p). For small a
 zeta is xi, clipped to where the conjugate is finite; for large a it is the nearest element of dj(r).
+
+Normal and tangential part of each facet may do either: keep an element of dj(r), or pay a gap.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.adapt.contact_traces import ContactTraces
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.laws import Superpotential
 
 __all__ = ["FenchelGap", "fenchel_gap", "following"]
@@ -52,6 +54,21 @@ class FenchelGap:
     normal_gap: Array
     tangential_gap: Array
 
+    def only(
+        self, paying: tuple[BoolArray, BoolArray], traces: ContactTraces, forces: Array, exact: Array
+    ) -> FenchelGap:
+        """The same with ``exact (k, q, d)``, which is in dj(r), but for the ``paying`` normal and tangential parts."""
+        normal, tangential = paying
+        if normal.all() and tangential.all():
+            return self
+        pays = np.column_stack([normal, *[tangential] * (forces.shape[-1] - 1)])[:, None]
+        zeta = np.where(pays, self.multiplier, exact)
+        square = traces.square(forces - zeta)
+        gaps = (
+            np.where(part, gap, 0.0) for part, gap in zip(paying, (self.normal_gap, self.tangential_gap), strict=True)
+        )
+        return FenchelGap(self.weight, zeta, *square, *gaps)
+
 
 def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelGap:
     """The gap of the multiplier nearest to forces in local components (k, q, d), at the points of the contact facets.
@@ -59,7 +76,7 @@ def fenchel_gap(traces: ContactTraces, forces: Array, weight: float) -> FenchelG
     Parameters
     ----------
     traces : ContactTraces
-        Of a law with a finite weak convexity constant.
+        Where a weak convexity constant of its law is infinite, the part is of no use.
     forces : array, shape (k, q, d)
     weight : float
         a, a positive stiffness per area.
@@ -96,6 +113,7 @@ def following(forces: Array, multiplier: Callable[[Array], Array]) -> Array:
 def _convexity(traces: ContactTraces) -> tuple[Array, Array]:
     """Weak convexity constants, of the normal and the tangential law (m, 2), and of all components (m, d)."""
     alpha = np.column_stack([np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity])
+    alpha = np.where(np.isfinite(alpha), alpha, 0.0)
     return alpha, np.column_stack([alpha[:, :1], np.repeat(alpha[:, 1:], traces.local.shape[-1] - 1, axis=1)])
 
 

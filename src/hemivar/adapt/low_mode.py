@@ -11,7 +11,8 @@ With upper bounds ``C1 >= C2`` of the first two eigenvalues, ``tau = <alpha w, w
 
 so that ``(1 - theta) t^2 - 2 d |t| y + (1 - tau) y^2 <= |R(psi)| |t| + H y`` confines (t, y), and
 ``|e|_a^2 = t^2 + y^2``.  If psi is the mode and R(psi) vanishes, the bound is ``H / (2 sqrt((C1 - C2) (1 - C1)))``, or
-``H / (1 - C2)`` where that is attained first, in place of ``H / (1 - C1)``.
+``H / (1 - C2)`` where that is attained first, in place of ``H / (1 - C1)``.  A gap G is added on the right of both
+inequalities.
 """
 
 from __future__ import annotations
@@ -91,8 +92,8 @@ class SoftModes:
             x /= np.sqrt(float(x @ (K @ x)))
         return SoftestMode(np.asarray(basis @ x).reshape(-1, dim), float(x @ (M @ x)))
 
-    def seen(self, mode: SoftestMode, allowed: Array) -> float:
-        """A bound of ``|R(psi)|`` with linear elements, for zeta as ``traces.allowed`` gives it."""
+    def seen(self, mode: SoftestMode, zeta: Array) -> float:
+        """A bound of ``|R(psi)|`` with linear elements, for a zeta (k, q, d) at the points of the contact facets."""
         traces, data, field = self.traces, self.traces.data, mode.field
         table = data.table
         at = field[table.cells]
@@ -100,11 +101,13 @@ class SoftModes:
         work = float(np.einsum("mai,mai->", data.loads, at))
         work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
         work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
-        work -= float(np.einsum("fai,fai->", traces.moments(allowed), field[table.facets[traces.facets]]))
+        work -= float(np.einsum("fai,fai->", traces.moments(zeta), field[table.facets[traces.facets]]))
         return abs(work) + float(data.varying.unknown @ np.linalg.norm(field, axis=1))
 
 
-def confined_error(total: float, seen: float, theta: float, first: float, second: float, coupling: float) -> float:
+def confined_error(
+    total: float, seen: float, theta: float, first: float, second: float, coupling: float, gap: float = 0.0
+) -> float:
     """The largest ``|e|_a`` that is left; inf if ``first + coupling`` is not below one.
 
     Parameters
@@ -117,6 +120,8 @@ def confined_error(total: float, seen: float, theta: float, first: float, second
         theta, C1, C2.
     coupling : float
         What a friction bound that depends on the penetration adds to ``<alpha e, e> / a(e, e)``.
+    gap : float
+        G, which comes beside ``R(e)``.
     """
     if not first + coupling < 1.0:
         return np.inf
@@ -129,4 +134,5 @@ def confined_error(total: float, seen: float, theta: float, first: float, second
     tau = np.clip(first - spare * steep**2, 0.0, highest)
     softened = theta * t**2 + 2.0 * np.sqrt(spare * np.maximum(first - tau, 0.0)) * t * y + tau * y**2
     left = 1.0 - coupling - np.minimum(softened, first)
-    return float(((min(seen, total) * t + total * y) / left).max() * (1.0 + _RAISED))
+    force = min(seen, total) * t + total * y
+    return float((0.5 * (force + np.sqrt(force**2 + 4.0 * left * gap)) / left).max() * (1.0 + _RAISED))
