@@ -21,7 +21,7 @@ from hemivar.fem import discretize
 from hemivar.fem.assembly import _library_mesh, _library_numbering, stiffness_matrix
 from hemivar.fem.dynamics import body_matrices
 from hemivar.fem.hierarchy import coarser
-from hemivar.fem.mass import mass_matrix
+from hemivar.fem.mass import mass_matrix, resists
 from hemivar.fem.reactions import support_reactions
 from hemivar.laws import Compliance, Softening, Tresca
 from hemivar.laws.memory import Secant
@@ -520,3 +520,12 @@ def test_a_bedding_in_part_made_of_mass_adds_what_its_factor_says() -> None:
     found = mass_matrix(mesh, bedding, 1)
     np.testing.assert_allclose(found.toarray(), 17.0 * mass_matrix(mesh, Bedding(1.0), 1).toarray(), rtol=1e-12)
     assert found.sum() == pytest.approx(2 * 2.0 * 17.0)
+
+
+@pytest.mark.parametrize("stiff", [0, 1])
+def test_a_bedding_that_is_rounding_beside_one_direction_resists_nothing(stiff: int) -> None:
+    mesh, bedding = rectangle((1.0, 1.0), 2), Bedding(1.0)
+    diagonal = np.ones(mesh.points.shape)
+    assert resists(mesh, 1, bedding, diagonal)
+    diagonal[:, stiff] = 1e20
+    assert not resists(mesh, 1, bedding, diagonal)

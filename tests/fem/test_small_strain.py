@@ -65,6 +65,16 @@ def test_quadratic_elements_have_their_largest_strain_at_a_corner() -> None:
     assert found.large
 
 
+def test_the_part_beyond_is_the_same_whichever_corner_comes_first() -> None:
+    mesh = hv.rectangle((2.0, 1.0), (5, 2))
+    found = []
+    for first in range(3):
+        turned = Mesh(mesh.points, np.roll(mesh.cells, first, axis=1))
+        x = turned.nodes(2)[:, 0]
+        found.append(deformation(turned, np.column_stack([0.5 * 0.06 * x**2, 0.0 * x])).volume)
+    assert found == pytest.approx([0.4] * 3)  # the last cells, which end beyond x = 5/3
+
+
 def test_the_largest_of_many_in_space() -> None:
     """Brute force over all cells of a rough field."""
     mesh = hv.box((1.0, 1.0, 1.0), 4)

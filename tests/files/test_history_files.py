@@ -151,6 +151,21 @@ def test_the_end_of_a_series_names_what_was_kept(tmp_path: Path) -> None:
     assert sorted(files) == sorted(file for file in (tmp_path / "run").iterdir() if "contact" not in file.name)
 
 
+def test_what_a_killed_march_had_begun_to_write_is_removed(history: History, tmp_path: Path) -> None:
+    begun = [
+        f".run_000003{part}-0123456789ab.{kind}" for part, kind in (("", "vtu"), ("_contact", "vtu"), ("", "pvtu"))
+    ]
+    others = [".run_000003-0123.vtu", ".walk_000003-0123456789ab.vtu", "run_old.vtu"]
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in (*begun, *others):
+        (folder / name).write_text("")
+    history.write(tmp_path / "run.pvd")
+    left = {file.name for file in folder.iterdir()}
+    assert left.isdisjoint(begun)
+    assert left.issuperset(others)
+
+
 def test_csv_keeps_every_bit(history: History, tmp_path: Path) -> None:
     (path,) = history.write(tmp_path / "run.csv")
     with path.open(newline="") as stream:

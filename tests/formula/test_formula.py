@@ -229,3 +229,25 @@ def test_enclosures_hold_all_values(text: str) -> None:
             assert np.all((values >= below - 1e-300)[known]), (text, order)
             assert np.all((values <= above + 1e-300)[known]), (text, order)
         smooth = smooth.derivative()
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high", "known"),
+    [
+        ("r^(-0.5)", 1.0, 4.0, (0.5, 1.0)),
+        ("1/r", 0.0, 0.0, (-np.inf, np.inf)),
+        ("1/r", -2.0, 0.0, (-np.inf, -0.5)),
+    ],
+)
+def test_enclosures_of_powers_that_fall(text: str, low: float, high: float, known: tuple[float, float]) -> None:
+    below, above = ScalarFormula(text).branch(1.0).enclosed(np.array([low]), np.array([high]))
+    assert (below[0], above[0]) == pytest.approx(known, rel=1e-12)
+    assert below[0] <= known[0]
+    assert above[0] >= known[1]
+
+
+def test_where_rounding_moves_an_angle_a_tangent_is_anything() -> None:
+    place = 2e13 + np.arange(8.0)
+    below, above = ScalarFormula("tan(r)").branch(1.0).enclosed(place, place)
+    assert (below == -np.inf).all()
+    assert (above == np.inf).all()

@@ -296,3 +296,16 @@ def test_the_way_down_never_leads_against_the_load() -> None:
     found = conjugate_gradients(A, np.abs(A.diagonal()), b, lambda _: next(answers), 1e-12, 5)
     assert found.negative is not None
     np.testing.assert_allclose(found.negative, [2.0, -1.0], rtol=1e-12)
+
+
+def test_what_the_coarser_mesh_gives_is_held_against_the_load() -> None:
+    """Where it meets the tolerance no cycle is left to do on the finest mesh."""
+    problem = square(32)
+    levels, load = ElasticMultigrid.of(problem), problem.linear.load
+    first, cycles = levels.solve(load, 1e3)
+    assert cycles == 0
+    left = np.linalg.norm(load - problem.linear.stiffness @ first) / np.linalg.norm(load)
+    assert levels.solve(load, 1.001 * left)[1] == 0
+    better, cycles = levels.solve(load, 0.999 * left)
+    assert cycles > 0
+    assert np.linalg.norm(load - problem.linear.stiffness @ better) <= 0.999 * left * np.linalg.norm(load)

@@ -236,6 +236,24 @@ def test_the_measured_contraction_is_that_of_a_linear_fixed_point() -> None:
         assert found.contraction == pytest.approx(0.05 * 0.9 / 0.19, rel=0.05)
 
 
+def pressed_and_pulled(weight: float) -> DiscreteProblem:
+    """The same point whatever its weight: Coulomb's friction on a compliant foundation, both coupled by the body."""
+    K = np.array([[2.0, 1.2], [1.2, 2.0]])
+    law = ContactLaw(Compliance(3.0 / weight), Friction(CoulombBound(0.6)))
+    return DiscreteProblem.of_arrays(K, np.array([2.0, 3.0]), np.eye(2), np.array([weight]), np.zeros(1), law)  # type: ignore[arg-type]
+
+
+def test_relaxation_counts_for_the_pressure_as_for_the_displacement() -> None:
+    """r = K^-1 (f - (p, h)): the new h changes by q of the change of the old one, a relaxed one by (1 + q)/2."""
+    known = 0.6 * 3.0 * 1.2 / (2.0 * 5.0 - 1.2**2)
+    for relaxation, factor in ((1.0, known), (0.5, 0.5 + 0.5 * known)):
+        found = solve(pressed_and_pulled(1.0), FixedPoint(relaxation=relaxation), Controls(rtol=1e-8))
+        assert found.contraction == pytest.approx(factor, rel=1e-3)
+    other = solve(pressed_and_pulled(1e3), FixedPoint(relaxation=0.5), Controls(rtol=1e-3))
+    found = solve(pressed_and_pulled(1.0), FixedPoint(relaxation=0.5), Controls(rtol=1e-3))
+    assert other.contraction == pytest.approx(found.contraction, rel=1e-9)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_other_methods_want_to_be_wrapped(method: str) -> None:
     problem = strip(Compliance(20.0), Friction(CoulombBound(0.2)), 2)

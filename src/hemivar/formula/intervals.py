@@ -41,7 +41,7 @@ def _product(x: Pair, y: Pair) -> Pair:
 
 def _inverse(x: Pair) -> Pair:
     low, high = x
-    crosses = ((low < 0.0) & (high > 0.0)) | ((low == 0.0) & (high == 0.0))
+    crosses = (low < 0.0) & (high > 0.0)
     below = np.where(crosses | (high == 0.0), -np.inf, 1.0 / np.where(high == 0.0, 1.0, high))
     above = np.where(crosses | (low == 0.0), np.inf, 1.0 / np.where(low == 0.0, 1.0, low))
     return below, above

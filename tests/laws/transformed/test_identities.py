@@ -265,6 +265,16 @@ def test_every_knot_is_met_in_spite_of_rounding() -> None:
         assert all(rows.at_kink(rows.knots[:, k]).all() for k in range(3))
 
 
+def test_a_profile_that_grows_keeps_to_its_growth_after_it_has_slipped() -> None:
+    profile = plus(SlipWeakening(0.5, 1.0, 0.4, 3.0).radial, PiecewiseQuadratic([0.0], [3.0, 3.0], [0.2], -0.1))
+    made = slipped(profile, 0.3)
+    r = np.linspace(1e-9, 50.0, 1001)
+    c0, c1 = made.growth
+    assert made.take(np.zeros(r.size, dtype=np.int64)).derivative(r) == pytest.approx(profile.derivative(0.3 + r))
+    assert (np.abs(profile.derivative(0.3 + r)) <= c0 + c1 * r).all()
+    assert float(c0[0] + c1[0] * 50.0) < 160.0
+
+
 def test_a_profile_that_ends_remembers_how_far_it_has_slipped() -> None:
     """It is no multiple of the size of the slip: what is left of its way is what has not been slipped yet."""
     ends = PiecewiseQuadratic([-0.5, 0.0, 0.5], np.zeros(4), [0.0, 2.0, 0.0], -1.0, lower=-0.5, upper=0.5)
