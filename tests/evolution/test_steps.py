@@ -13,6 +13,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution import SDIRK2, AdaptiveStep, Evolution, FixedStep, History, Midpoint, Scheme, march
 from hemivar.evolution.steps import Pace
 from hemivar.formula import Formula
+from hemivar.gallery import VelocityStep
 from tests.evolution.messages import said_of
 
 
@@ -187,9 +188,35 @@ def test_a_body_that_jumps_at_the_start_is_marched_all_the_same() -> None:
     )
     history = march(Evolution(problem), 0.05, step=AdaptiveStep(1e-2))
     assert history.finished, history.messages
-    (message,) = said_of(history)
+    message, added = said_of(history)
     assert message.startswith("the tolerance of steps was missed first in the step to t = ")
     assert "no step is short enough" in message
+    assert added.startswith("rtol bounds the error of one step")
+    assert f"{100.0 * history['contact_error_sum'][-1]:.2g} % of the displacements" in added
     assert history["step"][history["step"] > 0.0].min() == pytest.approx(5e-5 * 2.0**-20)
     fixed = march(Evolution(problem), 0.05, step=5e-4).frames[-1].displacement
     np.testing.assert_allclose(history.frames[-1].displacement, fixed, atol=0.01 * np.abs(fixed).max())
+
+
+def test_errors_of_steps_are_summed() -> None:
+    """Of rate-and-state friction on a spring, against steps forty times as exact; rtol bounds one step only."""
+    evolution = VelocityStep().evolution(modulus=35.0)
+    rtol, end = 4e-3, 3e6
+    coarse, fine = (
+        march(evolution, end, step=AdaptiveStep(one, first_step=end / 500.0), scheme=SDIRK2())
+        for one in (rtol, rtol / 40.0)
+    )
+    bodies = coarse.moment.body.place, fine.moment.body.place
+    energy = math.sqrt(coarse.discrete.stiffness.energy(bodies[0] - bodies[1]) / fine["elastic"].max())
+    moved = float(np.abs(bodies[1]).max() - evolution.displacement(np.array([[0.0, 1.0]])).max())  # type: ignore[operator]
+    slid = float(np.abs(coarse.moment.local.place - fine.moment.local.place).max()) / moved
+    for name, off in (("error_sum", energy), ("contact_error_sum", slid)):
+        sums = coarse[name]
+        assert sums[0] == 0.0
+        assert (np.diff(sums) >= 0.0).all()
+        assert (np.diff(sums) <= rtol).all()
+        assert off < sums[-1] < 12.0 * off
+        assert fine[name][-1] < 0.2 * sums[-1]
+    assert coarse["contact_error_sum"][-1] > 3.0 * rtol
+    assert set(hv.files.history_record(coarse)["table"]) == set(coarse.columns)
+    assert "error_sum" not in march(evolution, 1e4, step=1e4).columns

@@ -407,8 +407,8 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
     law, coupling, found = traces.law, _coupling(traces, constants), []
     if coupling == np.inf:
         found.append("the friction bound depends on the pressure, or jumps with the penetration: there is no bound")
-    if law.normal.alpha_sampled or law.friction.profile.alpha_sampled:
-        found.append("a constant of the law is known from samples only")
+    if law.alpha_doubt:
+        found.append(f"a constant of the law is {law.alpha_doubt}")
     if traces.stated.lipschitz_sampled:
         found.append("how the friction bound depends on the penetration is known from samples only")
     return found

@@ -250,7 +250,9 @@ def finding(
             "combinations of pieces and kinks; there may be more"
         )
     if constants is not None and constants.sampled and constants.margin > 0.0:
-        searched += f"; the margin {constants.margin:.3g} is positive, but rests on sampled constants"
+        doubt = problem.law.alpha_doubt
+        why = f"alpha is {doubt}" if "reach" in doubt else "rests on sampled constants"
+        searched += f"; the margin {constants.margin:.3g} is positive, but {why}"
     if search.full:
         searched += f"; stopped at {search.limit} solutions"
     if search.stopped:

@@ -20,11 +20,11 @@ from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify.distance_to_exact import DistanceToExact
 from hemivar.certify.kind import LocalStudy, study
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
-from hemivar.certify.smallness import Smallness, one_solution, smallness, unknown_constants, with_survey
+from hemivar.certify.smallness import Smallness, one_solution, smallness, unknown_constants, with_survey, within_reach
 from hemivar.certify.words import certificate_brief, certificate_lines
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import Residual, residual
+from hemivar.discrete.residual import Residual, inaccurate_law, residual
 from hemivar.errors import ProblemError
 from hemivar.fem.small_strain import deformation_of
 from hemivar.linear.definite import refuse_indefinite
@@ -86,8 +86,9 @@ class Certificate(Displayed):
         The same over ``|u|_K``.
     kind : PointKind
         What kind of point it is.
-    unique : bool or None
-        Whether the discrete problem has one solution only; None if that is not known.
+    unique : bool, str or None
+        Whether the discrete problem has one solution only; None if that is not known.  Where constants of a law are
+        those of its reach, a text that says so: "the only one with penetrations within the reach 0.2".
     curvature : float or None
         Smallest curvature on the critical directions, 1 being that of the body alone; None if not computed.
     direction : array (m, d) or None
@@ -125,7 +126,7 @@ class Certificate(Displayed):
     error_bound: float
     error_bound_relative: float
     kind: PointKind
-    unique: bool | None
+    unique: bool | str | None
     curvature: float | None
     direction: Array | None
     stationary: bool
@@ -137,6 +138,15 @@ class Certificate(Displayed):
     error_bound_sampled: bool = False
     left_out: tuple[str, ...] = ()
     exact: DistanceToExact | None = None
+
+    @property
+    def uniqueness(self) -> str:
+        """:attr:`unique` in words."""
+        if isinstance(self.unique, str):
+            return self.unique
+        return {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}[
+            self.unique
+        ]
 
     def lines(self, whole: bool = False) -> list[str]:
         """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""
@@ -271,7 +281,7 @@ def certify(
     return replace(found, exact=distance_to_exact(problem, u, max_time=budget.left, workspace=kept))
 
 
-_Classified = tuple[PointKind, bool | None, LocalStudy | None]
+_Classified = tuple[PointKind, bool | str | None, LocalStudy | None]
 
 
 def _known(certificate: Certificate) -> Certificate:
@@ -351,10 +361,12 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
 
     found = residual(problem, u, lam)
     stationary = found.below(0.0, tolerance)
-    constants = in_time(
+    constants, outside = in_time(
         "margin",
-        lambda: smallness(problem, displacement=u, multiplier=lam, factor=energy, trace_constant=False),
-        unknown_constants(problem),
+        lambda: within_reach(
+            point, smallness(problem, displacement=u, multiplier=lam, factor=energy, trace_constant=False)
+        ),
+        (unknown_constants(problem), ""),
     )
     equilibrium, load_norm = in_time(
         "equilibrium",
@@ -370,6 +382,7 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
     size = energy.norm(u)
     deformed = deformation_of(problem, u)
     strained = None if deformed is None else deformed.warning
+    inaccurate = None if stationary else inaccurate_law(problem, u, lam, found)
     with np.errstate(invalid="ignore"):
         off = law.distance(r, lam) if law is not None else np.zeros(0)
     return Certificate(
@@ -392,8 +405,8 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
         smallness=constants,
         method="factorisation" if energy.factorised else "multigrid",
         seconds=budget.spent,
-        warnings=problem.notes if strained is None else (*problem.notes, strained),
-        error_bound_sampled=constants.sampled,
+        warnings=tuple(said for said in (*problem.notes, strained, outside, inaccurate) if said),
+        error_bound_sampled=constants.sampled or bool(constants.within),
         left_out=tuple(left_out),
     )
 
@@ -418,7 +431,7 @@ def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
     return lam
 
 
-def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[PointKind, bool | None, LocalStudy | None]:
+def _classify(point: Point, constants: Smallness, stationary: bool) -> _Classified:
     problem = point.problem
     m = problem.contact_points
     dependent = bool(m and problem.law.state_dependent)
@@ -428,9 +441,11 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> tuple[Poi
     if unique:
         return PointKind.UNIQUE_SOLUTION if dependent else PointKind.UNIQUE_MINIMISER, True, None
     local = study(point)
+    if constants.within and constants.margin > 0.0 and not constants.sampled:
+        return local.kind, f"the only one with {constants.within}", local
     if dependent:
         return local.kind, None, local
-    if constants.m_alpha == 0.0 and not constants.alpha_sampled:
+    if constants.m_alpha == 0.0 and not (constants.alpha_sampled or constants.within):
         if local.kind is PointKind.LOCAL_MINIMISER and point.energy.definite:
             return PointKind.UNIQUE_MINIMISER, True, local
         return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)

@@ -22,11 +22,14 @@ from hemivar.fem.assembly import quadrature_rule, region_masks, stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import Posable, posed
 from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
-from hemivar.laws import ContactLaw
+from hemivar.laws import ContactLaw, Superpotential
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.systems.workspace import Workspace
 
+#: A reach without limits for penetration and slip, and reaches that are tried, in largest displacements.
+_EVERYWHERE = (np.inf, np.inf)
+_REACHES = (10.0, 2.0, 1.25)
 #: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
 _NEAR = 1e-6
 #: The energy of this material is the square of the norm of V.
@@ -100,6 +103,8 @@ class Smallness:
         Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
         (:func:`hemivar.certify.lower_bounds.lower_bounds`). It is computed where laws soften, in space, where it takes
         a second or two, only if asked for; without it (H_s) speaks of this mesh.
+    reach_normal, reach_tangential : float
+        Penetrations (and openings) and slips up to which the constants hold; inf where they hold for all.
     m_A_sampled : bool
         Whether m_A is that of the points of a rule, for moduli that are functions of the place: then so is (H_s).
     """
@@ -122,6 +127,15 @@ class Smallness:
     m_L_sampled: bool = False  # noqa: N815 - the survey's name
     trace_bound: float | None = None
     m_A_sampled: bool = False  # noqa: N815 - the survey's name
+    reach_normal: float = np.inf
+    reach_tangential: float = np.inf
+
+    @property
+    def within(self) -> str:
+        """The penetrations and slips that the constants hold for, in words; empty if they hold for all."""
+        reaches = {"penetrations": self.reach_normal, "slips": self.reach_tangential}
+        limits = [f"{what} within the reach {reach:g}" for what, reach in reaches.items() if reach < np.inf]
+        return " and ".join(limits)
 
     @property
     def sampled(self) -> bool:
@@ -254,11 +268,14 @@ def unknown_constants(problem: DiscreteProblem) -> Smallness:
     return _constants(problem, None, np.full(problem.contact_points, np.inf) if dependent else None)
 
 
-def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) -> Array:
+def largest_bounds(
+    problem: DiscreteProblem, energy: Norm, point: Point | None, reach: tuple[float, ...] = _EVERYWHERE
+) -> Array:
     """What the friction bound of each contact point is at most in any solution, (m,); inf where that is not known.
 
     Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is
-    in docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair.
+    in docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair; of those
+    within ``reach`` if that is finite.
     """
     m, d = problem.contact_points, problem.contact.components
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
@@ -271,7 +288,7 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
     r = problem.local(point.u)
     here = friction_bound(problem, r, point.lam)
     near = here * (1.0 + _NEAR) + rate * _NEAR * float(np.abs(r).max(initial=0.0))
-    margin = _constants(problem, energy, near).margin
+    margin = _constants(problem, energy, near, reach).margin
     if not margin > 0.0:
         return np.full(m, np.inf)
     radius = error_bound(point, margin, near)
@@ -283,16 +300,21 @@ def largest_bounds(problem: DiscreteProblem, energy: Norm, point: Point | None) 
     return near if bool((reached <= near).all()) else np.where(np.isnan(reached), np.inf, reached)
 
 
-def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | None) -> Smallness:
-    """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state."""
+def _constants(
+    problem: DiscreteProblem, energy: Norm | None, bounds: Array | None, reach: tuple[float, ...] = _EVERYWHERE
+) -> Smallness:
+    """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state.
+
+    A ``reach`` of penetration or slip that is finite asks for the constants that are proved up to it.
+    """
     m, d = problem.contact_points, problem.contact.components
     if m:
         law = problem.law
-        normal = np.broadcast_to(law.normal.weak_convexity, (m,))
+        normal = np.broadcast_to(_alpha(law.normal, reach[0]), (m,))
         if bounds is None:
-            tangential = np.broadcast_to(law.tangential.weak_convexity, (m,))
+            tangential = np.broadcast_to(_alpha(law.tangential, reach[1]), (m,))
         else:
-            profile = np.broadcast_to(law.friction.profile.weak_convexity, (m,))
+            profile = np.broadcast_to(_alpha(law.friction.profile, reach[1]), (m,))
             with np.errstate(invalid="ignore"):
                 tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
         coupling_weight = np.broadcast_to(_coupling(law), (m,))
@@ -355,6 +377,10 @@ def _constants(problem: DiscreteProblem, energy: Norm | None, bounds: Array | No
     )
 
 
+def _alpha(law: Superpotential, reach: float) -> Array:
+    return law.weak_convexity if reach == np.inf else law.weak_convexity_within(reach)
+
+
 def _margin(energy: Norm | None, c: float, coupling: float) -> float:
     """``1 - c - coupling``, less what rounding can hide where K is badly conditioned."""
     if energy is None or not energy.definite:
@@ -378,7 +404,58 @@ def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
     -------
     bool
     """
-    return bool(constants.margin > 0.0 and not constants.sampled)
+    return bool(constants.margin > 0.0 and not constants.sampled and not constants.within)
+
+
+def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
+    """The constants of penetrations and slips within a reach, where a law has none that are proved for all of them.
+
+    The reach is that of the law, or where it leaves no margin, one found from the displacements of the point: from ten
+    times the largest down to 1.25 times.  Displacements within a reach are a convex set, and on it the proof that there
+    is one solution is the same.
+
+    Parameters
+    ----------
+    point : Point
+        The solution.
+    constants : Smallness
+        Those of all penetrations and slips, as far as they are known.
+
+    Returns
+    -------
+    constants : Smallness
+        The same ones where nothing is proved within a reach either.
+    why : str
+        Why a reach proves nothing about this point, where it lies outside.
+    """
+    problem = point.problem
+    m, d = problem.contact_points, problem.contact.components
+    if not (m and constants.alpha_sampled):
+        return constants, ""
+    r, law = problem.local(point.u), problem.law
+    limits = (law.normal.alpha_reach, law.friction.profile.alpha_reach if d > 1 else np.inf)
+    if min(limits) == 0.0:
+        return constants, ""
+    sizes = float(np.abs(r[:, 0]).max()), float(np.linalg.norm(r[:, 1:], axis=1).max())
+    for what, size, limit in zip(("penetration", "slip"), sizes, limits, strict=True):
+        if size > limit:
+            outside = f"the {what} {size:.4g} lies outside of the reach {limit:g} of its law"
+            return constants, f"{outside}: whether there are other solutions is not known; give the law a larger reach"
+    found = constants
+    for factor in (np.inf, *_REACHES):
+        near = float(f"{factor * max(sizes):.3g}")
+        reach = tuple(min(limit, near) if limit < np.inf else limit for limit in limits)
+        if min(reach) > 0.0:
+            bounds = largest_bounds(problem, point.energy, point, reach) if law.state_dependent else None
+            found = replace(
+                _constants(problem, point.energy, bounds, reach),
+                alpha_sampled=False,
+                reach_normal=reach[0],
+                reach_tangential=reach[1],
+            )
+        if found.margin > 0.0:
+            break
+    return found, ""
 
 
 def _coupling(law: ContactLaw) -> Array:

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 __all__ = ["certificate_brief", "certificate_lines"]
 
-_UNIQUE = {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}
-
 
 def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str]:
     """The certificate in lines of text: kind, bound and margin; if ``whole``, every constant."""
@@ -30,7 +28,7 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("inclusion", f"{_text(certificate.inclusion)} (force), {_text(off_law)} of the load's")
         say("residual", f"{certificate.residual.relative:.1e} relative, tolerance {certificate.tolerance:.0e}")
         say("energy", f"{certificate.energy:.10g}")
-    known = _UNIQUE[certificate.unique]
+    known = certificate.uniqueness
     if certificate.unique is None and certificate.margin > 0.0 and constants.sampled:
         known += " (the margin is positive, but sampled)"
     say("kind", f"{certificate.kind.value}; {known}")
@@ -49,7 +47,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
     if math.isfinite(certificate.error_bound):
         size = f"{certificate.error_bound:.2e}, relative {certificate.error_bound_relative:.1e},"
         if certificate.error_bound_sampled:
-            say("distance", f"about {size} to an exact discrete solution: an estimate, from sampled constants")
+            why = f"for {constants.within} only" if constants.within else "from sampled constants"
+            say("distance", f"about {size} to an exact discrete solution: an estimate, {why}")
         else:
             say("distance", f"at most {size} to the exact discrete solution")
     elif "margin" in certificate.left_out or "error bound" in certificate.left_out:
@@ -86,6 +85,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
             if constants.m_A_sampled and constants.m_alpha + constants.m_L > 0.0:
                 holds += ", as far as samples of the material tell"
             say("survey's (H_s)", f"{holds}, margin {_text(constants.survey_margin)}")
+        if constants.within:
+            say("note", f"alpha is that of {constants.within}: what rests on it holds there")
         if constants.alpha_sampled:
             say("note", "a law knows its alpha from samples only: margin and distance are estimates")
         if constants.m_L_sampled:
@@ -95,17 +96,17 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
 
 def certificate_brief(certificate: Certificate) -> str:
     """The certificate in one line for the foot of a picture: residual, kind, uniqueness, margin, distance."""
-    sampled = " (sampled)" if certificate.error_bound_sampled else ""
+    sampled = " (sampled)" if certificate.smallness.sampled else ""
     kind = certificate.kind.value
     parts = [f"residual {certificate.residual.relative:.1e}"]
-    parts.append(kind if "unique" in kind else f"{kind}, {_UNIQUE[certificate.unique]}")
+    parts.append(kind if "unique" in kind else f"{kind}, {certificate.uniqueness}")
     if math.isfinite(certificate.margin):
         parts.append(f"margin {rounded_down(certificate.margin)}{sampled}")
     if certificate.exact is not None and certificate.exact.known:
         parts.append(certificate.exact.brief())
     elif math.isfinite(certificate.error_bound_relative):
         size = f"{rounded_up(certificate.error_bound_relative, 2)} (relative) from the exact discrete solution"
-        parts.append(f"about {size}" if sampled else f"at most {size}")
+        parts.append(f"about {size}" if certificate.error_bound_sampled else f"at most {size}")
     else:
         parts.append("no bound of the distance")
     return "; ".join(parts)
@@ -114,7 +115,7 @@ def certificate_brief(certificate: Certificate) -> str:
 def _without_margin(constants: Smallness) -> str:
     """Why there is no margin at all, in words."""
     if max(constants.alpha_normal, constants.alpha_tangential) == math.inf:
-        return "the derivative of a law jumps down: no stiffness of the body makes up for that"
+        return "the derivative of a law jumps down, or falls without bound: no stiffness of the body makes up for that"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
     return "the supports alone do not hold the body: what rests on the foundation alone has no margin"

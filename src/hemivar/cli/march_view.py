@@ -195,6 +195,9 @@ def print_history(found: History, plain: bool = False) -> None:
     part = abs(ledger["gap"]) / largest if largest > 0.0 else 0.0
     print(f"gap of the ledger {ledger['gap']:.1e}, {part:.0e} of the largest entry")
     print(f"error in time     {found.time_error.words}")
+    if "error_sum" in found.columns:
+        sums = found["error_sum"][-1], found["contact_error_sum"][-1]
+        print(f"errors of steps   add up to {sums[0]:.2g} in the energy norm, {sums[1]:.2g} at the contact points")
     for when, name in found.events[:_SHOWN]:
         print(f"event             {name} at t = {when:.6g}")
     if len(found.events) > _SHOWN:

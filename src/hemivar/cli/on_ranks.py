@@ -310,7 +310,7 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
     if solution.status is not Status.CONVERGED:
         print(f"what to do        {solution.status.remedy}")
     if certificate.smallness.alpha_sampled:
-        print("note              a law knows its alpha from samples only: nothing is claimed of uniqueness")
+        print("note              alpha of a law is not proved for all penetrations: nothing is claimed of uniqueness")
     unique = "the only solution" if certificate.unique else "uniqueness not known"
     kind = "not known" if "kind" in certificate.left_out else certificate.kind.value
     print(f"kind              {kind}; {unique}")

@@ -20,6 +20,7 @@ __all__ = [
     "LoadScale",
     "Residual",
     "contact_compliance",
+    "inaccurate_law",
     "load_scale",
     "residual",
     "residuals",
@@ -199,6 +200,30 @@ def residuals(
         inclusion = problem.contact.weights * problem.law.frozen(r, lam).graph_distance(r, lam, compliance)
         found.append(Residual.of(norm(balance - force), norm(inclusion), scale, norm(force), moved))
     return found
+
+
+def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Array, found: Residual) -> str | None:
+    """Why a residual is no smaller, where half of it or more is what the derivative of a law may be off by.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    displacement : array (n,)
+    multiplier : array (m, d)
+    found : Residual
+        Of this pair.
+    """
+    if not (problem.contact_points and problem.law.by_differences):
+        return None
+    r = problem.local(displacement)
+    off = norm(problem.contact.weights * problem.law.frozen(r, multiplier).derivative_error(r))
+    if not 2.0 * off >= found.total > 0.0 or found.scale == 0.0:
+        return None
+    return (
+        "the derivative of a law is found by differences of its potential and may be off by "
+        f"{off / found.scale:.1e} of the load, which the residual includes: give the derivative as a function too, "
+        "or take a larger rtol"
+    )
 
 
 def _load(problem: DiscreteProblem) -> Array:

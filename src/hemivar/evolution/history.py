@@ -182,7 +182,7 @@ class History(Portable, Displayed):
             return f"{lost} step{'s' if lost > 1 else ''} may have several solutions"
         contacts, law = self.discrete.contacts.values(), self.discrete.problem.law
         damped = [one.damping for one in contacts if one.damping is not None]
-        sampled = law.normal.alpha_sampled or law.friction.profile.alpha_sampled or law.lipschitz_sampled
+        sampled = law.alpha_doubt or law.lipschitz_sampled
         held = [part.name for one in contacts for part in one.memory if part.iterates]
         if self.discrete.heat is not None:
             held.append("heat")
@@ -190,6 +190,9 @@ class History(Portable, Displayed):
             what = " and ".join(dict.fromkeys(held))
             return f"every step has one solution only for given {what}, which it iterates: the margin is one without it"
         if sampled or any(one.alpha_sampled for one in damped):
+            doubt = law.alpha_doubt
+            if "reach" in doubt and not law.lipschitz_sampled:
+                return f"every step has one solution only for which alpha of the law holds, which is {doubt}"
             return "every step has one solution only, as far as samples of the law tell"
         return "every step has one solution only"
 

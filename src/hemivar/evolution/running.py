@@ -59,6 +59,8 @@ _LAGS = "the body lags behind"
 #: And where a rigid obstacle jumps into the body.
 _SINKS = "an obstacle jumps into the body"
 _FEW, _LATE = 5.0, 0.01
+#: Columns of the sums of errors of steps: in the energy norm, and at the contact points.
+_SUMMED = ("error_sum", "contact_error_sum")
 #: How near to a stop what acts is looked at for jumps, as a part of the time before it or of the first step.
 _BESIDE = 1e-9
 #: Part of displacements by which a stated initial one may differ from the equilibrium that is found.
@@ -154,6 +156,7 @@ class Run:
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
             self.identity = tools.identity(self.advance, self.stepping, plan.stops, plan.save, plan.events, plan.jump)
         self.moment: Moment
+        self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
         self.told = False
         self.beyond: tuple[str, ...] = ()
@@ -203,7 +206,7 @@ class Run:
         """
         goal = next(end for end in self.ends if end > self.moment.time)
         whole = True
-        rejected: tuple[Taken, Pace, float | None] | None = None  # solved, but not as exact as was asked for
+        rejected: tuple[Taken, Pace, tuple[float, float]] | None = None  # solved, but not as exact as was asked for
         unsolved = 0.0  # the shortest step that was tried instead
         begin = self.moment
         if begin.time in self.ends or not begin.index:
@@ -236,18 +239,19 @@ class Run:
                         when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
                         self.tell(f"the step {when} could not be solved: {remedy}")
                     return None, (taken.status.value,), True
-                taken, self.pace, error = rejected  # none of those tried that are shorter can be solved
+                taken, self.pace, self.errors = rejected  # none of those tried that are shorter can be solved
                 unsolved = length
-                following = self.pace
+                following, error = self.pace, max(self.errors)
             else:
                 error = None
                 if self.stepping.estimates:
                     found = step_error(self.advance, taken, self.origin, self._after_kink)
                     self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
-                    error = found.relative(self.largest, self.farthest)
+                    self.errors = found.relative(self.largest, self.farthest)
+                    error = max(self.errors)
                 stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
                 if not stands:
-                    rejected, self.pace = (taken, self.pace, error), following
+                    rejected, self.pace = (taken, self.pace, self.errors), following
                     continue
             if self.plan.jump is Jump.STOP and not self.advance.resists and self.margins.margin(taken) <= 0.0:
                 where = f"at t = {taken.moment.time:g} a step may have several solutions"
@@ -424,6 +428,8 @@ class Run:
         if self.frames.kept[-1].time != self.moment.time:
             self.frames.offer(self.discrete, self.moment, last=True)
         strained = large_deformation(self.discrete, self.frames.kept)
+        summed = tuple(self.rows[-1].values[name] for name in _SUMMED) if self.stepping.estimates else (0.0, 0.0)
+        added = (_added(summed),) if self.stepping.adds_up(max(summed)) else ()
         return History(
             self.discrete,
             tuple(self.rows),
@@ -431,7 +437,7 @@ class Run:
             self.moment,
             ended,
             tuple(self.events),
-            (*strained, *self.messages, *self.beyond),
+            (*strained, *self.messages, *added, *self.beyond),
             self.bound.now,
             unkept,
         )
@@ -478,6 +484,9 @@ class Run:
                 values[f"{name}.{end}"] = float(value)
         values.update(moment.ledger.record())
         values.update(self.advance.told(moment))
+        if self.stepping.estimates:
+            for name, error in zip(_SUMMED, (0.0, 0.0) if taken is None else self.errors, strict=True):
+                values[name] = error if taken is None else self.rows[-1].values[name] + error
         values["time_error"] = math.sqrt(self.bound.square) if self.bound.norm else math.nan
         contacts = self.discrete.contacts.values()
         if any(isinstance(one, Contact) and one.friction.state_dependent for one in contacts):
@@ -487,6 +496,15 @@ class Run:
         steps = sum(solution.steps for solution in taken.solutions)
         largest = self.margins.largest_step(taken)
         return Row(moment.time, taken.step, steps, taken.residual, margin, largest, values, jumped)
+
+
+def _added(summed: tuple[float, ...]) -> str:
+    """That the tolerance of adaptive steps does not bound the error at the end, and what it may be."""
+    energy, contact = (f"{100.0 * part:.2g} %" for part in summed)
+    return (
+        f"rtol bounds the error of one step; those of all steps add up to about {energy} in the energy norm and "
+        f"{contact} of the displacements of contact points: halve rtol and compare, if this is too much"
+    )
 
 
 def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:

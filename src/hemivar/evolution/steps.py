@@ -13,6 +13,8 @@ __all__ = ["AdaptiveStep", "FixedStep", "Pace", "Stepping"]
 
 #: Steps are this many halvings below the first one at most, unless a least step is given.
 _HALVINGS = 20
+#: A sum of errors of steps is worth a message if it is more than this part of the whole, and as many tolerances.
+_MUCH, _SEVERAL = 0.05, 10.0
 #: Smaller parts of the whole are rounding, which no step is short enough for.
 _ROUNDING = 1e-14
 
@@ -56,6 +58,10 @@ class Stepping(ABC):
 
     def missed(self, error: float | None) -> bool:
         """Whether a step of a relative ``error`` that stands is not as exact as was asked for."""
+        return False
+
+    def adds_up(self, summed: float) -> bool:
+        """Whether relative errors of steps have a sum that is much more than was asked for a step."""
         return False
 
     def knows(self, pace: Pace) -> bool:
@@ -113,8 +119,9 @@ class AdaptiveStep(Stepping):
     Parameters
     ----------
     rtol : float
-        Error of a step relative to the largest energy norm so far, that of steps which were tried and rejected too: of
-        a body that sets out from rest they are the only measure.  At least 1e-14: less is rounding.
+        Error of one step, not of their sum, relative to the largest energy norm so far, that of steps which were tried
+        and rejected too: of a body that sets out from rest they are the only measure.  At least 1e-14: less is
+        rounding.
     first_step : float, optional
         A thousandth of the evolution by default.
     least, most : float, optional
@@ -167,6 +174,9 @@ class AdaptiveStep(Stepping):
 
     def missed(self, error: float | None) -> bool:
         return error is not None and error > self.rtol
+
+    def adds_up(self, summed: float) -> bool:
+        return summed > max(_MUCH, _SEVERAL * self.rtol)
 
     def knows(self, pace: Pace) -> bool:
         return super().knows(pace) and pace.rung >= -_HALVINGS

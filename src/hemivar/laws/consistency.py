@@ -115,7 +115,8 @@ def _check_slopes(law: Superpotential, reach: float, who: str) -> None:
     knots = law.knots[0][np.isfinite(law.knots[0])][:_MOST_PIECES]
     lower, upper = float(law.domain.lower.ravel()[0]), float(law.domain.upper.ravel()[0])
     steps = reach * np.array([1e-3, 1e-5, 1e-7, 1e-9])
-    for place in np.unique(np.append(knots, 0.0)):
+    places = knots if (np.abs(knots) <= steps[0]).any() else np.append(knots, 0.0)  # a knot beside zero stands for it
+    for place in np.unique(places):
         for side in (-1.0, 1.0):
             at = place + side * steps
             if not lower <= at[0] <= upper:
@@ -139,12 +140,14 @@ def _check_jumps(law: Superpotential, cells: tuple[IntArray, Array, Array], who:
         return
     piece, low, high, whole = piece[most], low[most], high[most], rise[most]
     width = high - low
+    first, last = law.piece_derivative(piece, low), law.piece_derivative(piece, high)
     for _ in range(30):
         middle = 0.5 * (low + high)
-        at = [law.piece_derivative(piece, x) for x in (low, middle, high)]
-        left = np.abs(at[1] - at[0]) >= np.abs(at[2] - at[1])
+        between = law.piece_derivative(piece, middle)
+        left = np.abs(between - first) >= np.abs(last - between)
         low, high = np.where(left, low, middle), np.where(left, middle, high)
-    rest = np.abs(law.piece_derivative(piece, high) - law.piece_derivative(piece, low))
+        first, last = np.where(left, first, between), np.where(left, between, last)
+    rest = np.abs(last - first)
     jumps = (rest > 0.1 * whole) & (high - low < 1e-8 * width)
     if jumps.any():
         i = int(np.argmax(jumps))

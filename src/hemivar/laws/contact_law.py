@@ -157,6 +157,8 @@ class ContactLaw(VectorLaw):
 
     def graph_distance(self, r: Array, lam: Array, tau: Array) -> Array:
         normal = self.normal.graph_distance(r[:, 0], lam[:, 0], tau[:, 0])
+        if self.by_differences:
+            normal = normal + self.derivative_error(r)
         if r.shape[1] == 1:
             return normal
         size, direction = polar(r[:, 1:])
@@ -247,6 +249,26 @@ class ContactLaw(VectorLaw):
         if self.state_dependent:
             return rate
         return rate + self.tangential.recession(lengths(direction[:, 1:])) if direction.shape[1] > 1 else rate
+
+    @property
+    def by_differences(self) -> bool:
+        """Whether a derivative is found by differences, so that :meth:`derivative_error` is not 0."""
+        return self.normal.by_differences or self.friction.profile.by_differences
+
+    def derivative_error(self, r: Array) -> Array:
+        """What the multiplier of the law at ``r (m, d)`` may be off by, (m,): residuals include it."""
+        normal = np.broadcast_to(self.normal.derivative_error(r[:, 0]), r.shape[:1])
+        if r.shape[1] == 1 or not self.friction.profile.by_differences:
+            return normal
+        return np.hypot(normal, self.tangential.derivative_error(lengths(r[:, 1:])))
+
+    @property
+    def alpha_doubt(self) -> str:
+        """Why alpha is not proved for every penetration and slip, in words; empty if it is."""
+        reach = min(self.normal.alpha_reach, self.friction.profile.alpha_reach)
+        if reach == np.inf:
+            return ""
+        return "known from samples only" if reach == 0.0 else f"proved within the reach {reach:g} only"
 
     @property
     def weak_convexity(self) -> tuple[Array, Array]:

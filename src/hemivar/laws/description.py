@@ -70,7 +70,13 @@ class LawDescription:
     coercive_above : float
         ``a/2 r^2 - b r + j(r)`` is bounded below for every b if the curvature a exceeds this number.
     alpha_sampled, growth_sampled : bool
-        Whether alpha, or c0 and c1, were found by sampling; otherwise they hold for every r.
+        Whether alpha is not proved for every r, or c0 and c1 were found by sampling; otherwise they hold for every r.
+    alpha_reach : float
+        |r| up to which alpha is proved: inf where it holds for every r, 0 where it is sampled.
+    derivative_accuracy : float
+        What the derivative is off by, at most, where it is found by differences: an estimate at samples; 0 elsewhere.
+    falls_far_out : bool
+        Whether the derivative falls without bound far out, so that no alpha holds for every r.
     """
 
     name: str
@@ -86,6 +92,9 @@ class LawDescription:
     coercive_above: float
     alpha_sampled: bool
     growth_sampled: bool
+    alpha_reach: float = math.inf
+    falls_far_out: bool = False
+    derivative_accuracy: float = 0.0
 
     @property
     def constants_sampled(self) -> bool:
@@ -94,22 +103,30 @@ class LawDescription:
 
     @property
     def law_class(self) -> str:
-        """``"convex"``, ``"weakly convex"`` or ``"jumps down"``."""
-        if math.isinf(self.alpha):
+        """``"convex"``, ``"weakly convex"`` (each perhaps ``"... within the reach"``), or ``"jumps down"``."""
+        if any(kink.jump < 0.0 for kink in self.kinks):
             return "jumps down"
-        return "weakly convex" if self.alpha > 0.0 else "convex"
+        if math.isinf(self.alpha):
+            return "falls without bound"
+        return f"{'weakly convex' if self.alpha > 0.0 else 'convex'}{' within the reach' if self.falls_far_out else ''}"
 
     @property
     def lines(self) -> tuple[str, ...]:
         """The description, line by line."""
-        sampled = " (sampled)" if self.alpha_sampled else ""
+        sampled = "" if self.alpha_reach == math.inf else f" for |r| <= {self.alpha_reach:.6g}"
+        sampled = sampled if self.alpha_reach > 0.0 else " (sampled)"
         places = ", ".join(f"{place:.6g}" for place in self.alpha_places)
         if math.isinf(self.alpha):
-            alpha = f"alpha = inf: the derivative jumps down at r = {places}"
+            why = "falls without bound far out" if self.law_class != "jumps down" else f"jumps down at r = {places}"
+            alpha = f"alpha = inf: the derivative {why}"
         elif places:
             alpha = f"alpha = {self.alpha:.6g}{sampled}, attained at or next to r = {places}"
         else:
             alpha = f"alpha = {self.alpha:.6g}{sampled}"
+        if self.falls_far_out and math.isfinite(self.alpha):
+            alpha += "; the derivative falls without bound far out"
+        off = f"derivative by differences, within the reach off by about {self.derivative_accuracy:.1e} at most"
+        by_differences = (off,) if self.derivative_accuracy > 0.0 else ()
         growth = (
             f"|dj(r)| <= {self.c0:.6g} + {self.c1:.6g} |r|{' (sampled)' if self.growth_sampled else ''}"
             if math.isfinite(self.c0) and math.isfinite(self.c1)
@@ -122,6 +139,8 @@ class LawDescription:
         coercive = (
             "bounded below with any elastic body"
             if self.coercive_above == 0.0
+            else "not bounded below, however stiff the body is"
+            if math.isinf(self.coercive_above)
             else f"bounded below only if the body is stiffer than {self.coercive_above:.6g} per area"
         )
         return (
@@ -130,6 +149,7 @@ class LawDescription:
             *(str(kink) for kink in self.kinks),
             f"class: {self.law_class}",
             alpha,
+            *by_differences,
             growth,
             f"growth rate of j: {self.recession[0]:.6g} towards -inf, {self.recession[1]:.6g} towards +inf; {coercive}",
         )
@@ -150,12 +170,15 @@ def describe(law: Superpotential, point: int = 0) -> LawDescription:
     falls = tuple(kink.place for kink in kinks if kink.jump < 0.0)
     pieces: list[tuple[str, float, float]] = []
     steepest, where = 0.0, None
+    within = law.alpha_reach or np.inf
     for i in range(len(places) + 1):
         piece = np.array([i])
         low, high = (float(end[0]) for end in law.piece_bounds(piece))
         if low >= high:
             continue
-        for r in (low, high):
+        for r in (max(low, -within), min(high, within)):
+            if not low <= r <= high:
+                continue
             with np.errstate(all="ignore"):
                 curvature = float(law.piece_curvature(piece, np.array([np.clip(r, -FAR, FAR)]))[0])
             if curvature < steepest:
@@ -183,7 +206,23 @@ def describe(law: Superpotential, point: int = 0) -> LawDescription:
         coercive_above=max(0.0, -outward),
         alpha_sampled=law.alpha_sampled,
         growth_sampled=law.growth_sampled,
+        alpha_reach=law.alpha_reach,
+        falls_far_out=_falls_far_out(law, alpha),
+        derivative_accuracy=law.derivative_accuracy,
     )
+
+
+def _falls_far_out(law: Superpotential, alpha: float) -> bool:
+    """Whether the derivative of a law at one contact point falls the faster the farther out it is, beyond alpha."""
+    if not (law.alpha_sampled or math.isinf(alpha)):
+        return False
+    for sign in (-1.0, 1.0):
+        far = sign * FAR * np.array([1.0, 10.0])
+        with np.errstate(all="ignore"):
+            near, farther = (-law.curvature(far[k : k + 1])[0] for k in (0, 1))
+        if farther == np.inf or (farther > 2.0 * near and farther > 2.0 * (alpha if math.isfinite(alpha) else 0.0)):
+            return True
+    return False
 
 
 def _piece_line(formula: str, low: float, high: float) -> str:

@@ -94,6 +94,13 @@ class ScaledLaw(Superpotential):
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return self._times(self.base.piece_curvature(piece, r))
 
+    @property
+    def derivative_accuracy(self) -> float:
+        return float(self.factor.max()) * self.base.derivative_accuracy
+
+    def derivative_error(self, r: Array) -> Array:
+        return self._times(self.base.derivative_error(r))
+
     def piece_line(self, piece: IntArray, r: Array) -> tuple[Array, Array]:
         slope, bend = self.base.piece_line(piece, r)
         return self._times(slope), self._times(bend)
@@ -128,6 +135,13 @@ class ScaledLaw(Superpotential):
     @cached_property
     def _alpha(self) -> Array:
         return self._times(self.base.weak_convexity)
+
+    @property
+    def alpha_reach(self) -> float:
+        return self.base.alpha_reach
+
+    def weak_convexity_within(self, reach: float) -> Array:
+        return self._times(self.base.weak_convexity_within(reach))
 
     @property
     def growth(self) -> tuple[Array, Array]:

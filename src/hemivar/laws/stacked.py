@@ -74,6 +74,9 @@ class StackedLaw(Superpotential):
     def piece_curvature(self, piece: IntArray, r: Array) -> Array:
         return self._clipped("piece_curvature", piece, r)
 
+    def derivative_error(self, r: Array) -> Array:
+        return self._scatter("derivative_error", r)
+
     def recession(self, sign: Array) -> Array:
         return self._scatter("recession", sign)
 
@@ -101,6 +104,13 @@ class StackedLaw(Superpotential):
     @property
     def weak_convexity(self) -> Array:
         return self._gather(lambda law, i: np.broadcast_to(law.weak_convexity, i.shape))
+
+    @property
+    def alpha_reach(self) -> float:
+        return min(law.alpha_reach for law in self.parts)
+
+    def weak_convexity_within(self, reach: float) -> Array:
+        return self._gather(lambda law, i: np.broadcast_to(law.weak_convexity_within(reach), i.shape))
 
     @property
     def growth(self) -> tuple[Array, Array]:

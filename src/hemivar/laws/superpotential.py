@@ -91,8 +91,17 @@ class Superpotential(Portable, ABC):
 
     @property
     def alpha_sampled(self) -> bool:
-        """Whether alpha, or that of a law in it, comes from sampling."""
+        """Whether alpha, or that of a law in it, is not proved for every r: it is sampled, or that of a reach."""
         return any(law.alpha_sampled for law in self.made_of) if self.made_of else self.constants_sampled
+
+    @property
+    def alpha_reach(self) -> float:
+        """|r| up to which :attr:`weak_convexity` is proved: inf where it holds for every r, 0 where it is sampled."""
+        return 0.0 if self.alpha_sampled else np.inf
+
+    def weak_convexity_within(self, reach: float) -> Array:
+        """Proved alpha of |r| <= ``reach``, shape ``(m or 1,)``; inf where none is proved."""
+        return np.where(reach <= self.alpha_reach, self.weak_convexity, np.inf)
 
     @property
     def growth_sampled(self) -> bool:
@@ -130,7 +139,10 @@ class Superpotential(Portable, ABC):
     @property
     @abstractmethod
     def weak_convexity(self) -> Array:
-        """Smallest alpha >= 0 with j + alpha/2 r^2 convex, shape ``(m or 1,)``; inf at downward jumps."""
+        """Smallest alpha >= 0 with j + alpha/2 r^2 convex, shape ``(m or 1,)``; inf at downward jumps.
+
+        Where no alpha is known for every r it is that of the reach, up to :attr:`alpha_reach`.
+        """
 
     @property
     @abstractmethod
@@ -175,6 +187,20 @@ class Superpotential(Portable, ABC):
     def piece_formula(self, piece: int) -> str:
         """The derivative j' on a piece as text, for a law with parameters of one contact point; may be empty."""
         return ""
+
+    @property
+    def by_differences(self) -> bool:
+        """Whether the derivative, or that of a law in it, is found by differences."""
+        return any(law.by_differences for law in self.made_of)
+
+    @property
+    def derivative_accuracy(self) -> float:
+        """The largest :meth:`derivative_error` at samples within the reach of a law in it."""
+        return max((law.derivative_accuracy for law in self.made_of), default=0.0)
+
+    def derivative_error(self, r: Array) -> Array:
+        """What the derivative at each ``r`` may be off by, an estimate where it is found by differences; else 0."""
+        return np.zeros(np.shape(r))
 
     # ---- many knots, the same at every point: they are searched, not gone through ---------------------------
 

@@ -19,7 +19,6 @@ __all__ = ["plot_certificate"]
 _LEAST, _MOST = 1e-17, 10.0
 #: Where the line for c ends at the least.
 _SHORT = 1.6
-_UNIQUE = {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}
 
 
 def plot_certificate(certificate: Certificate, *, title: str | None = None) -> Figure:
@@ -40,7 +39,7 @@ def plot_certificate(certificate: Certificate, *, title: str | None = None) -> F
         above, below = fig.subplots(2, 1, height_ratios=(1, 4 if certificate.exact is None else 5))
         _margin(above, certificate)
         _sizes(below, certificate)
-        fig.suptitle(title or f"{certificate.kind.value}; {_UNIQUE[certificate.unique]}", fontsize=10)
+        fig.suptitle(title or f"{certificate.kind.value}; {certificate.uniqueness}", fontsize=10)
     return fig
 
 

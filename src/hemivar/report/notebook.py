@@ -162,10 +162,12 @@ def _certified(solution: Solution) -> list[_Row]:
 
 def _trust(certificate: Certificate) -> list[_Row]:
     """The kind of a point, whether there are others, and the bound of its error."""
-    unique = {True: "yes", False: "no", None: "not known"}[certificate.unique]
+    plain, known = {True: "yes", False: "no", None: "not known"}, certificate.unique
+    unique = known if isinstance(known, str) else plain[known]
     margin, bound = _number(certificate.margin), _number(certificate.error_bound_relative)
     if certificate.error_bound_sampled:
-        margin, bound = f"{margin} (sampled)", f"{bound} (sampled)"
+        why = "within the reach" if certificate.smallness.within else "sampled"
+        margin, bound = f"{margin} ({why})", f"{bound} ({why}, an estimate)"
     return [
         ("kind", certificate.kind.value),
         ("the only solution", unique),
@@ -186,7 +188,7 @@ def _margin(problem: DiscreteProblem) -> list[_Row]:
     if one_solution(problem, constants):
         return [("margin", f"{margin}: one solution")]
     if constants.margin > 0.0:
-        return [("margin", f"{margin} (sampled)")]
+        return [("margin", f"{margin} (alpha is {problem.law.alpha_doubt or 'sampled'})")]
     return [("margin", f"{margin}, not positive: there may be several solutions")]
 
 

@@ -20,7 +20,7 @@ from hemivar.basics.types import Array, Record
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.residual import Residual
+from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import ProblemError
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of
@@ -104,7 +104,9 @@ class Solution(ContactValues, Portable, Displayed):
     def warnings(self) -> tuple[str, ...]:
         """What the numbers do not show by themselves, such as locking or large strains; one sentence each."""
         strained = None if self.deformation is None else self.deformation.warning
-        return self.problem.notes if strained is None else (*self.problem.notes, strained)
+        solved = self.status is Status.CONVERGED
+        off = None if solved else inaccurate_law(self.problem, self.unknowns, self.multiplier, self.residual)
+        return tuple(said for said in (*self.problem.notes, strained, off) if said is not None)
 
     @cached_property
     def energy(self) -> float:

@@ -132,19 +132,23 @@ class _FormulaLaw(OwnLaw):
         turns = np.concatenate(taken)
         return np.where(np.abs(turns) > _ZERO * reach, turns, 0.0), not rest[0].size
 
-    def _supremum(self, order: int, sign: float, far: bool, slack: float = 0.0) -> Supremum:
-        """Enclosed supremum of ``sign`` times a derivative over all pieces, within the reach or also far away."""
+    def _supremum(self, order: int, sign: float, within: float = np.inf, slack: float = 0.0) -> Supremum:
+        """Enclosed supremum of ``sign`` times a derivative over all pieces, up to |r| = ``within``."""
         switches, branches, _ = self._branches
-        ends = np.concatenate([[self._start], switches, [np.inf]])
-        if not far:
-            most = max(self.reach, 2.0 * float(np.abs(switches).max(initial=0.0)))
-            ends = np.clip(ends, -most, most)
+        ends = np.clip(np.concatenate([[self._start], switches, [np.inf]]), -within, within)
+        used = np.flatnonzero(ends[:-1] < ends[1:])
+        ends, branches = ends[used[0] : used[-1] + 2], [branches[i] for i in used]
         return supremum_of_pieces(branches, ends, self.reach, order=order, sign=sign, slack=slack)
+
+    @property
+    def _middle(self) -> float:
+        """The reach, or twice as far as branches change."""
+        return max(self.reach, 2.0 * float(np.abs(self._branches[0]).max(initial=0.0)))
 
     def _check_width(self, seen: float) -> None:
         """Refuse a curvature that is much larger at some place than at its turns and all places that were looked at."""
         for sign in (1.0, -1.0):
-            found = self._supremum(2, sign, far=False, slack=seen)
+            found = self._supremum(2, sign, self._middle, slack=seen)
             if found.seen > 2.0 * seen:
                 raise ProblemError(
                     f"the curvature of {self._formula.shown} turns round at r = {found.place:.6g} within a length that "
@@ -154,7 +158,7 @@ class _FormulaLaw(OwnLaw):
     def _check_slopes(self) -> None:
         """Refuse a derivative that grows without bound at some place within the reach."""
         for sign in (1.0, -1.0):
-            found = self._supremum(1, sign, far=False)
+            found = self._supremum(1, sign, self._middle)
             if np.isfinite(found.bound):
                 continue
             _, branches, _ = self._branches
@@ -173,27 +177,46 @@ class _FormulaLaw(OwnLaw):
         return self.alpha_sampled or self.growth_sampled
 
     @cached_property
-    def _alpha_and_doubt(self) -> tuple[float, bool]:
-        """alpha, and whether it is no more than sampled: the bound of -j'' over the whole line, where one was found."""
+    def _alpha_and_reach(self) -> tuple[float, float]:
+        """alpha and up to which |r| it is proved: everywhere, within the reach, or nowhere, if it is sampled only."""
         sampled = float(OwnLaw._alpha.func(self))  # type: ignore[attr-defined]
         if np.isinf(sampled):
-            return sampled, False
-        r, piece = self._samples
-        size = np.abs(self._evaluate(piece, r, 2))
-        scale = float(np.max(size[np.isfinite(size)], initial=0.0))
-        found = self._supremum(2, -1.0, far=True, slack=1e-12 * scale)
-        seen = max(sampled, found.seen)
-        if self._branches[2] and seen <= found.bound <= 1.01 * seen + 1e-6 * scale:
-            return found.bound, False
-        return seen, True
+            return sampled, np.inf
+        for within in (np.inf, self.reach):
+            bound = self._alpha_within(within)
+            if np.isfinite(bound):
+                return bound, within
+        return max(sampled, self._supremum(2, -1.0, self.reach).seen), 0.0
+
+    def _alpha_within(self, within: float) -> float:
+        """Enclosed bound of -j'' up to |r| = ``within``; inf if none is found that values come near to."""
+        knots = self.knots[0]
+        left, right = self.knot_slopes()
+        if np.any((right < left)[0] & (np.abs(knots) <= within)) or not self._branches[2]:
+            return np.inf
+        r = self._samples[0] if within == np.inf else np.linspace(-within, within, 129)
+        piece = self._samples[1] if within == np.inf else self.piece_of(r)
+        bend = self._evaluate(piece, r, 2)
+        bend = bend[np.isfinite(bend)]
+        scale = float(np.max(np.abs(bend), initial=0.0))
+        found = self._supremum(2, -1.0, within, slack=1e-12 * scale)
+        seen = max(float(-np.min(bend, initial=0.0)), found.seen)
+        return found.bound if seen <= found.bound <= 1.01 * seen + 1e-6 * scale else np.inf
+
+    def weak_convexity_within(self, reach: float) -> Array:
+        return np.array([self._alpha if reach == self.alpha_reach else self._alpha_within(reach)])
 
     @property
     def _alpha(self) -> float:  # type: ignore[override]
-        return self._alpha_and_doubt[0]
+        return self._alpha_and_reach[0]
+
+    @property
+    def alpha_reach(self) -> float:
+        return self._alpha_and_reach[1]
 
     @property
     def alpha_sampled(self) -> bool:
-        return self._alpha_and_doubt[1]
+        return self.alpha_reach < np.inf
 
     @cached_property
     def _growth_and_doubt(self) -> tuple[tuple[float, float], bool]:
@@ -201,7 +224,7 @@ class _FormulaLaw(OwnLaw):
         sampled: tuple[float, float] = OwnLaw._growth.func(self)  # type: ignore[attr-defined]
         if np.isinf(sampled[0]):
             return sampled, False
-        found = [self._supremum(1, sign, far=True) for sign in (1.0, -1.0)]
+        found = [self._supremum(1, sign) for sign in (1.0, -1.0)]
         proved, seen = max(one.bound for one in found), max(one.seen for one in found)
         if self._branches[2] and proved <= 1.01 * seen:
             return (proved, 0.0), False

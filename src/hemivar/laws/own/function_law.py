@@ -9,9 +9,11 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws.consistency import check_consistency
+from hemivar.laws.own.differences import Differences, differences
 from hemivar.laws.own.own_law import OwnLaw, Piece, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
 
@@ -20,10 +22,10 @@ __all__ = ["FunctionLaw"]
 #: What a user gives: a function of an array, or, if it cannot take one, of a number.
 GivenFunction = Callable[..., ArrayLike]
 
-#: Weights at -2, -1, 0, 1, 2 of the interpolating polynomial in powers of t.
-_STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _PANELS = 8
+#: Samples in which turns of the curvature are looked for at most, and what a curve may leave a straight line by.
+_MOST_SAMPLES, _BENT = 4000, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +96,9 @@ class _FunctionLaw(OwnLaw):
         check_joined(f"the potential of law '{self.name}'", kinks, plain, self.reach, 1e-11 * scale)
         turns: list[float] = []
         for i, piece in enumerate(plain):
-            r = self._inside(float(ends[i]), float(ends[i + 1]), 300)
+            r, curvature = _refined(self._inside(float(ends[i]), float(ends[i + 1]), 300), piece.curvature)
             rounding = 1e-5 * float(np.abs(piece.derivative(r)).max()) / self.reach
-            turns += _extrema(r, piece.curvature(r), rounding)
+            turns += _extrema(r, curvature, rounding)
         table = np.unique(np.concatenate([kinks, turns]))
         low = np.concatenate([[start], table])
         high = np.concatenate([table, [np.inf]])
@@ -106,31 +108,23 @@ class _FunctionLaw(OwnLaw):
         """Functions that stay inside ``(low, high)``."""
         margin = 1e-9 * scale
 
-        def differences(function: GivenFunction, r: Array, orders: tuple[int, ...]) -> list[Array]:
-            """Derivatives of the polynomial through five values around r, all of them inside the piece."""
-            step = np.minimum(3e-3 * np.maximum(scale, np.abs(r)), 0.24 * (high - low) - 0.5 * margin)
-            centre = np.clip(r, low + 2.0 * step + margin, high - 2.0 * step - margin)
-            values = np.stack([self._called(function, centre + k * step) for k in range(-2, 3)])
-            coefficients = np.tensordot(_STENCIL, values, axes=1)
-            t = (r - centre) / step
-            first = sum(k * coefficients[k] * t ** (k - 1) for k in range(1, 5)) / step
-            second = sum(k * (k - 1) * coefficients[k] * t ** (k - 2) for k in range(2, 5)) / step**2
-            return [np.asarray((first, second)[order - 1]) for order in orders]
+        def found(function: GivenFunction, r: Array) -> Differences:
+            return differences(lambda x: self._called(function, x), r, low, high, scale)
 
         def curvature(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
             if self.curvature_function is not None:
                 return self._called(self.curvature_function, np.clip(r, low + margin, high - margin))
             if self.derivative_function is not None:
-                return differences(self.derivative_function, r, (1,))[0]
+                return found(self.derivative_function, r).first
             assert self.potential is not None
-            return differences(self.potential, r, (2,))[0]
+            return found(self.potential, r).second
 
         def derivative(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
             if self.derivative_function is None:
                 assert self.potential is not None
-                return differences(self.potential, r, (1,))[0]
+                return found(self.potential, r).first
             inside = np.clip(r, low + margin, high - margin)
             values = self._called(self.derivative_function, inside)
             moved = r != inside
@@ -147,7 +141,45 @@ class _FunctionLaw(OwnLaw):
             at = middle[..., None] + half[..., None] * _NODES
             return np.asarray(np.einsum("...pk,k,...p->...", derivative(at), _WEIGHTS, half))
 
-        return Piece(value, derivative, curvature)
+        def error(r: Array) -> Array:
+            if self.derivative_function is not None or self.potential is None:
+                return np.zeros(np.shape(r))
+            return found(self.potential, r).first_error
+
+        return Piece(value, derivative, curvature, error=error)
+
+    @property
+    def by_differences(self) -> bool:
+        return self.derivative_function is None
+
+    def derivative_error(self, r: Array) -> Array:
+        r = np.asarray(r, dtype=float)
+        if not self.by_differences:
+            return np.zeros(r.shape)
+        piece = self.piece_of(r)
+        return np.asarray(self._evaluate(piece, r, 3))
+
+    @cached_property
+    def derivative_accuracy(self) -> float:
+        """Largest :meth:`derivative_error` at samples within the reach."""
+        return float(self.derivative_error(np.linspace(-self.reach, self.reach, 501)).max())
+
+
+def _refined(r: Array, of: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Places in increasing order and a function there, halved where it bends, as far as samples see that it does."""
+    values = of(r)
+    size = float(np.ptp(values[np.isfinite(values)])) if np.isfinite(values).any() else 0.0
+    left = np.arange(r.size - 1)
+    while left.size and r.size + left.size <= _MOST_SAMPLES:
+        middle = 0.5 * (r[left] + r[left + 1])
+        found = of(middle)
+        bent = np.abs(found - 0.5 * (values[left] + values[left + 1])) > _BENT * size
+        bent &= r[left + 1] - r[left] > 1e-9 * np.abs(r[left]) + 1e-300
+        new = left[bent]
+        r, values = np.insert(r, new + 1, middle[bent]), np.insert(values, new + 1, found[bent])
+        left = np.concatenate([new, new + 1]) + np.tile(np.arange(new.size), 2)
+        left.sort()
+    return r, values
 
 
 def _anchored(plain: list[Piece], kinks: Array, even: bool) -> list[Piece]:
@@ -163,7 +195,7 @@ def _anchored(plain: list[Piece], kinks: Array, even: bool) -> list[Piece]:
 
 
 def _shifted(piece: Piece, base: float) -> Piece:
-    return Piece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text)
+    return Piece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text, piece.error)
 
 
 def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:
@@ -198,8 +230,10 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
 ) -> Superpotential:
     """A law given by a Python function for the potential, or for its derivative.
 
-    What is not given is computed: derivatives by central differences of fourth order that never reach across a
-    kink, the potential by Gauss quadrature of the derivative.
+    What is not given is computed: derivatives by extrapolated differences that never reach across a kink, with steps
+    that suit the width of the function at every place; the potential by Gauss quadrature of the derivative.  What a
+    derivative so found is off by is estimated: ``law.derivative_error(r)``, ``law.derivative_accuracy``.  Residuals
+    include it, so that a solve does not converge to less.
 
     Parameters
     ----------
@@ -212,7 +246,8 @@ def FunctionLaw(  # noqa: N802 - a law, named as the others are
     kinks : sequence of float
         Every place where j' or j'' jumps. ``hemivar.laws.testing.check_law`` finds kinks that are missing here.
     reach : float
-        Length up to which the constants are sampled: larger than any displacement that matters.
+        Length up to which the constants and turns of the curvature are sampled: larger than any displacement that
+        matters.  Samples follow what they see; a turn that lies between two of them by itself is missed.
     even : bool
         The functions hold for r >= 0 and j(-r) = j(r): for friction.
     name : str

@@ -25,12 +25,13 @@ _FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
 
 @dataclass(frozen=True)
 class Piece(Portable):
-    """Value, derivative and curvature on one piece."""
+    """Value, derivative and curvature on one piece, and what the derivative is off by."""
 
     value: ArrayFunction
     derivative: ArrayFunction
     curvature: ArrayFunction
     text: str = ""
+    error: ArrayFunction = np.zeros_like
 
 
 class OwnLaw(Superpotential):
@@ -76,7 +77,7 @@ class OwnLaw(Superpotential):
         for kind in np.unique(which):
             here = which == kind
             smooth, sign = self._different[kind]
-            part = (smooth.value, smooth.derivative, smooth.curvature)[order]
+            part = (smooth.value, smooth.derivative, smooth.curvature, smooth.error)[order]
             out[here] = (sign if order == 1 else 1.0) * part(sign * r[here])
         return out
 
@@ -134,13 +135,18 @@ class OwnLaw(Superpotential):
 
     @cached_property
     def _alpha(self) -> float:
+        """alpha at samples: of all, or of those within the reach where the derivative falls without bound far out."""
         left, right = self.knot_slopes()
         if np.any(right < left):
             return np.inf
         r, piece = self._samples
         with np.errstate(all="ignore"):
-            curvature = self._evaluate(piece, r, 2)
-        return float(max(0.0, -np.min(curvature[~np.isnan(curvature)], initial=0.0)))
+            falls = np.nan_to_num(-self._evaluate(piece, r, 2), nan=0.0, posinf=np.inf, neginf=0.0)
+        inner, outer = np.abs(r) <= self.reach, np.abs(r) >= _FAR[-2] * self.reach
+        largest = float(falls.max(initial=0.0))
+        if largest == np.inf or falls[outer].max() > 2.0 * falls[~outer].max():
+            return float(falls[inner].max(initial=0.0))
+        return largest
 
     @property
     def weak_convexity(self) -> Array:

@@ -175,6 +175,9 @@ class AffineLaw(LawOfOne):
     def graph_distance(self, r: Array, lam: Array, tau: Array | float) -> Array:
         return self.base.graph_distance(self._inner(r), lam, np.asarray(tau) * self.theta)
 
+    def derivative_error(self, r: Array) -> Array:
+        return self.base.derivative_error(self._inner(r))
+
     def piece_formula(self, piece: int) -> str:
         text = self.base.piece_formula(piece)
         return text and f"({text}) at {float(self.theta[0]):.6g} r {float(self.c[0]):+.6g}"

@@ -231,11 +231,25 @@ class SummedLaw(TransformedLaw):
     def weak_convexity(self) -> Array:
         return self._alpha
 
+    def derivative_error(self, r: Array) -> Array:
+        return np.asarray(sum(term.derivative_error(r) for term in self.terms))
+
+    @property
+    def alpha_reach(self) -> float:
+        return min(term.alpha_reach for term in self.terms)
+
+    def weak_convexity_within(self, reach: float) -> Array:
+        return self._alpha_within(reach) if reach <= self.alpha_reach else np.full(1, np.inf)
+
     @cached_property
     def _alpha(self) -> Array:
+        return self._alpha_within(self.alpha_reach or np.inf)
+
+    def _alpha_within(self, reach: float) -> Array:
         knots, maps = self._merged
         left, right = self._slopes
-        bound = self.domain
+        whole = self.domain
+        bound = Interval(np.maximum(whole.lower, -reach), np.minimum(whole.upper, reach))
         inner = (knots > bound.lower[..., None]) & (knots < bound.upper[..., None])
         down = np.any(inner & (right < left), axis=-1)
         worst, far = np.zeros(knots.shape[0]), np.full((1, knots.shape[0]), np.inf)
