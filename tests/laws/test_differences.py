@@ -101,7 +101,7 @@ def test_differences_stay_on_their_piece() -> None:
         return np.where((r >= 0.0) & (r <= 1.0), np.exp(r), 1e3)
 
     r = np.concatenate([[0.0, 1.0], np.geomspace(1e-9, 0.5, 20), 1.0 - np.geomspace(1e-9, 0.5, 20)])
-    found = differences(value, r, 0.0, 1.0, 0.1)
+    found = differences(value, r, 0.0, 1.0, 0.1, 2)
     assert (np.abs(found.first - np.exp(r)) <= 2.0 * found.first_error).all()
     assert (np.abs(found.second - np.exp(r)) <= 2.0 * found.second_error).all()
     assert found.first_error.max() < 1e-8

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 
 __all__ = ["Differences", "differences"]
 
@@ -23,6 +23,8 @@ _STENCIL = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
 #: The first step, as a part of the length of the piece or of the distance to zero; steps, and what each is
 #: shorter by.
 _FIRST, _LEVELS, _SHORTER = 0.1, 13, 4.0
+#: Levels that are enough for most places, and errors up to which they are: parts of what values differ by over a step.
+_USUAL, _ENOUGH = range(1, 5), (2e-11, 1e-7)
 #: Roundings in a value, and what noise in values becomes in the derivatives of the polynomial.
 _ROUNDING = 2.0 * float(np.finfo(float).eps)
 _NOISE = (3.0, 6.0)
@@ -40,7 +42,9 @@ class Differences:
     second_error: Array
 
 
-def differences(function: Callable[[Array], Array], r: Array, low: float, high: float, scale: float) -> Differences:
+def differences(
+    function: Callable[[Array], Array], r: Array, low: float, high: float, scale: float, order: int
+) -> Differences:
     """Derivatives of a function inside a piece.
 
     Parameters
@@ -54,13 +58,28 @@ def differences(function: Callable[[Array], Array], r: Array, low: float, high: 
     scale : float
         Length over which the function may differ.
 
+    order : int
+        1 or 2: the derivative that has to be exact.
+
     Returns
     -------
     Differences
     """
     shape, r = np.shape(r), np.ravel(np.asarray(r, dtype=float))
+    found, error, enough = _on_levels(function, r, low, high, scale, _USUAL)
+    rest = np.flatnonzero(~enough[order - 1])
+    if rest.size:
+        some = _on_levels(function, r[rest], low, high, scale, range(_LEVELS))
+        found[:, rest], error[:, rest] = some[:2]
+    return Differences(*(part.reshape(shape) for part in (*found, *error)))
+
+
+def _on_levels(
+    function: Callable[[Array], Array], r: Array, low: float, high: float, scale: float, levels: range
+) -> tuple[Array, Array, BoolArray]:
+    """Derivatives (2, k) at places (k,), their errors, and whether these are small, from steps of some levels."""
     longest = np.minimum(_FIRST * np.maximum(scale, np.abs(r)), 0.24 * (high - low))
-    step = longest / _SHORTER ** np.arange(_LEVELS)[:, None]
+    step = longest / _SHORTER ** np.array(levels)[:, None]
     margin = np.minimum(_BESIDE * scale, _BESIDE_STEP * step)
     centre = np.clip(r, low + 2.0 * step + margin, high - 2.0 * step - margin)
     places = centre + np.arange(-2.0, 3.0)[:, None, None] * step
@@ -83,4 +102,6 @@ def differences(function: Callable[[Array], Array], r: Array, low: float, high: 
     error[:, :-1] = np.maximum(error[:, :-1], error[:, 1:] / np.array([_SHORTER, _SHORTER**2])[:, None, None])
     best = np.argmin(error, axis=1)[:, None]
     derivatives, errors = (np.take_along_axis(part, best, axis=1)[:, 0] for part in (found, error))
-    return Differences(*(part.reshape(shape) for part in (*derivatives, *errors)))
+    size = rise[0] / step[0]
+    enough = errors <= np.stack([_ENOUGH[0] * size, _ENOUGH[1] * size / step[0]])
+    return derivatives, errors, enough

@@ -108,8 +108,8 @@ class _FunctionLaw(OwnLaw):
         """Functions that stay inside ``(low, high)``."""
         margin = 1e-9 * scale
 
-        def found(function: GivenFunction, r: Array) -> Differences:
-            return differences(lambda x: self._called(function, x), r, low, high, scale)
+        def found(function: GivenFunction, r: Array, order: int = 1) -> Differences:
+            return differences(lambda x: self._called(function, x), r, low, high, scale, order)
 
         def curvature(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
@@ -118,7 +118,7 @@ class _FunctionLaw(OwnLaw):
             if self.derivative_function is not None:
                 return found(self.derivative_function, r).first
             assert self.potential is not None
-            return found(self.potential, r).second
+            return found(self.potential, r, 2).second
 
         def derivative(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
@@ -128,7 +128,10 @@ class _FunctionLaw(OwnLaw):
             inside = np.clip(r, low + margin, high - margin)
             values = self._called(self.derivative_function, inside)
             moved = r != inside
-            return values if not moved.any() else values + np.where(moved, (r - inside) * curvature(inside), 0.0)
+            if moved.any():
+                values = values.copy()
+                values[moved] += (r - inside)[moved] * curvature(inside[moved])
+            return values
 
         def value(r: Array) -> Array:
             r = np.asarray(r, dtype=float)
