@@ -32,7 +32,7 @@ _NOISE = (3.0, 6.0)
 _BESIDE, _BESIDE_STEP = 1e-9, 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Differences:
     """First and second derivatives, and estimates of their errors; arrays of one shape."""
 
