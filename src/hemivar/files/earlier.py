@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from hemivar.basics.disk import regular_file
-from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.files.record import MOST_BYTES, read_json
+from hemivar.mesh.vtu_grid import read_vtu
 
 __all__ = ["read_solution"]
 
@@ -124,20 +121,10 @@ def _same_points(first: Array, second: Array) -> bool:
 
 def _vtu_displacement(path: Path, problem: DiscreteProblem) -> Array:
     """Displacements of the nodes of the same mesh from a VTU file."""
-    with IMPORTS:
-        import meshio
-
     field = problem.field
     if field is None:
         raise ProblemError(f"'{path}': a problem made of arrays has no mesh; give its solution as JSON")
-    regular_file(path, "result file", MOST_BYTES)
-    noise = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
-            grid = meshio.read(path, file_format="vtu")
-    except (Exception, SystemExit) as error:  # meshio raises many kinds of errors on broken files
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ProblemError(f"result file '{path}' is not a readable VTU file ({reason})") from error
+    grid = read_vtu(path, "result file", MOST_BYTES)
     if "displacement" not in grid.point_data:
         raise ProblemError(f"result file '{path}' has no point data 'displacement'; write it by 'hemivar solve --vtu'")
     points, nodes, d = np.asarray(grid.points, dtype=float), field.nodes, field.mesh.dim

@@ -18,6 +18,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.mesh.msh import is_msh, parse_msh
 from hemivar.mesh.raw import RawMesh
 from hemivar.mesh.recipe import MeshRecipe
+from hemivar.mesh.vtu_grid import read_vtu
 
 if TYPE_CHECKING:
     import meshio
@@ -115,7 +116,7 @@ def _mesh(raw: RawMesh) -> Mesh:
 
 
 def _by_meshio(path: Path) -> RawMesh:
-    found = _read_silently(path)
+    found = read_vtu(path, "mesh file") if path.suffix.lower() == ".vtu" else _read_silently(path)
     foreign = sorted({block.type for block in found.cells} - set(_DIMENSION))
     if foreign:
         raise ProblemError(
