@@ -134,6 +134,19 @@ def test_a_straight_foundation_is_one_line_as_far_as_the_body_goes() -> None:
         assert (ends[:, 1] < -0.1).all()
 
 
+def test_a_body_that_goes_far_has_few_hatches_and_one_that_goes_too_far_is_refused() -> None:
+    picture = plane(flying(2), scale=1e6)
+    picture.show(flying(2).frame(3))
+    assert 100 < len(picture.hatch.get_segments()) <= 2000
+    for scale in (1e12, 1e308):
+        with pytest.raises(ProblemError, match=r"cannot be drawn: the body has the size 2\.24, and what is shown"):
+            plane(flying(2), scale=scale)
+    film = flying(2)
+    point = Film(0.0 * film.points, film.cells, film.times, "", film.frame)
+    with pytest.raises(ProblemError, match="the body has the size 0,"):
+        plane(point)
+
+
 def test_the_foundation_of_a_round_body_is_drawn_piece_by_piece() -> None:
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.5], [1.0, 1.5]])
     places = corners[:3]

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.disk import path_of, read_text, regular_file, shown
+from hemivar.basics.disk import path_of, read_bytes, shown
 from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.plain_xml import parse_xml
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.snapshot import snapshot
 from hemivar.files.vtu import CELL_TYPES
-from hemivar.solvers import ContactStates
+from hemivar.mesh.vtu_grid import read_vtu
+from hemivar.solvers import ContactStates, NormalState, TangentialState
 
 if TYPE_CHECKING:
     import meshio
@@ -147,84 +146,123 @@ def read_film(path: str | Path) -> Film:
     """
     path = path_of(path)
     name = shown(path)
-    text = read_text(path, "PVD file")
     try:
-        root = ElementTree.fromstring(text)
+        root = parse_xml(read_bytes(path, "PVD file"))
         entries = [(float(entry.attrib["timestep"]), entry.attrib["file"]) for entry in root.iter("DataSet")]
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
+    except FileError:
+        raise
+    except (KeyError, ValueError) as error:
         raise FileError(
             f"{name}: this is no PVD file ({error}); 'hemivar march FILE --fields run.pvd' writes one"
         ) from None
     if not entries:
         raise FileError(f"{name}: the list holds no frame; let the march save some, --every TIME")
     times = np.array([time for time, _ in entries])
-    first = _read_vtu(path.parent / entries[0][1])
-    kinds = {kind: (d, order) for (d, order), kind in CELL_TYPES.items()}
-    blocks = [(block, *kinds[block.type]) for block in first.cells if block.type in kinds]
-    if len(blocks) != 1:
+    if not (np.abs(times) < 1e300).all() or (np.diff(times) < 0.0).any():
+        raise FileError(f"{name}: its times are not finite and in order; write the list anew")
+    files = _named_files(path, [file for _, file in entries], (".vtu", ".pvtu"))
+    first = _read_frame(files[0])
+    kinds = {kind: d for (d, _), kind in CELL_TYPES.items()}
+    if len(first.cells) != 1 or first.cells[0].type not in kinds:
         raise FileError(f"{name}: its frames are no bodies of triangles or tetrahedra; name the list of the bodies")
-    block, dim, _ = blocks[0]
-    cells = np.asarray(block.data[:, : dim + 1], dtype=np.int64)
+    dim = kinds[first.cells[0].type]
+    cells = np.asarray(first.cells[0].data[:, : dim + 1], dtype=np.int64)
     used, numbers = np.unique(cells, return_inverse=True)
     vertices = np.asarray(first.points, dtype=float)[used][:, :dim]
+    touching = np.flatnonzero(_numbers(first, files[0], "state") >= 0)
 
     def frame(number: int) -> FilmFrame:
-        read = _read_vtu(path.parent / entries[number][1])
-        data = {key: np.asarray(values) for key, values in read.point_data.items()}
-        if "displacement" not in data or len(read.points) != len(first.points):
-            raise FileError(f"{shown(entries[number][1])}: this is no frame of the same body; write the list anew")
-        displacement = data["displacement"][:, :dim]
-        state = data.get("state", np.full(len(displacement), -1)).astype(np.int64)
-        at = np.flatnonzero(state >= 0)
-        moving = data.get("tangential_state")  # files written before there was one hold the first numbers of states
-        states = ContactStates.of_codes(state[at], None if moving is None else moving[at].astype(np.int64))
-        places = np.asarray(read.points, dtype=float)[at][:, :dim]
-        none = np.zeros(len(displacement))
-        force = data.get("contact_force", np.zeros((len(displacement), 3)))[at][:, :dim]
-        gap = data.get("gap", none)[at] + np.broadcast_to(_worn(data), none.shape)[at]
-        velocity = data.get("velocity", np.zeros((len(displacement), 3)))[used][:, :dim]
-        return FilmFrame(
-            float(times[number]), displacement[used], velocity, places, displacement[at], force, states, gap
+        file = files[number]
+        read = _read_frame(file)
+        codes = _numbers(read, file, "state")
+        at = np.flatnonzero(codes >= 0)
+        if (
+            len(read.points) != len(first.points)
+            or "displacement" not in read.point_data
+            or not np.array_equal(at, touching)
+        ):
+            raise FileError(f"{shown(file.name)}: this is no frame of the same body; write the list anew")
+        displacement, velocity, force = (
+            _at_nodes(read, file, what, dim) for what in ("displacement", "velocity", "contact_force")
         )
+        moving = None  # files written before there was one hold the first numbers of states
+        if "tangential_state" in read.point_data:
+            moving = np.maximum(_numbers(read, file, "tangential_state")[at], TangentialState.FREE)
+        states = ContactStates.of_codes(codes[at], moving)
+        gap = _at_nodes(read, file, "gap")
+        gap = gap + _worn({what: values for what, values in read.point_data.items() if values.shape == gap.shape})
+        places = np.asarray(read.points, dtype=float)[at][:, :dim]
+        return FilmFrame(
+            float(times[number]), displacement[used], velocity[used], places, displacement[at], force[at], states,
+            gap[at],
+        )  # fmt: skip
 
     return Film(vertices, numbers.reshape(cells.shape), times, "", frame)
 
 
-def _read_vtu(path: Path) -> meshio.Mesh:
-    """A frame as meshio reads it, its pieces joined if it lies in several."""
-    with IMPORTS:
-        import meshio
+def _at_nodes(grid: meshio.Mesh, file: Path, name: str, width: int = 0) -> Array:
+    """Point data, the first components of vectors; zeros where a frame has none of that name."""
+    shape = (len(grid.points), width) if width else (len(grid.points),)
+    values = np.asarray(grid.point_data.get(name, np.zeros(shape)), dtype=float)
+    if values.ndim != len(shape) or (width and values.shape[1] < width) or not np.isfinite(values).all():
+        raise FileError(f"{shown(file)}: '{shown(name)}' is not a finite number or vector at each point; write it anew")
+    return values[:, :width] if width else values
 
-    regular_file(path, "frame", 1 << 62)
-    if path.suffix.lower() == ".pvtu":
-        return _joined([_read_vtu(piece) for piece in _pieces(path)])
-    noise = io.StringIO()
+
+def _numbers(grid: meshio.Mesh, file: Path, name: str) -> IntArray:
+    """The numbers of the states of contact points among the nodes, -1 elsewhere."""
+    if name not in grid.point_data:
+        return np.full(len(grid.points), -1)
+    numbers = _at_nodes(grid, file, name)
+    known = {-1, *TangentialState} | (set(NormalState) if name == "state" else set())
+    if not np.isin(numbers, sorted(known)).all():
+        raise FileError(f"{shown(file)}: '{name}' holds numbers that are no state of contact; write it anew")
+    return numbers.astype(np.int64)
+
+
+def _read_frame(path: Path) -> meshio.Mesh:
+    """A frame, its pieces joined if it lies in several."""
+    if path.suffix.lower() != ".pvtu":
+        return read_vtu(path, "frame")
     try:
-        with contextlib.redirect_stdout(noise), contextlib.redirect_stderr(noise):
-            return meshio.vtu.read(path)
-    except (Exception, SystemExit) as error:
+        sources = [piece.attrib["Source"] for piece in parse_xml(read_bytes(path, "frame")).iter("Piece")]
+    except FileError:
+        raise
+    except (KeyError, ProblemError) as error:
         raise FileError(f"{shown(path)}: the frame cannot be read ({error}); write it anew") from None
-
-
-def _pieces(path: Path) -> list[Path]:
-    """The files of a frame that lies in pieces."""
-    try:
-        found = [path.parent / piece.attrib["Source"] for piece in ElementTree.parse(path).getroot().iter("Piece")]
-    except (ElementTree.ParseError, KeyError) as error:
-        raise FileError(f"{shown(path)}: the frame cannot be read ({error}); write it anew") from None
-    if not found:
+    if not sources:
         raise FileError(f"{shown(path)}: the frame has no pieces; write it anew")
-    return found
+    pieces = _named_files(path, sources, (".vtu",))
+    return _joined(path, [read_vtu(piece, "frame", share=len(pieces)) for piece in pieces])
 
 
-def _joined(parts: list[meshio.Mesh]) -> meshio.Mesh:
+def _named_files(path: Path, names: list[str], suffixes: tuple[str, ...]) -> list[Path]:
+    """The files that a list names: each once, below its own folder, and of the kinds that it may name."""
+    for name in names:
+        inside = not Path(name).is_absolute() and ".." not in Path(name).parts
+        if not inside or Path(name).suffix.lower() not in suffixes:
+            raise FileError(
+                f"{shown(path)}: it names '{shown(name)[:60]}'; name {' or '.join(suffixes)} files below its own folder"
+            )
+    if len({Path(name) for name in names}) < len(names):
+        raise FileError(f"{shown(path)}: it names a file twice; write it anew")
+    return [path.parent / name for name in names]
+
+
+def _joined(path: Path, parts: list[meshio.Mesh]) -> meshio.Mesh:
     """Pieces of one body, the nodes that several of them have once."""
     with IMPORTS:
         import meshio
 
+    kinds = {block.type for part in parts for block in part.cells}
+    shapes = [{name: np.shape(values)[1:] for name, values in part.point_data.items()} for part in parts]
+    if len(kinds) != 1 or any(shape != shapes[0] for shape in shapes) or len({p.points.shape[1] for p in parts}) > 1:
+        raise FileError(f"{shown(path)}: its pieces are not parts of one body; write it anew")
     every = np.concatenate([part.points for part in parts])
     _, first, number = np.unique(every, axis=0, return_index=True, return_inverse=True)
     starts = np.cumsum([0, *(len(part.points) for part in parts)])
-    cells = [number.ravel()[part.cells[0].data + start] for part, start in zip(parts, starts, strict=False)]
+    cells = [
+        number.ravel()[block.data + start] for part, start in zip(parts, starts, strict=False) for block in part.cells
+    ]
     data = {name: np.concatenate([part.point_data[name] for part in parts])[first] for name in parts[0].point_data}
-    return meshio.Mesh(every[first], [(parts[0].cells[0].type, np.concatenate(cells))], point_data=data)
+    return meshio.Mesh(every[first], [(kinds.pop(), np.concatenate(cells))], point_data=data)

@@ -12,6 +12,7 @@ from scipy.spatial import KDTree
 
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
+from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.files.film import Film, FilmFrame
 from hemivar.mesh import Mesh
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 __all__ = ["FilmColour", "FilmPicture", "PlanePicture", "SolidPicture"]
 
 _MOST_ARROWS = 70
+_MOST_HATCHES = 2000
+#: How far a body may go, in its own sizes; beyond, its picture is a point.
+_FARTHEST = 1e9
 #: The longest arrow, of the diameter of the body.
 _ARROW = 0.16
 #: Part of the vertices that the scale of colours holds in every frame: the rest are corners.
@@ -70,6 +74,13 @@ class FilmPicture(ABC):
         self, film: Film, shown: list[int], scale: float | Literal["auto"], units: tuple[str, str], colour: FilmColour
     ) -> None:
         self.film, self.units, self.colour = film, units, colour
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._measure(film, shown, scale)
+        digits = max(0, 2 - math.floor(math.log10(max(float(np.ptp(film.times)), 1e-300))))
+        self._digits = min(digits, 12)
+
+    def _measure(self, film: Film, shown: list[int], scale: float | Literal["auto"]) -> None:
+        """The scales that all frames share."""
         self.size = float(np.linalg.norm(np.ptp(film.points, axis=0)))
         self.places = film.frame(shown[0]).places
         body = _Range(film.points.shape)
@@ -96,10 +107,15 @@ class FilmPicture(ABC):
             self.factor = round_number(wanted / moved) if 0.0 < moved < wanted else 1.0
         else:
             self.factor = float(scale)
+        ranges = (body, self.travel, self.gaps)
+        reach = max(float(np.abs([part.low, part.high]).max(initial=0.0)) for part in ranges) * self.factor
+        if not (reach < _FARTHEST * self.size < math.inf and self.strongest < math.inf and self.brightest < math.inf):
+            raise ProblemError(
+                f"the film cannot be drawn: the body has the size {self.size:.3g}, and what is shown of it reaches "
+                f"{reach:.3g}; take a smaller scale, or look at its displacement, gap and force"
+            )
         self.low = np.minimum(film.points, film.points + self.factor * body.low).min(axis=0)
         self.high = np.maximum(film.points, film.points + self.factor * body.high).max(axis=0)
-        digits = max(0, 2 - math.floor(math.log10(max(float(np.ptp(film.times)), 1e-300))))
-        self._digits = min(digits, 12)
 
     def coloured(self, frame: FilmFrame) -> Array:
         """What colours the vertices, (N,)."""
@@ -280,7 +296,8 @@ class PlanePicture(FilmPicture):
             depth = np.concatenate([depth[:1], depth, depth[-1:]])
             line = place[:, None] * tangent + depth[:, None] * normal
             self.foundation.set_segments([line])
-            at = np.arange(least + 0.5 * spacing, most, spacing)
+            apart = max(spacing, (most - least) / _MOST_HATCHES)
+            at = np.arange(least + 0.5 * apart, most, apart)
             roots = at[:, None] * tangent + np.interp(at, place, depth)[:, None] * normal
             ends = roots + 0.7 * spacing * (normal + tangent)
         else:
