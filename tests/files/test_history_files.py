@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import xml.etree.ElementTree as ElementTree
 from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -18,7 +20,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Evolution, History, March, Save, march, marching
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.files import read_film, read_history_table
+from hemivar.files import history_table, read_film, read_history_table
 from hemivar.files.history_table import HISTORY_FILES
 from hemivar.files.series import Series
 from hemivar.files.snapshot import moving_states, snapshot
@@ -199,6 +201,50 @@ def test_parquet_keeps_every_bit_or_says_what_is_missing(history: History, tmp_p
     assert all(np.array_equal(again[name], history[name], equal_nan=True) for name in history.columns)
 
 
+@pytest.mark.parametrize("told", [{"rows": 10**9}, {"size": 10**9}, {"rows": 4, "group_rows": 10**9}])
+def test_parquet_is_held_against_what_it_says_before_it_is_read(
+    told: dict[str, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stand-in for pyarrow, which may not be here: a file that says too much is never read."""
+
+    class Metadata:
+        num_columns, num_row_groups, num_rows = 2, 1, told.get("rows", 0)
+
+        def row_group(self, number: int) -> SimpleNamespace:
+            return SimpleNamespace(num_rows=told.get("group_rows", 0), total_byte_size=told.get("size", 0))
+
+    class ParquetFile(contextlib.nullcontext):
+        metadata = Metadata()
+
+        def __init__(self, path: Path) -> None:
+            super().__init__(self)
+
+        def read(self) -> None:
+            pytest.fail("it was read")
+
+    monkeypatch.setattr(history_table, "_arrow", lambda: (None, SimpleNamespace(ParquetFile=ParquetFile)))
+    path = tmp_path / "t.parquet"
+    path.write_bytes(b"PAR1")
+    with pytest.raises(FileError, match="the table would take more than 256 MiB"):
+        read_history_table(path)
+    folder = tmp_path / "folder.parquet"
+    folder.mkdir()
+    with pytest.raises(FileError, match="it is a directory"):
+        read_history_table(folder)
+
+
+def test_parquet_of_no_numbers_is_one_line(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "t.parquet"
+    parquet.write_table(pyarrow.table({"time": ["a", "b"], "step": [1, 2]}), path)
+    with pytest.raises(FileError, match="this is no table of a history"):
+        read_history_table(path)
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(FileError, match="this is no table of a history"):
+        read_history_table(path)
+
+
 def test_dataframe(history: History) -> None:
     try:
         import pandas  # noqa: F401
@@ -273,7 +319,7 @@ def test_lists_of_frames_that_are_none(history: History, tmp_path: Path) -> None
     with pytest.raises(FileError, match="no frame of the same body"):
         read_film(path).frame(len(history.frames) - 1)
     (tmp_path / "run" / "run_000000.vtu").write_text("<nothing")
-    with pytest.raises(FileError, match="the frame cannot be read"):
+    with pytest.raises(FileError, match=r"frame .* is no XML that can be read"):
         read_film(path)
 
 

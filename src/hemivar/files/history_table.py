@@ -13,14 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.csv_text import cell_read, csv_text
-from hemivar.basics.disk import path_of, read_text, shown, whole_file, write_text
+from hemivar.basics.disk import path_of, read_text, regular_file, shown, whole_file, write_text
 from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.memory import size_in_words
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.types import Array, Record
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution.history import History
 from hemivar.files.record import plain, prepared, version
 from hemivar.files.series import write_pvd, write_xdmf
+from hemivar.mesh.vtu_grid import BUDGET
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -154,12 +156,7 @@ def read_history_table(path: str | Path) -> dict[str, Array]:
     path = path_of(path)
     name = shown(path)
     if path.suffix.lower() == ".parquet":
-        _, parquet = _arrow()
-        try:
-            table = parquet.read_table(path)
-        except Exception as error:
-            raise FileError(f"{name}: this is no table of a history ({error}); write it with --table") from None
-        columns = {column: np.asarray(table[column], dtype=float) for column in table.column_names}
+        columns = _from_parquet(path)
     else:
         rows = [row for row in csv.reader(io.StringIO(read_text(path, "table of a history"))) if row]
         columns = _columns(name, rows)
@@ -169,6 +166,28 @@ def read_history_table(path: str | Path) -> dict[str, Array]:
             "write it with 'hemivar march FILE --table run.csv'"
         )
     return columns
+
+
+def _from_parquet(path: Path) -> dict[str, Array]:
+    """The columns of a Parquet file, whose size in memory is known before any of them is read."""
+    _, parquet = _arrow()
+    name = shown(path)
+    least, ratio = BUDGET
+    most = max(least, ratio * regular_file(path, "table of a history", 1 << 62).stat().st_size)
+    try:
+        with parquet.ParquetFile(path) as file:
+            told = file.metadata
+            groups = [told.row_group(k) for k in range(told.num_row_groups)]
+            numbers = 8 * told.num_columns * max(told.num_rows, sum(abs(group.num_rows) for group in groups))
+            if max(numbers, sum(abs(group.total_byte_size) for group in groups)) > most:
+                raise FileError(f"{name}: the table would take more than {size_in_words(most)}; write it as .csv")
+            table = file.read()
+        return {column: np.asarray(table[column], dtype=float) for column in table.column_names}
+    except FileError:
+        raise
+    except Exception as error:  # pyarrow raises many kinds
+        reason = shown(error)[:200]
+        raise FileError(f"{name}: this is no table of a history ({reason}); write it with --table") from None
 
 
 def _columns(name: str, rows: Sequence[Sequence[str]]) -> dict[str, Array]:
