@@ -14,6 +14,7 @@ from tests.robustness.formulas import ATTACKS, BOUNDS, LAWS, nested, random_form
 from tests.robustness.kept import kept_case
 from tests.robustness.meshes import foreign, other_model, renumbered, tokens
 from tests.robustness.msh import FORMATS, grid_mesh, write_msh
+from tests.robustness.results import result_case
 from tests.robustness.seeds import FILES, METHODS, known, random_law, random_problem, seed
 from tests.robustness.tables import odd_table
 from tests.robustness.toml import dump, leaves, put, spoilt, strange_name, strange_number, strange_value
@@ -606,6 +607,10 @@ class _Maker:
         """A command that goes on from a hostile file."""
         return kept_case(self.rng, self.name)
 
+    def results(self) -> Case:
+        """A result file that is broken or forged."""
+        return result_case(self.name, self.rng)
+
 
 #: Families whose cases begin with runs of the command, which take seconds.
 SLOW_TO_MAKE = frozenset({"solution", "kept"})
@@ -625,6 +630,7 @@ FAMILIES: dict[str, tuple[Callable[[_Maker], Case], int]] = {
     "surroundings": (_Maker.surroundings, 3),
     "evolution": (_Maker.evolution, 6),
     "kept": (_Maker.kept, 6),
+    "results": (_Maker.results, 8),
 }
 
 

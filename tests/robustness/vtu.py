@@ -210,21 +210,22 @@ def bomb(rng: random.Random) -> tuple[bytes, str]:
     """A small file that would take gigabytes: by compression, by one place read often, or by XML."""
     match rng.randrange(6):
         case 0 | 1:
-            packing, size = rng.choice([("zlib", 1 << 26), ("lzma", 1 << 24)])
+            packing, size = rng.choice([("zlib", 24 << 21), ("lzma", 24 << 19)])
             if (packing, size) not in _BLOCKS:
                 _BLOCKS[packing, size] = (zlib if packing == "zlib" else lzma).compress(bytes(size))
-            block, count = _BLOCKS[packing, size], rng.choice([2, 40, 100])
-            lie = rng.choice([size, size, 8 * 16])  # what the head says of each
+            block, count = _BLOCKS[packing, size], rng.choice([22, 40, 100])
+            lie = rng.choice([size, size, 240])  # what the head says of each
             head = np.array([count, lie, lie, *[len(block)] * count], dtype="<u4").tobytes()
             array = base64.b64encode(head) + base64.b64encode(block * count)
             rows = count * lie // 24 if rng.random() < 0.5 else 3
-            return _shell(array, rows, packing), f"{packing}, {count} blocks of {size}, said to be {lie}, {rows} rows"
+            points = f'<DataArray type="Float64" NumberOfComponents="3" format="binary">{array.decode()}</DataArray>'
+            return _shell(points, rows, packing), f"{packing}, {count} blocks of {size}, said to be {lie}, {rows} rows"
         case 2:
-            count = rng.choice([10**3, 10**5])
-            one = '<DataArray type="Float64" Name="a%d" format="appended" offset="0"/>'
-            head = np.array([1 << 20, 1 << 20], dtype="<u8")[:1].tobytes()
-            text = _shell(b"", 1 << 17, "", "".join(one % k for k in range(count)), long=True)
-            whole = text.replace(b"</VTKFile>", b'<AppendedData encoding="raw">_' + head + bytes(1 << 20))
+            count = rng.choice([10**3, 10**4])
+            one = '<DataArray type="Float64" Name="a%d" NumberOfComponents="3" format="appended" offset="0"/>'
+            text = _shell(one % 0, 1 << 15, "", "".join(one % k for k in range(count)))
+            data = np.array([24 << 15], dtype="<u4").tobytes() + bytes(24 << 15)
+            whole = text.replace(b"</VTKFile>", b'<AppendedData encoding="raw">_' + data)
             return whole + b"</AppendedData></VTKFile>", f"{count} arrays of one place"
         case 3:
             entities = b'<!ENTITY a "' + b"x" * 100 + b'">'
@@ -238,12 +239,11 @@ def bomb(rng: random.Random) -> tuple[bytes, str]:
             return b'<VTKFile type="UnstructuredGrid">' + b"<a/>" * count + b"</VTKFile>", f"{count} elements"
 
 
-def _shell(points: bytes, rows: int, packing: str, more: str = "", long: bool = False) -> bytes:
+def _shell(points: str, rows: int, packing: str, more: str = "") -> bytes:
     """A file with these points."""
     packer = {"zlib": 'compressor="vtkZLibDataCompressor"', "lzma": 'compressor="vtkLZMADataCompressor"', "": ""}
-    head = f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" {packer[packing]}'
-    head += ' header_type="UInt64">' if long else ">"
-    body = f'<UnstructuredGrid><Piece NumberOfPoints="{rows}" NumberOfCells="0"><Points><DataArray type="Float64" '
-    body += 'NumberOfComponents="3" format="binary">'
-    rest = f"</DataArray></Points><PointData>{more}</PointData></Piece></UnstructuredGrid></VTKFile>"
-    return (head + body).encode() + points + rest.encode()
+    return (
+        f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" {packer[packing]}><UnstructuredGrid>'
+        f'<Piece NumberOfPoints="{rows}" NumberOfCells="0"><Points>{points}</Points><PointData>{more}</PointData>'
+        "</Piece></UnstructuredGrid></VTKFile>"
+    ).encode()
