@@ -17,7 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.basics.arguments import described, whole_number
+from hemivar.basics.arguments import described
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
@@ -223,7 +223,7 @@ class ScalarProblem(Portable, Displayed):
             raise ProblemError(f"kind = {self.kind!r}; choose 'membrane', 'antiplane' or 'heat'") from None
         if self.mesh.dim == 3 and self.kind is not ScalarKind.HEAT:
             raise ProblemError(f"kind = '{self.kind}' needs a plane mesh, and this one lies in space; take a rectangle")
-        if whole_number(self.order, "order", 1) > 2:
+        if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
             raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
         put(self, "coefficient", self._checked_coefficient())
         for name in ("contact", "supports", "fluxes"):

@@ -11,7 +11,7 @@ from typing import get_args
 
 import numpy as np
 
-from hemivar.basics.arguments import described, number, suggest, whole_number
+from hemivar.basics.arguments import described, number, suggest
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.errors import ProblemError
@@ -231,7 +231,7 @@ class ContactProblem(Portable, Displayed):
             raise ProblemError(
                 f"material is {described(self.material)}; pass Material.lame(...), Material.young(...) or the like"
             )
-        if whole_number(self.order, "order", 1) > 2:
+        if not isinstance(self.order, int | np.integer) or self.order not in (1, 2):
             raise ProblemError(f"order = {self.order!r}; elements of order 1 and 2 exist")
         try:
             object.__setattr__(self, "quadrature", Quadrature(self.quadrature))
