@@ -55,6 +55,7 @@ def write_json_on_ranks(solution: DistributedSolution, path: str | Path, certifi
         "energy": solution.energy,
         **iteration_record(residual, solution.steps, solution.cycles, solution.timings, solution.history),
         "error_bound": None,
+        "fallbacks": 0,  # over ranks bounds are held fixed from the first step on: nothing falls back to that
         "contact_length": sums["contact_length"],
         "resultants": {
             "normal_force": sums["normal_force"],
