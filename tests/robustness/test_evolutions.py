@@ -22,7 +22,7 @@ from tests.robustness.pieces import Friction, Line, Points, alpha_of, damped, li
 from tests.robustness.pool import run_cases
 from tests.robustness.toml import dump
 
-CASES = 150
+CASES = 180
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self").is_dir(), reason="limits and states of processes are those of Linux"
