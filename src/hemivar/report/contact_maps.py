@@ -131,9 +131,8 @@ def _state_map(
         )  # fmt: skip
         label = f"slip up to {largest:.3g} {unit}".rstrip()
         handles.append(Line2D([], [], color="black", marker=r"$\rightarrow$", ms=9, ls="", mew=0.1, label=label))
-    panel.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=2, handlelength=1.0, columnspacing=1.0
-    )
+    # one column: two are wider than the panel, and push the scale of the panel above it aside
+    panel.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.24), handlelength=1.0)
 
 
 def _thinned(places: Array, chosen: IntArray, extent: float) -> IntArray:
