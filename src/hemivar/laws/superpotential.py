@@ -141,7 +141,7 @@ class Superpotential(Portable, ABC):
     def weak_convexity(self) -> Array:
         """Smallest alpha >= 0 with j + alpha/2 r^2 convex, shape ``(m or 1,)``; inf at downward jumps.
 
-        Where no alpha is known for every r it is that of the reach, up to :attr:`alpha_reach`.
+        Where no alpha is known for every r it is that of the reach, up to ``alpha_reach``.
         """
 
     @property
