@@ -161,7 +161,7 @@ class Quadratic(Portable):
     def under(self, load: Array, constant: float | None = None, own: bool = True) -> Quadratic:
         """The same body under another load, shape (n,); the stiffness is shared, and what is known of it.
 
-        The load is copied, unless ``own`` says that nobody else has it: then it is read-only from now on.
+        The load is copied if ``own``; else it is taken as it is, and read-only from now on.
         """
         _ = self.diagonal, self.row_sums, self._ends_of_diagonal
         other = copy.copy(self)
