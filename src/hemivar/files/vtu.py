@@ -67,7 +67,7 @@ def write_vtu(
     of :func:`hemivar.files.scalar_vtu.scalar_fields`.
 
     Of a moment of an evolution the stress is the elastic one, ``velocity`` and ``rate`` (of the contact points, global
-    vectors) join the point data, and so does what contact points remember, by its name; slip is told by the
+    vectors) join the point data, and so does what contact points remember, by its name; slip follows the
     rate.  Of a body with heat there are ``temperature`` at the points and ``thermal_stress`` in the cells, the rows of
     a matrix (d, d) that the whole stress is smaller by.
 

@@ -124,7 +124,7 @@ class SmoothFormula:
         low, high : arrays (k,)
             Finite.
         finest : float
-            Places nearer to zero than this are told apart as if they were as far.
+            Places nearer to zero than this are distinguished as if they were as far.
         most : float
             Work allowed, in nodes times intervals; what the graph has done before counts.
 

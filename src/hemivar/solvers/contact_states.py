@@ -45,7 +45,11 @@ class TangentialState(IntEnum):
     """What a contact point does along the foundation, pressed or pulled; the numbers are those of VTU files."""
 
     FREE = 0
-    """There is no friction: it is open or debonded, no friction law acts, or its bound is zero there."""
+    """It is open or debonded, no friction law acts, or its bound is zero there.
+
+    A bound that does not depend on the pressure, such as Tresca's, rubs on open points too: they have friction, and are
+    free all the same.
+    """
     STICK = 1
     """It has not moved sideways."""
     SLIP = 2

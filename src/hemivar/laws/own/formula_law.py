@@ -22,7 +22,7 @@ __all__ = ["FormulaLaw"]
 
 #: Kinks and turns of the curvature that a formula may have.
 _MOST_KNOTS = 1000
-#: Turns nearer to zero than this part of the reach are told apart as if they were as far.
+#: Turns nearer to zero than this part of the reach are distinguished as if they were as far.
 _FINEST = 1e-6
 #: Turns nearer to zero than this part of the reach lie at zero.
 _ZERO = 1e-18
