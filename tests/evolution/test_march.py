@@ -58,6 +58,8 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
     assert [frame.time for frame in resumed.frames] == [frame.time for frame in whole.frames]
     with pytest.raises(FileError, match="another evolution"):
         march(beam(load=-0.6), 0.6, checkpoint=kept, resume=True, **options)
+    with pytest.raises(FileError, match="another evolution, scheme, method or version"):
+        march(beam(), 0.6, checkpoint=kept, resume=True, solver=hv.NonsmoothMultigrid(), **options)
     kept.file.write_bytes(b"no checkpoint")
     with pytest.raises(FileError, match="no checkpoint"):
         march(beam(), 0.6, checkpoint=kept, resume=True, **options)

@@ -165,6 +165,7 @@ class Advance:
     discrete : DiscreteEvolution
     scheme : Scheme
     solver : Solver or None
+        Of all steps; by default what suits the elastic body, so that it is the same in a march that is resumed.
     controls : Controls
     workspace : Workspace, optional
     """
@@ -179,7 +180,7 @@ class Advance:
     ) -> None:
         self.discrete = discrete
         self.scheme = scheme
-        self.solver = solver
+        self.solver = _method(discrete) if solver is None else solver
         self.controls = controls
         self.bodies = Bodies(discrete)
         self.workspace = Workspace.given(workspace)
@@ -527,8 +528,6 @@ class Advance:
     def _sought(self, stage: Stage, initial: Solution | None, jump: Jump, controls: Controls) -> tuple[Solution, float]:
         """The same to a tolerance."""
         problem = stage.problem
-        if self.solver is None:
-            self.solver = suited(choose(problem)[0], problem)
         excess = self.excess(problem)
         if excess < 0.0:
             near = _at_rest(problem) if self.discrete.vectors.alone else None
@@ -560,7 +559,7 @@ class Advance:
             return solve(slow.problem, self.solver, controls, initial=start, workspace=self.workspace), slow.resistance
         return downhill(problem, slow, start, self.solver, controls, self.workspace), 0.0
 
-    def _foreseen(self, stage: Stage, start: Array, method: Solver) -> tuple[Array, Solver]:
+    def _foreseen(self, stage: Stage, start: Array, method: Solver | None) -> tuple[Array, Solver | None]:
         """Where a method starts from, and how: multigrid with the contact points where they are expected."""
         inert = self.discrete.mass is not None
         if not inert or not isinstance(method, NonsmoothMultigrid) or method.refuse(stage.problem) is not None:
@@ -774,6 +773,11 @@ class Advance:
         ).closed()
 
 
+def _method(discrete: DiscreteEvolution) -> Solver | None:
+    """What suits the elastic body; None over ranks, whose engine has one."""
+    return suited(choose(discrete.problem)[0], discrete.problem) if discrete.vectors.alone else None
+
+
 def _jumps(discrete: DiscreteEvolution, far: Acting, left: Acting, right: Acting, away: Acting) -> bool:
     """Whether loads or places change between the two times in the middle by more than three times as much as beside
     them, rounding aside."""
@@ -831,7 +835,7 @@ def _hides(known: float, controls: Controls) -> bool:
     return controls.rtol > 0.0 and controls.atol < known <= _KNOWN * controls.atol / controls.rtol
 
 
-def _as_accurate(solver: Solver, controls: Controls) -> Solver:
+def _as_accurate(solver: Solver | None, controls: Controls) -> Solver | None:
     """Multigrid whose cycles end where the tolerance of the step does, and not that of what is left of its load."""
     if not isinstance(solver, NonsmoothMultigrid) or solver.tolerance is not None:
         return solver

@@ -17,7 +17,7 @@ __all__ = ["identity"]
 
 
 def identity(advance: Advance, *options: object) -> str:
-    """A digest of matrices, contact points, loads, laws, memories and options, for checkpoints.
+    """A digest of matrices, contact points, loads, laws, memories, method and options, for checkpoints.
 
     What was stated counts by its content: arrays by all their numbers, formulas by their text, functions by their
     code and what they enclose.  Loads and laws are looked at as well, at times within the first step: a function may
@@ -47,7 +47,7 @@ def identity(advance: Advance, *options: object) -> str:
         add(evolution.initial(name))
     if advance.beside is not None:
         add(identity(advance.beside))
-    add(advance.scheme, advance.controls.rtol, advance.controls.atol, options)
+    add(advance.scheme, advance.solver, advance.controls.rtol, advance.controls.atol, options)
     return digest.hexdigest()
 
 

@@ -172,7 +172,7 @@ def _pressed(
     down = (place[:, 0] >= ends.upper - near) & (rate[:, 0] > _SLIPS * fast)
     up = (place[:, 0] <= ends.lower + near) & (rate[:, 0] < -_SLIPS * fast)
     holds, thrown = vectors.largest(float(held.any()), float((down | up).any())).tolist()
-    if not holds or thrown or not advance.scheme.hands_on(step):
+    if not holds or thrown or not advance.scheme.uses_initial_acceleration(step):
         return lam
     span, soon = _BRIEF * step, acting
     if any(motion.velocity.any() or motion.acceleration.any() for motion in moving):

@@ -19,7 +19,6 @@ from hemivar.evolution.history import History
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.plan import March, refuse_plan
 from hemivar.evolution.running import Run, Stepped, Tools
-from hemivar.evolution.schemes import Midpoint, MoreauJean
 from hemivar.evolution.step_laws import refuse_compliant, refuse_unaveraged
 from hemivar.systems.workspace import Workspace
 
@@ -91,9 +90,9 @@ def marching(
     refuse_plan(stated, plan)
     began = clock.perf_counter()
     discrete = discretize_evolution(evolution) if isinstance(evolution, Evolution) else evolution
-    if isinstance(plan.scheme, MoreauJean):
+    if plan.scheme.is_impact_law:
         refuse_compliant(discrete, plan.scheme)
-    if isinstance(plan.scheme, Midpoint) and plan.scheme.conserving:
+    if plan.scheme.averages_laws:
         refuse_unaveraged(discrete, plan.scheme)
     run = Run(discrete, plan, workspace, Tools() if tools is None else tools)
     run.begin()

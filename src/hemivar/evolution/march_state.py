@@ -196,8 +196,8 @@ class Checkpoint:
             )
         if owner != identity:
             raise FileError(
-                f"{shown}: the checkpoint belongs to another evolution, scheme or version; name its own file, or begin "
-                "anew without resume"
+                f"{shown}: the checkpoint belongs to another evolution, scheme, method or version; name its own file, "
+                "or begin anew without resume"
             )
         try:
             return _state(head, arrays)

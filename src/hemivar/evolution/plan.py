@@ -15,7 +15,7 @@ from hemivar.evolution.happenings import Event
 from hemivar.evolution.jumps import Jump
 from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.save import Save
-from hemivar.evolution.schemes import ImplicitEuler, MoreauJean, Scheme
+from hemivar.evolution.schemes import ImplicitEuler, Scheme
 from hemivar.evolution.steps import FixedStep, Stepping
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.solvers import Controls, Solver
@@ -128,7 +128,7 @@ def refuse_plan(stated: Evolution, plan: March) -> None:
         raise ProblemError(
             f"the scheme {scheme.name} is one for bodies without mass; take {ImplicitEuler.name} or generalized-alpha"
         )
-    if isinstance(scheme, MoreauJean) and stated.mass is Mass.REDISTRIBUTED:
+    if scheme.is_impact_law and stated.mass is Mass.REDISTRIBUTED:
         raise ProblemError(
             f"the law of impact of {scheme.name} is one of the velocities of contact points, which redistributed mass "
             "leaves undetermined: bodies pass through obstacles; take mass = 'consistent', or the scheme newmark"
@@ -154,7 +154,7 @@ def _refuse_path(stated: Evolution, plan: March) -> None:
         inert = problem.material.inert
     if resists or stated.inertia:
         return
-    if not isinstance(plan.scheme, ImplicitEuler):
+    if not plan.scheme.ends_at_equilibrium:
         raise ProblemError(
             f"jump = '{plan.jump}' follows equilibria at the ends of steps, which the scheme {plan.scheme.name} does "
             f"not have; take {ImplicitEuler.name}"

@@ -31,7 +31,7 @@ from hemivar.evolution.plan import March
 from hemivar.evolution.resuming import misfit
 from hemivar.evolution.ridge import crosses_ridge
 from hemivar.evolution.save import Frames, large_deformation, probed
-from hemivar.evolution.schemes import GeneralizedAlpha, Midpoint, Newmark, Scheme
+from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.setting_out_anew import set_out_anew
 from hemivar.evolution.step_error import step_error
 from hemivar.evolution.steps import Pace
@@ -509,7 +509,7 @@ def _added(summed: tuple[float, ...]) -> str:
 
 def _rings(discrete: DiscreteEvolution, scheme: Scheme) -> tuple[str, ...]:
     """That a scheme which is made for springs has a body hit something rigid, or nodes without mass swing, if so."""
-    if not isinstance(scheme, Midpoint | Newmark | GeneralizedAlpha):
+    if not scheme.rings_on_rigid_obstacles:
         return ()
     ends, points = discrete.problem.law.normal.domain, discrete.problem.contact_points > 0
     if discrete.mass is not None and discrete.evolution.mass is Mass.REDISTRIBUTED:

@@ -110,6 +110,19 @@ class Scheme(ABC):
     #: Whether it needs a mass, and whether it can have one.
     needs_mass: ClassVar[bool] = False
     takes_mass: ClassVar[bool] = True
+    #: Whether contact is a law of impact, one of velocities.
+    is_impact_law: ClassVar[bool] = False
+    #: Whether a step of an elastic body is one equilibrium, at its end, which the one before leads to.
+    ends_at_equilibrium: ClassVar[bool] = False
+    #: Whether a theorem bounds its error in time.
+    supports_time_bound: ClassVar[bool] = False
+    #: Whether velocities swing where a body touches a rigid obstacle.
+    rings_on_rigid_obstacles: ClassVar[bool] = False
+
+    @property
+    def averages_laws(self) -> bool:
+        """Whether the foundation pushes with the mean of its law over a step."""
+        return False
 
     @abstractmethod
     def rules(self, step: float) -> tuple[Rule, ...]:
@@ -119,27 +132,17 @@ class Scheme(ABC):
         """The same of a body without mass, whose velocity at the end of a step no step needs: it is only told."""
         return self.rules(step)
 
-    def hands_on(self, step: float) -> bool:
+    def uses_initial_acceleration(self, step: float) -> bool:
         """Whether a step needs the acceleration of its beginning."""
         return any(rule.rate.acceleration or rule.acceleration.acceleration for rule in self.rules(step))
 
-    @property
-    def impacts(self) -> bool:
-        """Whether contact is a law of impact."""
-        return any(rule.restitution is not None for rule in self.rules(1.0))
-
-    def forgets(self, step: float) -> bool:
+    def is_displacement_based(self, step: float) -> bool:
         """Whether velocities at the end of a step are those of its displacements alone."""
         return not any(
             rule.velocity or rule.acceleration
             for one in self.rules(step)
             for rule in (one.rate, one.new_velocity, replace(one.acceleration, velocity=0.0))
         )
-
-    @property
-    def factors(self) -> int:
-        """Number of different matrices in a step."""
-        return 1
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,8 @@ class ImplicitEuler(Scheme):
 
     name: ClassVar[str] = "implicit-euler"
     order: ClassVar[int] = 1
+    ends_at_equilibrium: ClassVar[bool] = True
+    supports_time_bound: ClassVar[bool] = True
 
     def rules(self, step: float) -> tuple[Rule, ...]:
         rate = Linear(1.0 / step)
@@ -168,11 +173,16 @@ class Midpoint(Scheme):
     """
 
     name: ClassVar[str] = "midpoint"
+    rings_on_rigid_obstacles: ClassVar[bool] = True
 
     conserving: bool = False
 
     def __post_init__(self) -> None:
         expect(self.conserving, bool, "conserving of Midpoint", "write True or False")
+
+    @property
+    def averages_laws(self) -> bool:
+        return self.conserving
 
     def rules(self, step: float) -> tuple[Rule, ...]:
         rate = Linear(2.0 / step)
@@ -205,6 +215,7 @@ class Newmark(Scheme):
 
     name: ClassVar[str] = "newmark"
     needs_mass: ClassVar[bool] = True
+    rings_on_rigid_obstacles: ClassVar[bool] = True
 
     beta: float = 0.25
     gamma: float = 0.5
@@ -234,6 +245,7 @@ class GeneralizedAlpha(Scheme):
 
     name: ClassVar[str] = "generalized-alpha"
     needs_mass: ClassVar[bool] = True
+    rings_on_rigid_obstacles: ClassVar[bool] = True
 
     rho: float = 0.8
 
@@ -294,6 +306,7 @@ class MoreauJean(Scheme):
     name: ClassVar[str] = "moreau-jean"
     order: ClassVar[int] = 1
     needs_mass: ClassVar[bool] = True
+    is_impact_law: ClassVar[bool] = True
 
     restitution: float = 0.0
     theta: float = 0.5

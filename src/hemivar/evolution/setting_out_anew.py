@@ -49,7 +49,7 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
         The mass matrix cannot be solved, or the impulse of a foundation not be found.
     """
     discrete = advance.discrete
-    if discrete.mass is None or advance.scheme.forgets(step):
+    if discrete.mass is None or advance.scheme.is_displacement_based(step):
         return moment
     found = _at_the_start(advance, moment, step) if not moment.index else speeds_jump(advance, moment.time, step)
     if found is None:
@@ -87,7 +87,7 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
 
 def _pushed_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     """The moment with the accelerations of the load after it, if the load jumps there; velocities stay."""
-    if not (moment.index and advance.jumps_at(moment.time) and advance.scheme.hands_on(step)):
+    if not (moment.index and advance.jumps_at(moment.time) and advance.scheme.uses_initial_acceleration(step)):
         return moment
     moving = setting_out(advance, moment.time, step)
     return accelerated(advance, moment, advance.acting_on(moment), moving, step)
@@ -110,7 +110,7 @@ def _glued(advance: Advance) -> BoolArray:
     discrete = advance.discrete
     contact, ends = discrete.problem.contact, discrete.problem.law.normal.domain
     found = np.zeros(contact.offset.shape, dtype=bool)
-    if discrete.evolution.mass is not Mass.REDISTRIBUTED and not advance.scheme.impacts:
+    if discrete.evolution.mass is not Mass.REDISTRIBUTED and not advance.scheme.is_impact_law:
         found[:, 0] = ends.lower == ends.upper
     free: BoolArray = np.diff(contact.trace.indptr).reshape(found.shape) > 0
     return found & free

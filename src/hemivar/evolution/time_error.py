@@ -52,7 +52,7 @@ from hemivar.discrete.bulk import Quadratic
 from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.moment import Moment
-from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.evolution.schemes import Scheme
 from hemivar.fem.assembly import quadrature_rule, region_masks
 from hemivar.laws import Bilateral, NoContact
 from hemivar.linear.definite import positive_pivots
@@ -300,7 +300,7 @@ def _fading(stated: Statement) -> float:
 
 def _uncovered(discrete: DiscreteEvolution, scheme: Scheme) -> str | None:
     contact = discrete.contacts.values()
-    if not isinstance(scheme, ImplicitEuler):
+    if not scheme.supports_time_bound:
         return f"the bounds are proved for implicit Euler, not for {scheme.name}"
     if discrete.heat is not None:
         return "no bound is known where heat is coupled with motion"
