@@ -8,8 +8,8 @@ import numpy as np
 
 from hemivar.adapt.admissible_stress import AdmissibleStress
 from hemivar.basics.types import Array
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import pairs_of
 from hemivar.fem.supports import stated_supports
 from hemivar.mechanics import ContactProblem

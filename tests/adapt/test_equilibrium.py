@@ -12,9 +12,9 @@ from hemivar.adapt.body_data import body_data
 from hemivar.adapt.patches import PatchKind
 from hemivar.adapt.sweeps import Sweeper
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.facet_table import facet_vertices
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.reactions import nodal_contact_forces
 from hemivar.laws import Compliance
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material

@@ -31,9 +31,10 @@ from hemivar.certify.facet_constants import (
 from hemivar.certify.lower_bounds import LowerBounds, lower_bounds
 from hemivar.certify.trace_flexibility import TraceFlexibility, _answers, _lehmann
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule, stiffness_matrix
+from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import shape_values
 from hemivar.fem.facet_table import facet_table
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mesh import Mesh, box, rectangle
 
 LAME = hv.Material.lame(4.0, 4.0)

@@ -10,9 +10,10 @@ from hemivar.basics.types import Array
 from hemivar.certify.facet_cover import facet_cover
 from hemivar.certify.local_constants import local_constants
 from hemivar.certify.simplex_constants import simplex_constants
-from hemivar.fem.assembly import quadrature_rule, stiffness_matrix
+from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.elements import shape_values
 from hemivar.fem.facet_table import facet_table
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import facet_mass, pairs_of, pulled_back, split_element, voigt_map
 from hemivar.mechanics.material import Material
 from hemivar.mesh import Mesh

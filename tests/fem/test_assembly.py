@@ -7,29 +7,28 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-import skfem
 from skfem.helpers import ddot, sym_grad, trace
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import _form_stiffness, linear_stiffness, load_vector, quadrature_rule, stiffness_matrix
+from hemivar.fem.assembly import load_vector, stiffness_blocks, stiffness_matrix
+from hemivar.fem.constitutive import elastic
+from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.unknowns import basis_of
 from hemivar.mechanics import Material, Pressure
 from hemivar.mesh import Mesh, box, rectangle
 
 from ..mesh.meshes import cube, distorted
+from .library import library_elasticity, library_matrix
 
 
-def library_stiffness(mesh: Mesh, lam: float, mu: float) -> sp.csr_matrix:
-    kind = (skfem.MeshTri, skfem.ElementTriP1) if mesh.dim == 2 else (skfem.MeshTet, skfem.ElementTetP1)
-    basis = skfem.Basis(kind[0](mesh.points.T.copy(), mesh.cells.T.copy()), skfem.ElementVector(kind[1]()))
-
-    @skfem.BilinearForm
+def library_stiffness(mesh: Mesh, lam: float, mu: float, order: int = 1) -> sp.csr_array:
     def form(u: Any, v: Any, w: Any) -> Any:
         e, d = sym_grad(u), sym_grad(v)
         return lam * trace(e) * trace(d) + 2 * mu * ddot(e, d)
 
-    return form.assemble(basis)
+    return library_matrix(mesh, order, form, 2 * order)
 
 
 MESHES = {
@@ -40,10 +39,11 @@ MESHES = {
 
 
 @pytest.mark.parametrize("name", MESHES)
-def test_linear_elements_equal_the_library(name: str) -> None:
+@pytest.mark.parametrize("order", [1, 2])
+def test_elements_equal_the_library(name: str, order: int) -> None:
     mesh = MESHES[name]()
-    K = stiffness_matrix(mesh, Material.lame(3.0, 4.0))
-    reference = library_stiffness(mesh, 3.0, 4.0)
+    K = stiffness_matrix(mesh, Material.lame(3.0, 4.0), order)
+    reference = library_stiffness(mesh, 3.0, 4.0, order)
     assert abs(K - reference).max() < 1e-14 * abs(reference).max()
     assert abs(K - K.T).max() == 0.0
     assert K.has_sorted_indices
@@ -51,14 +51,18 @@ def test_linear_elements_equal_the_library(name: str) -> None:
 
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("varying", [False, True])
-def test_general_tensor(name: str, varying: bool) -> None:
+@pytest.mark.parametrize("order", [1, 2])
+def test_general_tensor(name: str, varying: bool, order: int) -> None:
     mesh = MESHES[name]()
     size = mesh.dim * (mesh.dim + 1) // 2
     root = np.random.default_rng(1).standard_normal((size, size))
     C = root @ root.T + np.eye(size)
-    material = Material.tensor(lambda x: (1 + x[:, 0] ** 2)[:, None, None] * C) if varying else Material.tensor(C)
-    K = stiffness_matrix(mesh, material)
-    reference = _form_stiffness(mesh, material, 1)
+
+    def tensor(x: Array) -> Array:
+        return (1 + x[:, 0] ** 2)[:, None, None] * C
+
+    K = stiffness_matrix(mesh, Material.tensor(tensor if varying else C), order)
+    reference = library_elasticity(mesh, tensor if varying else C, order, 2 * order)
     assert abs(K - reference).max() < 1e-13 * abs(reference).max()
 
 
@@ -82,11 +86,14 @@ def test_stretched_cells(name: str) -> None:
 
 @pytest.mark.parametrize("mesh", [distorted(rectangle((2, 1), (6, 3))), distorted(box(cells=3))], ids=["2d", "3d"])
 @pytest.mark.parametrize("fixed", ["none", "nodes", "components"])
-def test_turned_and_reduced_blocks(mesh: Mesh, fixed: str) -> None:
+@pytest.mark.parametrize("order", [1, 2])
+def test_turned_and_reduced_blocks(mesh: Mesh, fixed: str, order: int) -> None:
     """Turning blocks and leaving out components is ``P'KP``."""
     rng = np.random.default_rng(2)
-    count, dim = mesh.points.shape
-    blocks, K = linear_stiffness(mesh, Material.lame(3.0, 4.0)), stiffness_matrix(mesh, Material.lame(3.0, 4.0))
+    dim = mesh.dim
+    blocks = stiffness_blocks(mesh, elastic(Material.lame(3.0, 4.0), mesh.dim), node_graph(mesh, order))
+    K = stiffness_matrix(mesh, Material.lame(3.0, 4.0), order)
+    count = blocks.diagonal.shape[0]
     field = rng.standard_normal((count, dim)) * (rng.random(count) < 0.3)[:, None]
     np.testing.assert_allclose(blocks.times(field).ravel(), K @ field.ravel(), atol=1e-12 * abs(K).max())
     directions = np.broadcast_to(np.eye(dim), (count, dim, dim)).copy()
@@ -98,6 +105,8 @@ def test_turned_and_reduced_blocks(mesh: Mesh, fixed: str) -> None:
     if fixed == "components":
         free &= rng.random(free.shape) < 0.7
     P = basis_of(directions, free)
+    some = rng.choice(count * dim, count // 2, replace=False)
+    np.testing.assert_allclose(blocks.columns(some).toarray(), K[:, some].toarray(), atol=1e-13 * abs(K).max())
     blocks.turn(directions)
     reduced = blocks.matrix(free)
     expected = (P.T @ K @ P).toarray()

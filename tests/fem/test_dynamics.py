@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-import skfem
 from skfem.helpers import ddot, dot, sym_grad, trace
 
 from hemivar.certify import smallness
@@ -18,7 +17,7 @@ from hemivar.certify.smallness import trace_constants
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem import discretize
-from hemivar.fem.assembly import _library_mesh, _library_numbering, stiffness_matrix
+from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.dynamics import body_matrices
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.mass import mass_matrix, resists
@@ -31,37 +30,27 @@ from hemivar.mesh import Mesh, box, rectangle
 from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Status, solve
 
 from ..mesh.meshes import cube, distorted
+from .library import library_matrix
 
 MESHES: dict[str, Callable[[], Mesh]] = {
     "cross": lambda: distorted(rectangle((2, 1), (6, 3), "cross")),
     "turned": lambda: rectangle((1, 1), 5).rotated(0.4),
     "cube": lambda: distorted(cube(3)),
 }
-ELEMENTS = {
-    (2, 1): skfem.ElementTriP1,
-    (2, 2): skfem.ElementTriP2,
-    (3, 1): skfem.ElementTetP1,
-    (3, 2): skfem.ElementTetP2,
-}
 
 
 def assembled(mesh: Mesh, order: int, lam: object, mu: object, density: object, degree: int = 8) -> sp.csr_array:
     """``int lam tr eps(u) tr eps(v) + 2 mu eps(u) : eps(v) + density u . v`` by scikit-fem alone, in our numbering."""
-    library = _library_mesh(mesh)
-    basis = skfem.Basis(library, skfem.ElementVector(ELEMENTS[mesh.dim, order]()), intorder=degree)
 
     def at(value: object, x: np.ndarray) -> object:
         return value(np.moveaxis(x, 0, -1)) if callable(value) else value
 
-    @skfem.BilinearForm
     def form(u: Any, v: Any, w: Any) -> Any:
         e, d = sym_grad(u), sym_grad(v)
         elastic = at(lam, w.x) * trace(e) * trace(d) + 2 * at(mu, w.x) * ddot(e, d)
         return elastic + at(density, w.x) * dot(u, v)
 
-    matrix = form.assemble(basis).tocoo()
-    number = _library_numbering(mesh, library, basis, order)
-    return sp.csr_array((matrix.data, (number[matrix.row], number[matrix.col])), shape=matrix.shape)
+    return library_matrix(mesh, order, form, degree)
 
 
 def density(x: np.ndarray) -> np.ndarray:

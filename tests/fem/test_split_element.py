@@ -9,9 +9,9 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
 from hemivar.fem.facet_table import facet_table, facet_vertices
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import MomentSpace, SplitElement, pairs_of, pulled_back, split_element, voigt
 from hemivar.mesh.build import box, rectangle
 from hemivar.mesh.mesh import Mesh

@@ -16,7 +16,7 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.fem import gradient
-from hemivar.fem.assembly import quadrature_rule
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.linear.cycle import ElasticMultigrid
 from hemivar.mechanics import Side
 from hemivar.mesh import Mesh

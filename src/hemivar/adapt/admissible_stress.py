@@ -19,8 +19,8 @@ from hemivar.adapt.body_data import BodyData
 from hemivar.adapt.vertex_moments import Tractions, UnsettledTractions, equilibrated
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import SplitElement, split_element, voigt, voigt_map
 from hemivar.mesh.keys import EDGES
 

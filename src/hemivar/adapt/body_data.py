@@ -17,10 +17,11 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule, tensors
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
 from hemivar.fem.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.fem.held_facets import held_facets
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import facet_mass, pulled_back
 from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector, traction_value
@@ -224,7 +225,7 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
         middle = np.empty(table.cells.shape, dtype=np.int64)
         middle[:, facet_vertices(2, 2)[:, 2] - 3] = facet_nodes[table.cell_facets][:, :, 2]
         cell_nodes = np.hstack([table.cells, middle])
-    tensor, weights = tensors(mesh, problem.material, 2 * order, vertices=None if order == 1 else table.cells)
+    tensor, weights = constitutive_law(problem).on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
     strains, stresses, forces = _stresses(table, order, u[cell_nodes], tensor, weights)
     contact = np.full(len(table.facets), -1, dtype=np.int64)
     for number, name in enumerate(problem.contact):

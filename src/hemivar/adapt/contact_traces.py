@@ -13,9 +13,9 @@ import numpy as np
 from hemivar.adapt.body_data import BodyData
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import facet_mass
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.conditions import evaluate_scalar

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.formula import Formula, FormulaArray
 from hemivar.formula.expansion import Expansion
 from hemivar.mechanics.conditions import evaluate_scalar, evaluate_vector

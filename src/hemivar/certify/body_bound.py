@@ -22,7 +22,7 @@ from hemivar.certify.facet_constants import mass_root
 from hemivar.certify.local_constants import local_constants
 from hemivar.certify.simplex_constants import missed_part
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import tensors
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.fem.equilibrated_blocks import equilibrated_blocks
 from hemivar.fem.facet_table import facet_table
@@ -56,7 +56,7 @@ def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> f
     while bare.mesh.number_of_cells < _CELLS[bare.mesh.dim]:
         bare = replace(bare, mesh=bare.mesh.refined())
     table = facet_table(bare.mesh)
-    matrices, _ = tensors(bare.mesh, bare.material, 2)
+    matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
     if np.abs(matrices - matrices[:, :1]).max() > 1e-13 * np.abs(matrices).max():
         raise ProblemError("the material varies inside cells; bounds of constants of a body need it constant on each")
     held = held_facets(bare, table)

@@ -27,7 +27,7 @@ from hemivar.certify.contact_normals import contact_normals, has_constant_normal
 from hemivar.certify.facet_cover import facet_cover
 from hemivar.certify.trace_flexibility import TraceFlexibility, TraceRange
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import tensors
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.facet_table import FacetTable, facet_table
 from hemivar.fem.held_facets import held_facets
 from hemivar.mechanics.statement import ContactProblem
@@ -148,7 +148,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     if workspace is None:
         return _found(bare, most)
     touching = np.sort(np.concatenate([table.numbers(bare.mesh.boundaries[name]) for name in bare.contact]))
-    matrices, _ = tensors(bare.mesh, bare.material, 2)
+    matrices, _ = constitutive_law(bare).on(bare.mesh, 2)
     kind = np.array([most, not has_constant_normals(bare)])
     normals = contact_normals(bare, table, touching)
     parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, normals, kind)

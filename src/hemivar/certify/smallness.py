@@ -18,9 +18,10 @@ from hemivar.certify.lower_bounds import lower_bounds
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule, region_masks, stiffness_matrix
+from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.discretize import discretize
 from hemivar.fem.posed import Posable, posed
+from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
 from hemivar.laws import ContactLaw, Superpotential
 from hemivar.mechanics.material import Material

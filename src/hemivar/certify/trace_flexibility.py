@@ -37,13 +37,14 @@ from hemivar.basics.types import Array
 from hemivar.certify.contact_normals import contact_normals
 from hemivar.certify.facet_constants import facet_constants, mass_root
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule, tensors
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.directed_matrix import directed_matrix
 from hemivar.fem.elements import shape_values
 from hemivar.fem.equilibrated_blocks import equilibrated_blocks
 from hemivar.fem.facet_table import facet_table
 from hemivar.fem.held_facets import held_facets
 from hemivar.fem.quadratic_blocks import quadratic_blocks
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import pulled_back
 from hemivar.mechanics.statement import ContactProblem
 
@@ -108,7 +109,7 @@ class TraceFlexibility:
         mesh = problem.mesh
         dim = mesh.dim
         table = facet_table(mesh)
-        matrices, _ = tensors(mesh, problem.material, 2)
+        matrices, _ = constitutive_law(problem).on(mesh, 2)
         if np.abs(matrices - matrices[:, :1]).max() > _CONSTANT * np.abs(matrices).max():
             raise ProblemError(
                 "the material varies inside cells; bounds of the trace constant need it constant on each"

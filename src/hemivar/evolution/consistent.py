@@ -14,7 +14,7 @@ from hemivar.evolution.discrete import Acting, DiscreteEvolution
 from hemivar.evolution.jumps import Jump
 from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.moment import Moment, Motion
-from hemivar.fem.assembly import quadrature_rule, region_masks
+from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.per_volume import at_place
 from hemivar.mechanics.scalar import ScalarProblem
 

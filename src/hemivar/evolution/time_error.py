@@ -53,7 +53,7 @@ from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.moment import Moment
 from hemivar.evolution.schemes import Scheme
-from hemivar.fem.assembly import quadrature_rule, region_masks
+from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.laws import Bilateral, NoContact
 from hemivar.linear.definite import positive_pivots
 from hemivar.mechanics.scalar import Statement

@@ -15,11 +15,12 @@ from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.contact_points import refuse_dependent
+from hemivar.fem.edge_blocks import node_graph
 from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.fem.locking import locking_warning
-from hemivar.fem.mass import body_blocks, body_matrix, resists
+from hemivar.fem.mass import body_blocks, resists
 from hemivar.fem.scalar_energy import discretize_scalar
-from hemivar.fem.unknowns import in_time, nodal_conditions, pattern_of, reduced, spread
+from hemivar.fem.unknowns import nodal_conditions
 from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.obstacles import refuse_inside
 from hemivar.mechanics.scalar import ScalarProblem, Statement
@@ -96,22 +97,13 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
     full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
     prescribed, bedding = conditions.prescribed, bedding_of(problem.bedding)
     reaction = np.zeros_like(prescribed)
-    if order == 1:
-        blocks = body_blocks(mesh, problem.material, bedding)
-        bedded = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
-        if prescribed.any():
-            reaction = blocks.times(supports.value).ravel()
-        blocks.turn(conditions.directions)
-        stiffness = blocks.matrix(conditions.free)
-        del blocks
-    else:
-        full_stiffness = body_matrix(mesh, problem.material, bedding, order)
-        bedded = resists(mesh, order, bedding, full_stiffness.diagonal().reshape(-1, mesh.dim))
-        if prescribed.any():
-            reaction = full_stiffness @ prescribed
-        stiffness = reduced(full_stiffness, basis)
-        if in_time(problem):
-            stiffness = spread(stiffness, pattern_of(mesh, order, basis))
+    blocks = body_blocks(mesh, problem.material, bedding, node_graph(mesh, order))
+    bedded = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
+    if prescribed.any():
+        reaction = blocks.times(supports.value).ravel()
+    blocks.turn(conditions.directions)
+    stiffness = blocks.matrix(conditions.free)
+    del blocks
     load = basis.T @ (full_load - reaction)
     constant = float(prescribed @ (0.5 * reaction - full_load))
 

@@ -13,9 +13,10 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.mass import body_blocks, body_matrix, mass_blocks, mass_matrix
+from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.mass import body_blocks, mass_blocks
 from hemivar.fem.supports import Supports
-from hemivar.fem.unknowns import in_time, nodal_conditions, pattern_of, reduced, spread
+from hemivar.fem.unknowns import nodal_conditions
 from hemivar.mechanics.bedding import Bedding, bedding_of
 from hemivar.mechanics.composed_material import Combination
 from hemivar.mechanics.conditions import Support, prescribed_values
@@ -117,31 +118,16 @@ def body_matrices(problem: ContactProblem, discrete: DiscreteProblem | None = No
     known = None if discrete is None else discrete.linear.stiffness
     if known is not None and known.shape[0] != conditions.basis.shape[1]:
         raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
-    if problem.order == 1:
-        mesh = problem.mesh
+    mesh, graph = problem.mesh, node_graph(problem.mesh, problem.order)
 
-        def make(elastic: Material | None, dense: Bedding, like: sp.csr_array | None) -> BodyMatrix:
-            blocks = mass_blocks(mesh, dense) if elastic is None else body_blocks(mesh, elastic, dense)
-            coupling, held = maker.coupled(blocks.columns(maker.moved), conditions.basis)
-            if elastic is material and known is not None:
-                return BodyMatrix(known, coupling, held)
-            blocks.turn(conditions.directions)
-            matrix = blocks.matrix(conditions.free)
-            return BodyMatrix(matrix if like is None else _like(like, matrix.data), coupling, held)
-    else:
-        pattern = pattern_of(problem.mesh, problem.order, conditions.basis) if in_time(problem) else None
-
-        def make(elastic: Material | None, dense: Bedding, like: sp.csr_array | None) -> BodyMatrix:
-            if elastic is None:
-                full = mass_matrix(problem.mesh, dense, problem.order)
-            else:
-                full = body_matrix(problem.mesh, elastic, dense, problem.order)
-            coupling, held = maker.coupled(sp.csr_array(full[:, maker.moved]), conditions.basis)
-            if elastic is material and known is not None:
-                return BodyMatrix(known, coupling, held)
-            matrix = reduced(full, conditions.basis)
-            matrix = matrix if pattern is None else spread(matrix, pattern)
-            return BodyMatrix(matrix if like is None else _like(like, matrix.data), coupling, held)
+    def make(elastic: Material | None, dense: Bedding, like: sp.csr_array | None) -> BodyMatrix:
+        blocks = mass_blocks(mesh, dense, graph) if elastic is None else body_blocks(mesh, elastic, dense, graph)
+        coupling, held = maker.coupled(blocks.columns(maker.moved), conditions.basis)
+        if elastic is material and known is not None:
+            return BodyMatrix(known, coupling, held)
+        blocks.turn(conditions.directions)
+        matrix = blocks.matrix(conditions.free)
+        return BodyMatrix(matrix if like is None else _like(like, matrix.data), coupling, held)
 
     stiffness = make(material, bedding, None)
     like = stiffness.matrix

@@ -10,8 +10,8 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule, region_masks
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
+from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.formula import TIME, Formula
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 

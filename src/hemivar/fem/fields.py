@@ -10,8 +10,8 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule, region_masks
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
+from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 

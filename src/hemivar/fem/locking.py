@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.fem.assembly import region_masks
+from hemivar.fem.quadrature import region_masks
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["LOCKING", "largest_poisson_ratio", "locking_warning"]

@@ -6,19 +6,18 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.fem.assembly import EdgeBlocks, linear_stiffness, quadrature_rule, region_masks, stiffness_matrix
+from hemivar.fem.assembly import portions, stiffness_blocks
+from hemivar.fem.constitutive import elastic
+from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
 from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.per_volume import PerVolume
-from hemivar.mesh.keys import EDGES
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["body_blocks", "body_matrix", "cell_masses", "mass_blocks", "mass_matrix", "resists"]
+__all__ = ["body_blocks", "cell_masses", "mass_blocks", "mass_matrix", "resists"]
 
-#: In how many portions cells are summed, and the least number of them.
-_PORTIONS = 16
-_PORTION = 1 << 14
 #: Ratio of bedding and stiffness at a node below which the bedding is lost in the rounding of the stiffness.
 _FELT = 1e-12
 
@@ -36,43 +35,39 @@ def cell_masses(mesh: Mesh, order: int, bedding: Bedding | PerVolume, cells: sli
     volumes = mesh.volumes[cells]
     if constant is not None:
         return np.asarray(constant * volumes[:, None, None] * table.sum(axis=0))
-    points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells[cells]])
-    masks = {name: np.repeat(mask[cells], len(weights)) for name, mask in region_masks(mesh).items()}
-    values = bedding.at(points.reshape(-1, mesh.dim), masks).reshape(len(points), len(weights))
+    values, _ = at_quadrature_points(mesh, 2 * order + 2, bedding.at, cells)
     size = shapes.shape[1]
     return np.asarray(volumes[:, None] * (values @ table.reshape(len(weights), -1))).reshape(-1, size, size)
 
 
-def _portions(mesh: Mesh) -> list[slice]:
-    count = mesh.number_of_cells
-    step = max(count // _PORTIONS + 1, _PORTION)
-    return [slice(start, start + step) for start in range(0, count, step)]
-
-
-def mass_blocks(mesh: Mesh, bedding: Bedding, into: EdgeBlocks | None = None) -> EdgeBlocks:
-    """Consistent mass matrix ``int bedding u . v`` of linear elements by nodes and edges.
+def mass_blocks(
+    mesh: Mesh, bedding: Bedding | PerVolume, graph: NodeGraph | None = None, into: EdgeBlocks | None = None
+) -> EdgeBlocks:
+    """Consistent mass matrix ``int bedding u . v`` by nodes and edges.
 
     Parameters
     ----------
     mesh : Mesh
-    bedding : Bedding
+    bedding : Bedding or PerVolume
         The density, or the stiffness of a bedding; ``Bedding(material=material, factor=1.0)`` is the density.
+    graph : NodeGraph, optional
+        Of the mesh and the order of the elements; by default of linear ones.
     into : EdgeBlocks, optional
-        Of the same mesh; they are added to in place, and returned.
+        Of the same graph; they are added to in place, and returned. By default blocks of d components are made.
     """
-    dim, count, edges = mesh.dim, mesh.number_of_nodes, mesh.edges
-    on_nodes, on_edges = np.zeros(count), np.zeros(len(edges))
-    for part in _portions(mesh):
-        local = cell_masses(mesh, 1, bedding, part)
-        corners = range(dim + 1)
-        on_nodes += np.bincount(mesh.cells[part].ravel(), local[:, corners, corners].ravel(), minlength=count)
-        edge = mesh.cell_edges[part]
+    graph = node_graph(mesh, 1) if graph is None else graph
+    into = graph.zeros(mesh.dim) if into is None else into
+    on_nodes, on_edges = np.zeros(graph.count), np.zeros(len(graph.edges))
+    corners, (one, other) = np.arange(graph.cells.shape[1]), graph.local
+    for part in portions(mesh, graph.order):
+        local = cell_masses(mesh, graph.order, bedding, part)
+        on_nodes += np.bincount(graph.cells[part].ravel(), local[:, corners, corners].ravel(), minlength=graph.count)
+        edge = graph.cell_edges[part]
         first, last = int(edge.min()), int(edge.max()) + 1
-        pairs = np.stack([local[:, a, b] for a, b in EDGES[dim]], axis=1)
-        on_edges[first:last] += np.bincount((edge - first).ravel(), pairs.ravel(), minlength=last - first)
-    if into is None:
-        into = EdgeBlocks(np.zeros((count, dim, dim)), np.zeros((len(edges), dim, dim)), edges)
-    for c in range(dim):
+        on_edges[first:last] += np.bincount(
+            (edge - first).ravel(), local[:, one, other].ravel(), minlength=last - first
+        )
+    for c in range(into.diagonal.shape[1]):
         into.diagonal[:, c, c] += on_nodes
         into.upper[:, c, c] += on_edges
     return into
@@ -80,26 +75,14 @@ def mass_blocks(mesh: Mesh, bedding: Bedding, into: EdgeBlocks | None = None) ->
 
 def mass_matrix(mesh: Mesh, bedding: Bedding, order: int = 1) -> sp.csr_array:
     """Consistent mass matrix ``v'M u = int bedding u . v``, shape (nodes * d, nodes * d)."""
-    if order == 1:
-        return mass_blocks(mesh, bedding).matrix()
-    nodes = mesh.cell_nodes(order)
-    size, local = nodes.shape[1], cell_masses(mesh, order, bedding)
-    rows, columns = np.repeat(nodes, size, axis=1), np.tile(nodes, (1, size))
-    count = len(mesh.nodes(order))
-    scalar = sp.csr_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(count, count))
-    return sp.csr_array(sp.kron(scalar, sp.eye_array(mesh.dim), format="csr"))
+    return mass_blocks(mesh, bedding, node_graph(mesh, order)).matrix()
 
 
-def body_blocks(mesh: Mesh, material: Material, bedding: Bedding) -> EdgeBlocks:
-    """Stiffness of linear elements with that of a bedding, by nodes and edges."""
-    blocks = linear_stiffness(mesh, material)
-    return blocks if bedding.none else mass_blocks(mesh, bedding, blocks)
-
-
-def body_matrix(mesh: Mesh, material: Material, bedding: Bedding, order: int) -> sp.csr_array:
-    """Stiffness with that of a bedding, shape (nodes * d, nodes * d)."""
-    stiffness = stiffness_matrix(mesh, material, order)
-    return stiffness if bedding.none else sp.csr_array(stiffness + mass_matrix(mesh, bedding, order))
+def body_blocks(mesh: Mesh, material: Material, bedding: Bedding, graph: NodeGraph | None = None) -> EdgeBlocks:
+    """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given."""
+    graph = node_graph(mesh, 1) if graph is None else graph
+    blocks = stiffness_blocks(mesh, elastic(material, mesh.dim), graph)
+    return blocks if bedding.none else mass_blocks(mesh, bedding, graph, blocks)
 
 
 def resists(mesh: Mesh, order: int, bedding: Bedding | PerVolume, diagonal: Array) -> bool:
@@ -117,7 +100,7 @@ def resists(mesh: Mesh, order: int, bedding: Bedding | PerVolume, diagonal: Arra
         return False
     nodes, count = mesh.cell_nodes(order), len(diagonal)
     own = np.zeros(count)
-    for part in _portions(mesh):
+    for part in portions(mesh, order):
         local = cell_masses(mesh, order, bedding, part)
         entries = range(local.shape[1])
         own += np.bincount(nodes[part].ravel(), local[:, entries, entries].ravel(), minlength=count)

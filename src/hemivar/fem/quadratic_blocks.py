@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.split_element import pairs_of, voigt_map
 
 __all__ = ["quadratic_blocks"]

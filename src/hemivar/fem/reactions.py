@@ -8,10 +8,12 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import load_vector, quadrature_rule, tensors
+from hemivar.fem.assembly import load_vector
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.contact_points import shares
-from hemivar.fem.elements import barycentric_gradients, shape_derivatives, voigt_index
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.mass import cell_masses
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.scalar_energy import scalar_reactions
 from hemivar.fem.supports import stated_supports, sum_by
 from hemivar.mechanics.bedding import bedding_of
@@ -99,22 +101,18 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
     """Forces that some cells exert on the nodes against a displacement, shape (nodes, d): their part of ``K U``.
 
     That of a bedding is counted."""
-    mesh, order, material = problem.mesh, problem.order, problem.material
-    rule = 2 * (order - 1) if material.homogeneous else 2 * order
-    barycentric, weights = quadrature_rule(mesh.dim, max(rule, 1))
-    tensor, _ = tensors(mesh, material, 2 * order, cells)
-    index = voigt_index(mesh.dim)
+    mesh, order, law = problem.mesh, problem.order, constitutive_law(problem)
+    matrices, _ = law.on(mesh, 2 * order, cells)
+    barycentric, weights = quadrature_rule(mesh.dim, max(2 * (order - 1), 1) if law.homogeneous else 2 * order)
     gradients, nodes = barycentric_gradients(mesh, cells), mesh.cell_nodes(order)[cells]
     values, volumes = displacement[nodes], mesh.volumes[cells]
-    forces = np.zeros((len(cells), nodes.shape[1], mesh.dim))
+    forces: Array = np.zeros(values.shape)
     for q, (place, weight) in enumerate(zip(barycentric, weights, strict=True)):
         shapes = np.einsum("la,kad->kld", shape_derivatives(order, place), gradients)
-        gradient = np.einsum("kld,klc->kcd", shapes, values)
-        strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
-        elastic = tensor[:, min(q, tensor.shape[1] - 1)][:, index[:, :, None, None], index]
-        stress = np.einsum("kijmn,kmn->kij", np.broadcast_to(elastic, (len(cells), *elastic.shape[1:])), strain)
-        forces += np.einsum("k,kij,klj->kli", weight * volumes, stress, shapes)
+        strain = law.strain(np.einsum("kld,klc->kcd", shapes, values))
+        stress = (matrices[:, min(q, matrices.shape[1] - 1)] @ strain[:, :, None])[:, :, 0]
+        forces += np.einsum("k,kcd,kld->klc", weight * volumes, stress[:, law.strains], shapes)
     bedding = bedding_of(problem.bedding)
     if not bedding.none:
         forces += cell_masses(mesh, order, bedding, cells) @ values
-    return sum_by(nodes.ravel(), forces.reshape(-1, mesh.dim), len(displacement))
+    return sum_by(nodes.ravel(), forces.reshape(-1, forces.shape[2]), len(displacement))

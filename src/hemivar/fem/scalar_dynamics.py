@@ -12,8 +12,8 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.dynamics import BodyMatrices, BodyMatrix
-from hemivar.fem.scalar_energy import contact_of, full_matrix, held_values, scalar_load
-from hemivar.fem.unknowns import pattern_of_nodes, spread
+from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.scalar_energy import contact_of, held_values, scalar_blocks, scalar_load
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Shares
 
@@ -38,27 +38,27 @@ def scalar_matrices(problem: ScalarProblem, discrete: DiscreteProblem) -> BodyMa
     field = discrete.field
     assert field is not None
     basis, stiffness = field.basis, discrete.linear.stiffness
-    moved = moved_nodes(problem)
-    pick = sp.csr_array((np.ones(moved.size), (moved, np.arange(moved.size))), shape=(basis.shape[0], moved.size))
-    pattern = pattern_of_nodes(problem.mesh, problem.order, basis)
-
-    def part(full: sp.csr_array, inner: sp.csr_array | None = None) -> BodyMatrix:
-        if inner is None:
-            found = spread(sp.csr_array(basis.T @ full @ basis), pattern)
-            inner = sp.csr_array((found.data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
-        columns = sp.csr_array(full @ pick)
-        return BodyMatrix(inner, sp.csr_array(basis.T @ columns), sp.csr_array(pick.T @ columns))
-
-    if not (np.array_equal(pattern.indptr, stiffness.indptr) and np.array_equal(pattern.indices, stiffness.indices)):
+    graph, moved = node_graph(problem.mesh, problem.order), moved_nodes(problem)
+    free = np.diff(basis.indptr)[:, None] > 0
+    if stiffness.shape[0] != basis.shape[1]:
         raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
+
+    def part(shares: Shares | None = None, only_mass: bool = False) -> BodyMatrix:
+        stated = problem if shares is None else replace(problem, bedding=0.0, shares=shares)
+        blocks = scalar_blocks(stated, graph, only_mass=only_mass)
+        data = stiffness.data if shares is None else blocks.matrix(free).data
+        inner = sp.csr_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
+        columns = blocks.columns(moved)
+        return BodyMatrix(inner, sp.csr_array(basis.T @ columns), sp.csr_array(columns[moved]))
+
     viscosity = mass = None
     if problem.viscosity is not None:
-        viscosity = part(full_matrix(replace(problem, bedding=0.0, shares=Shares(viscous=1.0, elastic=0.0))))
+        viscosity = part(Shares(viscous=1.0, elastic=0.0))
     if problem.capacity is not None:
-        viscosity = part(full_matrix(replace(problem, bedding=0.0, shares=Shares(viscous=1.0)), only_mass=True))
+        viscosity = part(Shares(viscous=1.0), only_mass=True)
     if problem.density is not None:
-        mass = part(full_matrix(replace(problem, bedding=0.0, shares=Shares(inert=1.0)), only_mass=True))
-    return BodyMatrices(part(full_matrix(problem), stiffness), viscosity, mass, (), moved)
+        mass = part(Shares(inert=1.0), only_mass=True)
+    return BodyMatrices(part(), viscosity, mass, (), moved)
 
 
 def moved_nodes(problem: ScalarProblem) -> IntArray:

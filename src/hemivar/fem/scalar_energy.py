@@ -13,33 +13,32 @@ from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem, quadratic
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
-from hemivar.fem.assembly import EdgeBlocks, quadrature_rule, region_masks
+from hemivar.fem.assembly import Density, integrated_load, stiffness_blocks
+from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.contact_points import shares
-from hemivar.fem.elements import barycentric_gradients, scaled_gradients, shape_derivatives, shape_values
+from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
+from hemivar.fem.elements import barycentric_gradients, shape_derivatives
 from hemivar.fem.free_motion import refuse_free_motion
-from hemivar.fem.mass import cell_masses, resists
+from hemivar.fem.mass import mass_blocks, resists
+from hemivar.fem.quadrature import region_masks
 from hemivar.fem.supports import in_words
-from hemivar.fem.unknowns import pattern_of_nodes, spread
 from hemivar.laws import ContactLaw, Friction, NoContact
 from hemivar.mechanics.conditions import LARGEST, ScalarData, evaluate_scalar
 from hemivar.mechanics.instants import told_of
 from hemivar.mechanics.scalar import ScalarContact, ScalarProblem, Shares, Side
-from hemivar.mesh.keys import EDGES
 
 __all__ = [
     "contact_of",
     "discretize_scalar",
-    "full_matrix",
     "gradient",
     "gradient_norm_problem",
     "held_values",
     "least_coefficient",
+    "scalar_blocks",
     "scalar_load",
     "scalar_reactions",
 ]
 
-#: In how many portions the cells are gone through.
-_PORTIONS = 16
 #: What rounding may put a held node beyond the end of a law by, of the largest level or value there.
 _ROUNDED = 1e-12
 
@@ -85,21 +84,11 @@ def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) 
     prescribed = np.where(held, value, 0.0)
     reaction = np.zeros(len(nodes))
     bedding = problem.mass_of_step
-    if order == 1:
-        blocks = _linear_blocks(problem)
-        bedded = resists(mesh, order, bedding, blocks.diagonal[:, 0])
-        if prescribed.any():
-            reaction = blocks.times(prescribed[:, None]).ravel()
-        stiffness = blocks.matrix(free[:, None])
-    else:
-        matrix = _form(problem)
-        bedded = resists(mesh, order, bedding, matrix.diagonal()[:, None])
-        if prescribed.any():
-            reaction = np.asarray(matrix @ prescribed)
-        stiffness = sp.csr_array(matrix[free][:, free])
-        stiffness.sort_indices()
-        if problem.inert or problem.resisted:  # then it has more matrices, on one sparsity
-            stiffness = spread(stiffness, pattern_of_nodes(mesh, order, basis))
+    blocks = scalar_blocks(problem, node_graph(mesh, order))
+    bedded = resists(mesh, order, bedding, blocks.diagonal[:, 0])
+    if prescribed.any():
+        reaction = blocks.times(prescribed[:, None]).ravel()
+    stiffness = blocks.matrix(free[:, None])
     contact, law, energy = contact_of(problem, nodes, basis, prescribed)
     field = Field(mesh, order, basis, prescribed, 1, problem.kind.unknown, bedded=bedded, constants=True)
     discrete = DiscreteProblem(
@@ -147,121 +136,31 @@ def held_values(problem: ScalarProblem, nodes: Array) -> tuple[BoolArray, Array]
 # ---- matrices and loads -----------------------------------------------------------------------------------
 
 
-def _at_rule(problem: ScalarProblem, degree: int, cells: slice | IntArray = slice(None)) -> tuple[Array, Array, Array]:
-    """Coefficients (k, q, d, d) at the points of a rule, or (1, 1, d, d); its barycentric points and weights."""
-    mesh = problem.mesh
-    barycentric, weights = quadrature_rule(mesh.dim, degree)
-    if problem.homogeneous:
-        return problem.coefficients(mesh.points[:1])[None], barycentric, weights
-    points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells[cells]])
-    masks = {name: np.repeat(mask[cells], len(weights)) for name, mask in region_masks(mesh).items()}
-    tensors = problem.coefficients(points.reshape(-1, mesh.dim), masks)
-    return tensors.reshape(len(points), len(weights), mesh.dim, mesh.dim), barycentric, weights
-
-
-def _linear_blocks(problem: ScalarProblem) -> EdgeBlocks:
-    """``int A grad u . grad v + bedding u v`` of linear elements, by nodes and edges; no matrix per element."""
-    mesh = problem.mesh
-    edges, dim = len(mesh.edges), mesh.dim
-    upper, mass, own = np.zeros(edges), np.zeros(edges), np.zeros(mesh.number_of_nodes)
-    bedding = problem.mass_of_step
-    step = max(mesh.number_of_cells // _PORTIONS + 1, 1 << 14)
-    for start in range(0, mesh.number_of_cells, step):
-        part = slice(start, start + step)
-        place = mesh.cell_edges[part].T.ravel()
-        sides = scaled_gradients(mesh, part, np.sqrt(mesh.volumes[part]))
-        tensors, _, weights = _at_rule(problem, 2, part)
-        mean = tensors[:, 0] if problem.homogeneous else np.einsum("q,mqij->mij", weights, tensors)
-        flux = np.einsum("mij,ajm->aim", np.broadcast_to(mean, (sides.shape[2], dim, dim)), sides)
-        values = np.concatenate([np.einsum("im,im->m", sides[a], flux[b]) for a, b in EDGES[dim]])
-        upper += np.bincount(place, weights=values, minlength=edges)
-        if not bedding.none:
-            parts = cell_masses(mesh, 1, bedding, part)
-            values = np.concatenate([parts[:, a, b] for a, b in EDGES[dim]])
-            mass += np.bincount(place, weights=values, minlength=edges)
-            diagonal = np.einsum("maa->ma", parts)
-            own += np.bincount(mesh.cells[part].ravel(), weights=diagonal.ravel(), minlength=len(own))
-    for end in mesh.edges.T:  # rows of the stiffness sum to zero
-        own -= np.bincount(end, weights=upper, minlength=len(own))
-    return EdgeBlocks(own[:, None, None], (upper + mass)[:, None, None], mesh.edges)
-
-
-def full_matrix(problem: ScalarProblem, only_mass: bool = False) -> sp.csr_array:
-    """``int A grad u . grad v + mass u v`` for all nodes; the mass is :attr:`ScalarProblem.mass_of_step`.
+def scalar_blocks(problem: ScalarProblem, graph: NodeGraph, *, only_mass: bool = False) -> EdgeBlocks:
+    """``int A grad u . grad v + mass u v`` by nodes and edges; the mass is :attr:`ScalarProblem.mass_of_step`.
 
     Parameters
     ----------
     problem : ScalarProblem
+    graph : NodeGraph
     only_mass : bool
         Without the first term.
     """
-    if not only_mass:
-        return _linear_blocks(problem).matrix() if problem.order == 1 else _form(problem)
-    mesh, order = problem.mesh, problem.order
-    blocks, nodes = cell_masses(mesh, order, problem.mass_of_step), mesh.cell_nodes(order)
-    rows = np.broadcast_to(nodes[:, :, None], blocks.shape).ravel()
-    columns = np.broadcast_to(nodes[:, None, :], blocks.shape).ravel()
-    size = len(mesh.nodes(order))
-    return sp.csr_array((blocks.ravel(), (rows, columns)), shape=(size, size))
-
-
-def _form(problem: ScalarProblem) -> sp.csr_array:
-    """The same matrix of quadratic elements, for all nodes."""
-    mesh, order = problem.mesh, problem.order
-    tensors, barycentric, weights = _at_rule(problem, 2 * (order - 1) if problem.homogeneous else 2 * order)
-    gradients, nodes = barycentric_gradients(mesh), mesh.cell_nodes(order)
-    blocks = np.zeros((*nodes.shape, nodes.shape[1]))
-    for q, (place, weight) in enumerate(zip(barycentric, weights, strict=True)):
-        shapes = np.einsum("la,kad->kld", shape_derivatives(order, place), gradients)
-        at = np.broadcast_to(tensors[:, min(q, tensors.shape[1] - 1)], (len(nodes), mesh.dim, mesh.dim))
-        blocks += np.einsum("k,kld,kde,kme->klm", weight * mesh.volumes, shapes, at, shapes, optimize=True)
-    bedding = problem.mass_of_step
-    if not bedding.none:
-        blocks += cell_masses(mesh, order, bedding)
-    rows = np.broadcast_to(nodes[:, :, None], blocks.shape).ravel()
-    columns = np.broadcast_to(nodes[:, None, :], blocks.shape).ravel()
-    size = len(mesh.nodes(order))
-    matrix = sp.csr_array((blocks.ravel(), (rows, columns)), shape=(size, size))
-    return sp.csr_array(0.5 * (matrix + matrix.T))
+    mesh, mass = problem.mesh, problem.mass_of_step
+    blocks = graph.zeros(1) if only_mass else stiffness_blocks(mesh, constitutive_law(problem), graph)
+    return blocks if mass.none else mass_blocks(mesh, mass, graph, blocks)
 
 
 def scalar_load(problem: ScalarProblem) -> Array:
     """``int source v + int_boundary flux v`` of the shape functions, shape (nodes,)."""
-    mesh, order = problem.mesh, problem.order
-    load = np.zeros(len(mesh.nodes(order)))
-    if callable(problem.source) or problem.source != 0.0:
-        _add(load, mesh.points, mesh.cells, mesh.cell_nodes(order), mesh.volumes, order, 4, problem.source, "source")
-    for name, flux in problem.fluxes.items():
-        facets = mesh.boundaries[name]
-        _, measures = mesh.facet_normals(facets)
-        members = mesh.facet_nodes(facets, order)
-        _add(load, mesh.points, facets, members, measures, order, 5, flux, f"fluxes['{name}']")
-    return load
 
+    def density(value: ScalarData, what: str) -> Density:
+        if callable(value):
+            return lambda points, _: evaluate_scalar(value, points, what)[:, None]
+        return np.array([value])
 
-def _add(
-    load: Array,
-    points: Array,
-    simplices: IntArray,
-    nodes: IntArray,
-    measures: Array,
-    order: int,
-    degree: int,
-    density: ScalarData,
-    what: str,
-) -> None:
-    """Add the integrals of a density times the shape functions over simplices."""
-    barycentric, weights = quadrature_rule(simplices.shape[1] - 1, degree if callable(density) else order)
-    shapes = shape_values(order, barycentric)
-    step = max(len(simplices) // _PORTIONS + 1, 1 << 14)
-    for start in range(0, len(simplices), step):
-        part = slice(start, start + step)
-        at = np.full((len(simplices[part]), len(weights)), 0.0 if callable(density) else density)
-        if callable(density):
-            places = np.einsum("qk,mkd->mqd", barycentric, points[simplices[part]])
-            at = evaluate_scalar(density, places.reshape(-1, points.shape[1]), what).reshape(at.shape)
-        local = np.einsum("q,qk,mq,m->mk", weights, shapes, at, measures[part], optimize=True)
-        load += np.bincount(nodes[part].ravel(), weights=local.ravel(), minlength=len(load))
+    fluxes = {name: density(flux, f"fluxes['{name}']") for name, flux in problem.fluxes.items()}
+    return integrated_load(problem.mesh, problem.order, 1, density(problem.source, "source"), fluxes)
 
 
 # ---- contact ----------------------------------------------------------------------------------------------
@@ -409,7 +308,7 @@ def _held_energy(
 
 def least_coefficient(problem: ScalarProblem) -> float:
     """m_A: the smallest eigenvalue of A, at the quadrature points of the stiffness matrix."""
-    tensors, _, _ = _at_rule(problem, 2 * problem.order)
+    tensors, _ = constitutive_law(problem).on(problem.mesh, 2 * problem.order)
     return float(np.linalg.eigvalsh(tensors.reshape(-1, *tensors.shape[2:]))[:, 0].min())
 
 
@@ -450,7 +349,7 @@ def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array)
     stated, field = problem.origin, problem.field
     assert isinstance(stated, ScalarProblem)
     assert field is not None
-    matrix = full_matrix(stated)
+    matrix = scalar_blocks(stated, node_graph(stated.mesh, stated.order)).matrix()
     full = scalar_load(stated)
     moved = np.asarray(matrix @ field.prescribed)
     given = quadratic(problem.bulk, "the reaction of a support").load

@@ -30,8 +30,8 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule
 from hemivar.fem.elements import shape_derivatives, shape_values
+from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mesh.keys import EDGES
 
 __all__ = [

@@ -7,8 +7,8 @@ import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.fem.assembly import quadrature_rule, region_masks
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives, shape_values, voigt_index
+from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.per_volume import at_place
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mechanics.thermal import Heat

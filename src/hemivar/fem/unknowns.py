@@ -8,25 +8,17 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact import ContactPoints
 from hemivar.fem.contact_points import BoundaryContact, boundary_contact, join, merge_corners
 from hemivar.fem.supports import Supports, movable, stated_supports, unit
 from hemivar.laws import ContactLaw
-from hemivar.mechanics.bedding import bedding_of
-from hemivar.mechanics.composed_material import Combination
 from hemivar.mechanics.statement import ContactProblem, Quadrature
-from hemivar.mesh.mesh import Mesh
 
 __all__ = [
     "NodalConditions",
     "basis_of",
-    "in_time",
     "nodal_conditions",
-    "pattern_of",
-    "pattern_of_nodes",
-    "reduced",
-    "spread",
 ]
 
 
@@ -121,69 +113,3 @@ def basis_of(directions: Array, free: BoolArray) -> sp.csr_array:
     columns = np.broadcast_to(np.arange(len(node))[:, None], rows.shape)
     keep = data != 0.0
     return sp.csr_array((data[keep], (rows[keep], columns[keep])), shape=(count * dim, len(node)))
-
-
-def reduced(matrix: sp.csr_array, basis: sp.csr_array) -> sp.csr_array:
-    """``P' K P``; where every column of P has one entry, rows and columns are picked instead."""
-    size = basis.shape[1]
-    if basis.nnz == size:
-        picked = basis.tocoo()
-        dof, sign = np.empty(size, dtype=np.int64), np.empty(size)
-        dof[picked.col], sign[picked.col] = picked.row, picked.data
-        picked_out = matrix[dof][:, dof].tocsr()
-        if np.any(sign != 1.0):
-            rows = np.repeat(np.arange(size), np.diff(picked_out.indptr))
-            picked_out.data *= sign[rows] * sign[picked_out.indices]
-    else:
-        picked_out = (basis.T @ matrix @ basis).tocsr()
-    picked_out.sort_indices()
-    return sp.csr_array(picked_out)
-
-
-def in_time(problem: ContactProblem) -> bool:
-    """Whether a body has more matrices than its stiffness, which then need one sparsity."""
-    material = problem.material
-    more = material.inert or material.viscous or bool(material.relaxation_times) or isinstance(material, Combination)
-    return more or not bedding_of(problem.bedding).none
-
-
-def pattern_of(mesh: Mesh, order: int, basis: sp.csr_array) -> sp.csr_array:
-    """Where matrices of the unknowns may have entries, with zeros there: at all pairs of nodes of a cell."""
-    near = _near(mesh, order)
-    return _pattern(sp.kron(near, np.ones((mesh.dim, mesh.dim)), format="csr"), basis)
-
-
-def pattern_of_nodes(mesh: Mesh, order: int, basis: sp.csr_array) -> sp.csr_array:
-    """:func:`pattern_of` for one component."""
-    return _pattern(_near(mesh, order), basis)
-
-
-def _near(mesh: Mesh, order: int) -> sp.csr_array:
-    nodes = mesh.cell_nodes(order)
-    size = nodes.shape[1]
-    pairs = (np.repeat(nodes, size, axis=1).ravel(), np.tile(nodes, (1, size)).ravel())
-    count = len(mesh.nodes(order))
-    near = sp.csr_array((np.ones(len(pairs[0])), pairs), shape=(count, count))
-    near.data[:] = 1.0
-    return near
-
-
-def _pattern(full: sp.csr_array, basis: sp.csr_array) -> sp.csr_array:
-    positive = abs(basis)
-    pattern = sp.csr_array(positive.T @ full @ positive)
-    pattern.sort_indices()
-    pattern.data[:] = 0.0
-    return pattern
-
-
-def spread(matrix: sp.csr_array, pattern: sp.csr_array) -> sp.csr_array:
-    """A matrix with an entry wherever the pattern has one; the arrays of the sparsity are those of the pattern."""
-    count = matrix.shape[1]
-
-    def keys(of: sp.csr_array) -> IntArray:
-        rows = np.repeat(np.arange(of.shape[0], dtype=np.int64), np.diff(of.indptr))
-        return np.asarray(rows * count + of.indices)
-
-    data = np.zeros(pattern.nnz)
-    data[np.searchsorted(keys(pattern), keys(matrix))] = matrix.data
-    return sp.csr_array((data, pattern.indices, pattern.indptr), shape=pattern.shape)

@@ -16,7 +16,7 @@ from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.fem import nodal_average, strain, stress, von_mises
-from hemivar.fem.assembly import region_masks
+from hemivar.fem.quadrature import region_masks
 from hemivar.files.boundary import ContactBoundary, contact_boundaries
 from hemivar.files.record import prepared
 from hemivar.files.scalar_vtu import scalar_fields

@@ -24,8 +24,9 @@ from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.engines.petsc.stiffness import Stiffness
 from hemivar.errors import MethodError, ProblemError, SupportError
-from hemivar.fem.assembly import EdgeBlocks, load_vector
+from hemivar.fem.assembly import load_vector
 from hemivar.fem.discretize import friction_warning, refuse_evolution
+from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks

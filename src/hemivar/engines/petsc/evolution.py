@@ -22,8 +22,9 @@ from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, Mass
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution, dampings
 from hemivar.evolution.operators import Operator
-from hemivar.fem.assembly import EdgeBlocks, load_vector
+from hemivar.fem.assembly import load_vector
 from hemivar.fem.dynamics import moved_components
+from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.fem.mass import body_blocks, mass_blocks
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import ContactLaw

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks
-from hemivar.fem.assembly import EdgeBlocks
+from hemivar.fem.edge_blocks import EdgeBlocks
 from hemivar.mesh.mesh import Mesh
 
 if TYPE_CHECKING:

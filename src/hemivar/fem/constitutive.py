@@ -1,0 +1,68 @@
+"""How stresses follow from strains at places of a body: elasticity, and the flux of a scalar problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.elements import voigt_index
+from hemivar.fem.quadrature import at_quadrature_points
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.scalar import ScalarProblem, Statement
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["ConstitutiveLaw", "constitutive_law", "elastic"]
+
+
+@dataclass(frozen=True, eq=False)
+class ConstitutiveLaw:
+    """A linear law between the strains and the stresses of fields of c components.
+
+    Strain s is the sum of the derivatives ``du_i/dx_k`` with ``strains[i, k] == s``: Voigt's strains of a displacement
+    (shear counts twice), and the gradient of one component.
+
+    Attributes
+    ----------
+    strains : int array, shape (c, d)
+    matrices : function
+        Of points (k, d) and of masks of regions, shape (k,) each: symmetric matrices (k, v, v).
+    homogeneous : bool
+        Whether the matrices are the same everywhere.
+    """
+
+    strains: IntArray
+    matrices: Callable[[Array, Mapping[str, BoolArray] | None], Array]
+    homogeneous: bool
+
+    def on(
+        self, mesh: Mesh, degree: int, cells: slice | IntArray = slice(None), vertices: IntArray | None = None
+    ) -> tuple[Array, Array]:
+        """Matrices at the quadrature points of cells, (k, q, v, v), and weights (q,): see :func:`at_quadrature_points`.
+
+        A homogeneous law gives a single matrix, (1, 1, v, v), and one weight.
+        """
+        if self.homogeneous:
+            return self.matrices(mesh.points[:1], None)[None], np.ones(1)
+        return at_quadrature_points(mesh, degree, self.matrices, cells, vertices)
+
+    def strain(self, gradient: Array) -> Array:
+        """Strains (k, v) of gradients (k, c, d)."""
+        strain = np.zeros((len(gradient), int(self.strains.max()) + 1))
+        for (i, k), row in np.ndenumerate(self.strains):
+            strain[:, row] += gradient[:, i, k]
+        return strain
+
+
+def elastic(material: Material, dim: int) -> ConstitutiveLaw:
+    """The elasticity of a material in d dimensions."""
+    return ConstitutiveLaw(voigt_index(dim), material.stiffness_tensor, material.homogeneous)
+
+
+def constitutive_law(problem: Statement) -> ConstitutiveLaw:
+    """The elasticity of a body, or the coefficients of a scalar problem."""
+    if isinstance(problem, ScalarProblem):
+        return ConstitutiveLaw(np.arange(problem.mesh.dim)[None], problem.coefficients, problem.homogeneous)
+    return elastic(problem.material, problem.mesh.dim)
