@@ -76,7 +76,7 @@ def watched(spent: dict[str, float]) -> Any:
 def measure(dim: int, n: int, repeats: int, library: bool) -> dict[str, Any]:
     """One row of the table."""
     small = hv.discretize(PROBLEMS[dim](8))
-    ElasticMultigrid.of(small).solve(small.linear.load)  # loads all libraries
+    ElasticMultigrid.of(small).solve(small.load)  # loads all libraries
     base = peak_mib()
     best: dict[str, float] = {}
     first: dict[str, float] = {}
@@ -92,7 +92,7 @@ def measure(dim: int, n: int, repeats: int, library: bool) -> dict[str, Any]:
         discretized = time.perf_counter()
         hierarchy = ElasticMultigrid.of(problem)
         ready = time.perf_counter()
-        _, cycles = hierarchy.solve(problem.linear.load, TOLERANCE)
+        _, cycles = hierarchy.solve(problem.load, TOLERANCE)
         spent |= {
             "mesh_s": meshed - start,
             "discretize_s": discretized - meshed,

@@ -88,7 +88,7 @@ def superlu(problem: hv.DiscreteProblem) -> Outcome:
     needed, free = 1.3 * factorisation_bytes(problem.unknowns, problem.contact.components, 0), available_bytes()
     if free is not None and needed > free:
         return Missing(f"needs {needed / 2**30:.1f} GiB, {free / 2**30:.1f} GiB are free")
-    K, f = problem.linear.stiffness, problem.linear.load
+    K, f = problem.stiffness, problem.load
     began = time.perf_counter()
     factor = spla.splu(
         sp.csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
@@ -104,7 +104,7 @@ def pardiso(problem: hv.DiscreteProblem) -> Outcome:
         import pypardiso
     except Exception as error:
         return Missing(f"pypardiso cannot be imported: {error}")
-    K, f = problem.linear.stiffness, problem.linear.load
+    K, f = problem.stiffness, problem.load
     upper = sp.csr_matrix(sp.triu(K))
     solver = pypardiso.PyPardisoSolver(mtype=2)
     began = time.perf_counter()
@@ -127,7 +127,7 @@ def hypre(problem: hv.DiscreteProblem, interpreter: str = sys.executable, ranks:
 
     More than one rank needs ``mpirun``; the times are those of the slowest one.
     """
-    K, f = problem.linear.stiffness, problem.linear.load
+    K, f = problem.stiffness, problem.load
     field = problem.field
     assert field is not None
     with tempfile.TemporaryDirectory() as folder:

@@ -32,7 +32,7 @@ def main() -> None:
         solution = hv.solve(discrete)
         solved = time.perf_counter()
         memory = peak_mib()
-        K = sp.csc_array(discrete.linear.stiffness)
+        K = sp.csc_array(discrete.stiffness)
         start = time.perf_counter()
         spla.splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         factor = time.perf_counter() - start

@@ -38,7 +38,7 @@ def main() -> None:
         middle = time.perf_counter()
         multigrid = hv.solve(problem, hv.NonsmoothMultigrid(), tight)
         end = time.perf_counter()
-        gap, K = multigrid.unknowns - newton.unknowns, problem.linear.stiffness
+        gap, K = multigrid.unknowns - newton.unknowns, problem.stiffness
         expected = predicted_seconds(problem)
         rows.append(
             {

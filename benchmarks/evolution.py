@@ -170,7 +170,7 @@ class Linear:
         self.discrete = discrete
         rule = ImplicitEuler().rules(STEP)[0]
         problem = Bodies(discrete).body(rule.rate.difference, rule.acceleration.difference)
-        self.matrix = problem.linear.stiffness
+        self.matrix = problem.stiffness
         self.load = discrete.acting(0.0).load[: discrete.unknowns]
         self.levels = ElasticMultigrid.of(problem) if multigrid else None
         none = np.zeros(0, dtype=np.int64)

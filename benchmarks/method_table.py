@@ -121,7 +121,7 @@ def one(
     except hv.HemivarError as error:
         return Run(*where, name, "error", str(error), None, None, unique, False)
     judged = residual(problem, found.unknowns, found.multiplier).relative
-    K, v = problem.linear.stiffness, found.unknowns - reference.unknowns
+    K, v = problem.stiffness, found.unknowns - reference.unknowns
     size = float(np.sqrt(reference.unknowns @ (K @ reference.unknowns)))
     difference = float(np.sqrt(max(v @ (K @ v), 0.0))) / size if size > 0.0 else float(np.linalg.norm(v))
     says = found.status is hv.Status.CONVERGED

@@ -52,14 +52,12 @@ def measure(dim: int, law: str, n: int, repeats: int) -> tuple[dict[str, Any], h
     for _ in range(repeats):
         gc.collect()
         start = time.perf_counter()
-        displacement, linear_cycles = hierarchy.solve(problem.linear.load, TOLERANCE)
+        displacement, linear_cycles = hierarchy.solve(problem.load, TOLERANCE)
         middle = time.perf_counter()
         solution = hv.solve(problem, method, controls, workspace=workspace)
         linear.append(middle - start)
         contact.append(time.perf_counter() - middle)
-    miss = np.linalg.norm(problem.linear.load - problem.linear.stiffness @ displacement) / np.linalg.norm(
-        problem.linear.load
-    )
+    miss = np.linalg.norm(problem.load - problem.stiffness @ displacement) / np.linalg.norm(problem.load)
     row = {
         "dim": dim,
         "law": law,

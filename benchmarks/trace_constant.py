@@ -48,7 +48,7 @@ def main() -> None:
             traces = trace_constants(problem)
             seconds = time.perf_counter() - began
             law = hv.ContactLaw(_soft(-1.0), hv.Friction(1.0, _soft(-1.0)))
-            found = smallness(problem.with_(law=law), factor=EnergyNorm(problem.linear.stiffness), trace_constant=False)
+            found = smallness(problem.with_(law=law), factor=EnergyNorm(problem.stiffness), trace_constant=False)
             rows.append(
                 {
                     "body": f"(0,{length:g})x(0,1)",

@@ -22,7 +22,7 @@ reference = hv.solve(problem, workspace=workspace)
 
 
 def energy_norm(u: np.ndarray) -> float:
-    return float(np.sqrt(u @ (problem.linear.stiffness @ u)))
+    return float(np.sqrt(u @ (problem.stiffness @ u)))
 
 
 # %%

@@ -37,7 +37,7 @@ errors = {}
 for n in sizes:
     lifted = interpolate(problems[n].mesh, solutions[n].displacement, fine.mesh)
     difference = field.restrict(lifted) - best.unknowns
-    errors[n] = float(np.sqrt(difference @ (best.problem.linear.stiffness @ difference)))
+    errors[n] = float(np.sqrt(difference @ (best.problem.stiffness @ difference)))
     print(
         f"1/h = {n:>2}: bound {bounds[n].distance:.4f} ({bounds[n].relative:.1%}), guaranteed: "
         f"{bounds[n].guaranteed}, distance to the fine solution {errors[n]:.4f}"

@@ -28,10 +28,10 @@ def arrays() -> dict[str, Any]:
     """The arguments of a problem of one's own."""
     return {
         "stiffness": PROBLEM.bulk.stiffness.toarray(),
-        "load": np.array(PROBLEM.bulk.load),
+        "load": np.array(PROBLEM.load),
         "trace": PROBLEM.contact.trace.toarray(),
         "weights": np.array(PROBLEM.contact.weights),
-        "gap": np.array(PROBLEM.contact.gap),
+        "gap": np.array(PROBLEM.gap),
         "law": PROBLEM.law,
         "slip_offset": np.zeros((PROBLEM.contact_points, 1)),
         "points": np.array(PROBLEM.contact.points),
@@ -42,8 +42,8 @@ def arrays() -> dict[str, Any]:
 def part(problem: hv.DiscreteProblem, name: str) -> Any:
     """What became of an argument."""
     if name == "slip_offset":
-        return problem.contact.offset[:, 1:]
-    return getattr(problem.bulk if name in ("stiffness", "load") else problem.contact, name)
+        return problem.offset[:, 1:]
+    return getattr(problem if name in ("stiffness", "load", "gap") else problem.contact, name)
 
 
 def with_(name: str, value: Any) -> hv.DiscreteProblem:
@@ -178,7 +178,7 @@ def test_integers_are_numbers() -> None:
         np.array([0]),
         ContactLaw(hv.Signorini()),
     )
-    assert problem.bulk.load.dtype == float
+    assert problem.load.dtype == float
     assert problem.bulk.stiffness.dtype == float
 
 
@@ -239,8 +239,8 @@ def test_later_changes_of_vectors_do_not_reach_the_statement(make: Any) -> None:
     for vector in (force, moved, pull):
         vector[1] = 5.0
     after = hv.discretize(problem)
-    np.testing.assert_array_equal(before.bulk.load, after.bulk.load)
-    np.testing.assert_array_equal(before.contact.gap, after.contact.gap)
+    np.testing.assert_array_equal(before.load, after.load)
+    np.testing.assert_array_equal(before.gap, after.gap)
 
 
 def test_conditions_compare_and_hash() -> None:

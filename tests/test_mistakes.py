@@ -21,11 +21,11 @@ DISCRETE = hv.discretize(PROBLEM)
 SOLUTION = hv.solve(DISCRETE)
 U, LAM = SOLUTION.unknowns, SOLUTION.multiplier
 K, F, B, W, G = (
-    DISCRETE.linear.stiffness,
-    DISCRETE.linear.load,
+    DISCRETE.stiffness,
+    DISCRETE.load,
     DISCRETE.contact.trace,
     DISCRETE.contact.weights,
-    DISCRETE.contact.gap,
+    DISCRETE.gap,
 )
 
 

@@ -31,7 +31,7 @@ def problems_with(case: Case, starts: int = 2) -> tuple[list[str], bool, bool]:
     for i, r in enumerate(places):
         if near(r, places[:i], 1e-6 * size):
             wrong.append(f"twice {r}")
-    pairs = [(solved.unknowns, solved.multiplier), (np.zeros_like(case.problem.linear.load), None)]
+    pairs = [(solved.unknowns, solved.multiplier), (np.zeros_like(case.problem.load), None)]
     pairs += [(s.unknowns, s.multiplier) for s in found]
     unique = False
     for u, lam in pairs:

@@ -51,9 +51,7 @@ def test_energy_and_balance_hold_along_the_path() -> None:
     for i in range(len(path)):
         t = path.load_factor[i]
         at_load = LoadLine(problem).at(t)
-        u = np.linalg.solve(
-            problem.linear.stiffness.toarray(), at_load.linear.load - problem.contact_force(path.multiplier[i])
-        )
+        u = np.linalg.solve(problem.stiffness.toarray(), at_load.load - problem.contact_force(path.multiplier[i]))
         np.testing.assert_allclose(at_load.local(u), path.local[i], atol=1e-12)
         assert path.energy[i] == pytest.approx(at_load.energy(u), abs=1e-13)
 

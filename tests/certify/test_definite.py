@@ -37,13 +37,13 @@ def between_walls(cells: int, angle: float, *, clamped: bool = False) -> Discret
 
 def arrays_of(problem: DiscreteProblem) -> DiscreteProblem:
     return DiscreteProblem.of_arrays(
-        problem.linear.stiffness,
-        problem.linear.load,
+        problem.stiffness,
+        problem.load,
         problem.contact.trace,
         problem.contact.weights,
-        problem.contact.gap,
+        problem.gap,
         problem.law,
-        slip_offset=problem.contact.offset[:, 1:],
+        slip_offset=problem.offset[:, 1:],
     )
 
 
@@ -54,7 +54,7 @@ def test_body_that_may_slide_is_nowhere_called_unique(cells: int, angle: float, 
     problem = arrays_of(problem) if by_arrays else problem
     solution = solve(problem)
     assert solution.status is Status.CONVERGED
-    for factor in (energy_norm(problem), EnergyNorm(problem.linear.stiffness), MultigridNorm(problem)):
+    for factor in (energy_norm(problem), EnergyNorm(problem.stiffness), MultigridNorm(problem)):
         if isinstance(factor, MultigridNorm) and problem.unknowns < 200:
             continue
         assert not factor.definite
@@ -68,8 +68,8 @@ def test_body_that_may_slide_is_nowhere_called_unique(cells: int, angle: float, 
 def test_many_turned_squares() -> None:
     for angle in np.linspace(0.0, 3.1, 120):
         problem = between_walls(3, float(angle))
-        assert not EnergyNorm(problem.linear.stiffness).definite
-        assert EnergyNorm(between_walls(3, float(angle), clamped=True).linear.stiffness).definite
+        assert not EnergyNorm(problem.stiffness).definite
+        assert EnergyNorm(between_walls(3, float(angle), clamped=True).stiffness).definite
 
 
 def test_held_bodies_stay_unique() -> None:
@@ -80,7 +80,7 @@ def test_held_bodies_stay_unique() -> None:
         )
         problem = discretize(statement)
         assert energy_norm(problem).definite
-        assert EnergyNorm(problem.linear.stiffness).definite
+        assert EnergyNorm(problem.stiffness).definite
 
 
 def own(K: np.ndarray, load: np.ndarray, contact: list[int], law: ContactLaw | None = None) -> DiscreteProblem:
@@ -143,7 +143,7 @@ def test_semidefinite_arrays_are_not_refused() -> None:
         load = rng.standard_normal(n)
         load -= kernel * (kernel @ load)
         problem = own(K, load, [0])
-        assert indefinite(problem.linear.stiffness) is None
+        assert indefinite(problem.stiffness) is None
         assert not energy_norm(problem).definite
         solution = solve(problem)
         assert solution.status is Status.CONVERGED
@@ -156,13 +156,13 @@ def test_large_indefinite_arrays(negative: float) -> None:
     """One negative eigenvalue in a matrix with a mesh behind it that it does not tell."""
     made = between_walls(80, 0.0, clamped=True)
     j = int(np.setdiff1d(np.arange(made.unknowns), made.contact.trace.indices)[40])
-    K = made.linear.stiffness.tolil()
+    K = made.stiffness.tolil()
     diagonal = float(K[j, j])
-    inverse = EnergyNorm(made.linear.stiffness).solve(np.eye(1, made.unknowns, j).ravel())[j]
+    inverse = EnergyNorm(made.stiffness).solve(np.eye(1, made.unknowns, j).ravel())[j]
     K[j, j] = diagonal - (1.0 + negative) / inverse  # what makes it singular, and a little more
     assert K[j, j] > 0.0
     problem = DiscreteProblem.of_arrays(
-        sp.csr_array(K), made.linear.load, made.contact.trace, made.contact.weights, made.contact.gap, made.law
+        sp.csr_array(K), made.load, made.contact.trace, made.contact.weights, made.gap, made.law
     )
     at_rest = np.zeros(problem.unknowns)
     for work in (
@@ -181,13 +181,13 @@ def test_springs_added_to_the_stiffness_of_a_mesh_count() -> None:
     assert free is not None
     assert free.shape[1] == 1
     stiffer = DiscreteProblem.of_arrays(
-        made.linear.stiffness + sp.eye_array(made.unknowns),
-        made.linear.load,
+        made.stiffness + sp.eye_array(made.unknowns),
+        made.load,
         made.contact.trace,
         made.contact.weights,
-        made.contact.gap,
+        made.gap,
         made.law,
-        slip_offset=made.contact.offset[:, 1:],
+        slip_offset=made.offset[:, 1:],
         points=made.contact.points,
         frames=made.contact.frames,
         field=made.field,
@@ -206,11 +206,11 @@ def test_what_rounded_entries_make_of_an_eigenvalue_that_is_zero_is_not_below_ze
         K = np.outer(v, v) - off * np.outer(w, w)
         B = np.eye(1, n)
         problem = DiscreteProblem.of_arrays(K, np.zeros(n), B, np.ones(1), np.zeros(1), ContactLaw(Signorini()))
-        lowest = quotient(problem.linear.stiffness, w)
+        lowest = quotient(problem.stiffness, w)
         assert lowest == pytest.approx(-n * off, rel=1e-3)
         assert (below_zero(problem, lowest) is not None) == counts
         down = -np.arange(1.0, n + 1.0)
-        assert quotient(problem.linear.stiffness, down) == quotient(problem.linear.stiffness, -down)
+        assert quotient(problem.stiffness, down) == quotient(problem.stiffness, -down)
 
 
 @pytest.mark.parametrize("stiffness", [1.0, -1.0])
@@ -220,6 +220,6 @@ def test_motions_are_not_free_where_a_spring_was_added(stiffness: float) -> None
     free = free_unknowns(problem)
     assert free is not None
     row = int(np.argmax(np.abs(free).max(axis=1)))
-    changed = problem.linear.stiffness.tolil()
+    changed = problem.stiffness.tolil()
     changed[row, row] += 0.1 * stiffness * np.sign(free[row, 0]) * changed[row, row]
     assert free_unknowns(problem.with_(bulk=replace(problem.linear, stiffness=sp.csr_array(changed)))) is None

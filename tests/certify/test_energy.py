@@ -29,7 +29,7 @@ def test_solution_and_certificate_have_one_energy(bound: CoulombBound | Penetrat
     r, lam = found.local, found.multiplier
     frozen = problem.law.frozen(r, lam)
     u = found.unknowns
-    by_hand = 0.5 * u @ (problem.linear.stiffness @ u) - problem.linear.load @ u + problem.linear.constant
+    by_hand = 0.5 * u @ (problem.stiffness @ u) - problem.load @ u + problem.constant
     by_hand += problem.contact.weights @ frozen.value(r)
     assert np.abs(found.friction).max() > 1e-3
     assert found.energy == pytest.approx(by_hand, rel=1e-13)

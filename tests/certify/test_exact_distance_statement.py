@@ -46,7 +46,7 @@ def test_any_displacement_is_bounded(solution: hv.Solution, workspace: hv.Worksp
     """One that solves nothing is farther away, by what it lacks for equilibrium, and called an estimate."""
     best = distance_to_exact(solution.problem, solution.unknowns, workspace=workspace)
     other = distance_to_exact(solution.problem, 1.1 * solution.unknowns, workspace=workspace)
-    K = solution.problem.linear.stiffness
+    K = solution.problem.stiffness
     apart = 0.1 * np.sqrt(solution.unknowns @ (K @ solution.unknowns))
     assert other.bound > best.bound
     assert other.bound >= apart - best.bound
@@ -66,15 +66,15 @@ def test_where_there_is_none(solution: hv.Solution, workspace: hv.Workspace) -> 
 
     assert "time limit" in why(problem, u, max_time=0.0)
     changed = "not those of the stated problem"
-    assert changed in why(problem.with_(load=1.01 * problem.linear.load), u)
-    assert changed in why(problem.with_(offset=problem.contact.offset + 1e-3), u)
+    assert changed in why(problem.with_(load=1.01 * problem.load), u)
+    assert changed in why(problem.with_(offset=problem.offset + 1e-3), u)
     stiffer = hv.discretize(replace(survey("5.1", 4), contact={"bottom": hv.Contact(hv.SurveyLaw(0.3, 2.1))}))
     assert changed in why(problem.with_(law=stiffer.law), u)
     scalar = hv.solve(antiplane_friction(4).problem)
     assert "scalar problem" in why(scalar.problem, scalar.unknowns)
     arrays = hv.DiscreteProblem.of_arrays(
-        problem.linear.stiffness, problem.linear.load, problem.contact.trace, problem.contact.weights,
-        problem.contact.gap, problem.law,
+        problem.stiffness, problem.load, problem.contact.trace, problem.contact.weights,
+        problem.gap, problem.law,
     )  # fmt: skip
     assert "made of arrays" in why(arrays, u)
 

@@ -93,9 +93,9 @@ INSIDE: dict[str, Callable[[], DiscreteProblem]] = {
 def test_both_ways_agree(name: str) -> None:
     """A converged solution, and a rough one."""
     problem = INSIDE[name]()
-    by_factor, by_multigrid = EnergyNorm(problem.linear.stiffness), MultigridNorm(problem)
+    by_factor, by_multigrid = EnergyNorm(problem.stiffness), MultigridNorm(problem)
     solution = hv.solve(problem, controls=TIGHT)
-    rough = solution.unknowns + 1e-4 * np.abs(solution.unknowns).max() * by_factor.solve(problem.linear.load)
+    rough = solution.unknowns + 1e-4 * np.abs(solution.unknowns).max() * by_factor.solve(problem.load)
     for u in (solution.unknowns, rough):
         exact = certify(problem, u, solution.multiplier, factor=by_factor, trace_constant=False)
         quick = certify(problem, u, solution.multiplier, factor=by_multigrid, trace_constant=False)
@@ -115,7 +115,7 @@ def test_both_ways_agree(name: str) -> None:
 def test_the_bound_holds(name: str) -> None:
     problem = INSIDE[name]()
     exact = hv.solve(problem, hv.NonsmoothNewton(), hv.Controls(rtol=1e-13))
-    energy, norm = MultigridNorm(problem), EnergyNorm(problem.linear.stiffness)
+    energy, norm = MultigridNorm(problem), EnergyNorm(problem.stiffness)
     rng = np.random.default_rng(4)
     for size in (1e-8, 1e-4, 1e-1):
         for noise in (
@@ -134,11 +134,11 @@ def test_the_bound_holds(name: str) -> None:
 def test_norms(name: str) -> None:
     """Dual norms are bounded from above, and hardly more; the smallest eigenvalue from below."""
     problem = INSIDE[name]()
-    exact, quick = EnergyNorm(problem.linear.stiffness), MultigridNorm(problem)
+    exact, quick = EnergyNorm(problem.stiffness), MultigridNorm(problem)
     rng = np.random.default_rng(6)
     noise = rng.standard_normal(problem.unknowns)
     contact = problem.contact_force(rng.standard_normal((problem.contact_points, problem.contact.components)))
-    for b in (noise, problem.linear.load, contact, problem.linear.stiffness @ noise):
+    for b in (noise, problem.load, contact, problem.stiffness @ noise):
         x, bound = quick.riesz(b)
         size = exact.riesz(b)[1]
         assert size * (1.0 - 1e-12) <= bound <= 1.02 * size
@@ -149,9 +149,9 @@ def test_norms(name: str) -> None:
         assert exact.riesz(near)[1] * (1.0 - 1e-12) <= again <= 1.02 * exact.riesz(near)[1]
     still, nothing = quick.riesz(np.zeros(problem.unknowns))
     assert (nothing, np.count_nonzero(still)) == (0.0, 0)
-    assert 0.6 * size < quick.least_dual_norm(problem.linear.load) / exact.riesz(problem.linear.load)[1] * size <= size
-    root = np.sqrt(problem.linear.stiffness.diagonal())
-    scaled = problem.linear.stiffness.toarray() / np.outer(root, root)
+    assert 0.6 * size < quick.least_dual_norm(problem.load) / exact.riesz(problem.load)[1] * size <= size
+    root = np.sqrt(problem.stiffness.diagonal())
+    scaled = problem.stiffness.toarray() / np.outer(root, root)
     lowest = float(np.linalg.eigvalsh(scaled)[0])
     assert 0.2 * lowest < quick.lowest <= lowest
 
@@ -164,8 +164,8 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
         weight = np.zeros((problem.contact_points, 2))
         weight[:, 0] = alpha * problem.contact.weights
         soft = problem.contact.trace.T @ (weight.ravel()[:, None] * problem.contact.trace.toarray())
-        top = float(spla.eigsh(soft, k=1, M=problem.linear.stiffness, which="LA", return_eigenvectors=False)[0])
-        u = np.linalg.solve(problem.linear.stiffness.toarray() - soft, problem.linear.load)
+        top = float(spla.eigsh(soft, k=1, M=problem.stiffness, which="LA", return_eigenvectors=False)[0])
+        u = np.linalg.solve(problem.stiffness.toarray() - soft, problem.load)
         found = certify(problem, u, factor=MultigridNorm(problem), trace_constant=False)
         assert found.stationary
         assert 1.0 - top - 1e-3 * top <= found.margin <= 1.0 - top
@@ -176,7 +176,7 @@ def test_curvature_of_a_linear_softening_foundation() -> None:
         assert found.curvature == pytest.approx(1.0 - top, rel=2e-3)
         assert found.direction is not None
         lifted = problem.contact.trace.T @ found.direction.ravel()
-        move = EnergyNorm(problem.linear.stiffness).solve(problem.contact_force(found.direction))
+        move = EnergyNorm(problem.stiffness).solve(problem.contact_force(found.direction))
         assert np.abs(lifted).max() == pytest.approx(1.0)
         change = problem.energy(u + 1e-4 * move) - problem.energy(u)
         assert change < 0.0
@@ -190,7 +190,7 @@ def test_an_eigenvalue_is_told_from_one_or_not_given(value: float, monkeypatch: 
     free = np.zeros((problem.contact_points, 2), dtype=bool)
     ones = np.ones(rows.shape[0])
     dense = (rows.T @ rows).toarray()
-    top = float(spla.eigsh(dense, k=1, M=problem.linear.stiffness, which="LA", return_eigenvectors=False)[0])
+    top = float(spla.eigsh(dense, k=1, M=problem.stiffness, which="LA", return_eigenvectors=False)[0])
     found = MultigridNorm(problem).constrained_eigenvalue(rows, value / top * ones, free)
     assert found is not None
     assert value * (1.0 - 1e-3) <= found.value <= value * (1.0 + 1e-9) <= found.bound * (1.0 + 2e-9)
@@ -209,7 +209,7 @@ def test_outside_the_margin(make: Callable[[], DiscreteProblem]) -> None:
     solution = hv.solve(problem, controls=TIGHT)
     exact, quick = (
         certify(problem, solution.unknowns, solution.multiplier, factor=factor, trace_constant=False)
-        for factor in (EnergyNorm(problem.linear.stiffness), MultigridNorm(problem))
+        for factor in (EnergyNorm(problem.stiffness), MultigridNorm(problem))
     )
     assert exact.margin < 0.0
     assert quick.margin == pytest.approx(exact.margin, rel=2e-3)
@@ -242,20 +242,18 @@ def test_body_that_only_contact_holds(nested: bool, dim: int) -> None:
 def test_arrays() -> None:
     """Without a mesh the levels know nothing of rigid motions."""
     made = square(1.5)
-    parts = (made.linear.load, made.contact.trace, made.contact.weights, made.contact.gap, made.law)
-    problem = DiscreteProblem.of_arrays(made.linear.stiffness, *parts)  # type: ignore[arg-type]
+    parts = (made.load, made.contact.trace, made.contact.weights, made.gap, made.law)
+    problem = DiscreteProblem.of_arrays(made.stiffness, *parts)  # type: ignore[arg-type]
     exact, quick = (
-        smallness(problem, factor=EnergyNorm(made.linear.stiffness)),
+        smallness(problem, factor=EnergyNorm(made.stiffness)),
         smallness(problem, factor=MultigridNorm(problem)),
     )
     assert exact.margin - 1e-3 <= quick.margin <= exact.margin
-    root = np.sqrt(made.linear.stiffness.diagonal())
-    assert (
-        MultigridNorm(problem).lowest <= np.linalg.eigvalsh(made.linear.stiffness.toarray() / np.outer(root, root))[0]
-    )
+    root = np.sqrt(made.stiffness.diagonal())
+    assert MultigridNorm(problem).lowest <= np.linalg.eigvalsh(made.stiffness.toarray() / np.outer(root, root))[0]
     held = body(rectangle((1.0, 1.0), (32, 32)), SurveyLaw(0.3, 20.0), Tresca(2.0), left=Roller())
     floating = DiscreteProblem.of_arrays(
-        held.linear.stiffness, held.linear.load, held.contact.trace, held.contact.weights, held.contact.gap, held.law
+        held.stiffness, held.load, held.contact.trace, held.contact.weights, held.gap, held.law
     )
     assert not MultigridNorm(floating).definite
 
@@ -291,7 +289,7 @@ def test_units_do_not_matter() -> None:
 def test_the_quality_of_a_cycle_is_estimated_from_below(make: Callable[[], DiscreteProblem]) -> None:
     """The largest factor by which cycles reduce an error, after many of them on the finest level."""
     problem = make()
-    norm, K = MultigridNorm(problem), problem.linear.stiffness
+    norm, K = MultigridNorm(problem), problem.stiffness
     levels = systems.levels_of(problem, hv.Workspace()).levels
     x, factor = np.random.default_rng(0).standard_normal(problem.unknowns), 0.0
     for _ in range(40):
@@ -336,7 +334,7 @@ def test_the_coarsest_level_by_a_dense_matrix_or_by_lanczos_steps(
     dense = norms_of(problem)
     monkeypatch.setattr(by_multigrid, "_DENSE", 3)
     np.testing.assert_allclose(norms_of(problem), dense, rtol=3e-3)
-    exact = EnergyNorm(problem.linear.stiffness)
+    exact = EnergyNorm(problem.stiffness)
     weight = np.repeat(problem.contact.weights, problem.contact.components)
     top = exact.largest_eigenvalue(problem.contact.trace, weight).value
     found = MultigridNorm(problem).largest_eigenvalue(problem.contact.trace, weight)

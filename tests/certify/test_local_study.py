@@ -28,7 +28,7 @@ class Made:
     lam: Array
 
     def point(self) -> Point:
-        return Point(self.problem, EnergyNorm(self.problem.linear.stiffness), self.u, self.lam)
+        return Point(self.problem, EnergyNorm(self.problem.stiffness), self.u, self.lam)
 
 
 def made(K: Array, B: Array, w: Array, law: ContactLaw, u: Array, lam: Array) -> Made:

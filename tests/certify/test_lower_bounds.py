@@ -69,7 +69,7 @@ def conforming(problem: hv.ContactProblem) -> float:
     mass = sp.coo_array((blocks.ravel(), (row.ravel(), column.ravel())), shape=(count, count))
     full = sp.kron(sp.csr_array(mass), sp.eye_array(2))
     M = (field.basis.T @ full @ field.basis).toarray()
-    return float(1.0 / la.eigh(M, discrete.linear.stiffness.toarray(), eigvals_only=True)[-1])
+    return float(1.0 / la.eigh(M, discrete.stiffness.toarray(), eigvals_only=True)[-1])
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ def weighted_value(facets: Array, normal: Array, tangential: Array) -> float:
         for component, weight in enumerate((across, along)):
             M[np.ix_(facet, [component], facet, [component])] += (weight * local)[:, None, :, None]
     full = M.reshape(field.basis.shape[0], -1)
-    return float(la.eigvalsh(field.basis.T @ full @ field.basis, discrete.linear.stiffness.toarray())[-1])
+    return float(la.eigvalsh(field.basis.T @ full @ field.basis, discrete.stiffness.toarray())[-1])
 
 
 def test_a_workspace_keeps_them_for_refined_meshes_and_other_laws() -> None:
@@ -297,7 +297,7 @@ def _from_below(corners: Array, matrix: Array) -> float:
     loaded = one.boundary_facets[(np.sort(one.boundary_facets, axis=1) == [1, 2]).all(axis=1)]
     mesh = one.with_boundaries({"bottom": loaded}).refined(3)
     problem = held(mesh, hv.Material.tensor(matrix), supports={}, order=2)
-    K = hv.discretize(problem, check_coercivity=False).linear.stiffness.toarray()
+    K = hv.discretize(problem, check_coercivity=False).stiffness.toarray()
     facets = mesh.facet_nodes(mesh.boundaries["bottom"], 2)
     length = mesh.facet_normals(mesh.boundaries["bottom"])[1]
     local = np.array([[4.0, -1.0, 2.0], [-1.0, 4.0, 2.0], [2.0, 2.0, 16.0]]) / 30.0

@@ -38,7 +38,7 @@ def random_point(seed: int, balanced: bool, units: float = 1.0) -> Point:
         load = load * (1.0 + 0.1 * rng.normal(size=n))
     law = ContactLaw(Compliance(units), Tresca(0.1 * units))
     problem = DiscreteProblem.of_arrays(K, load, B, w, np.zeros(m), law)
-    return Point(problem, EnergyNorm(problem.linear.stiffness), u, lam)
+    return Point(problem, EnergyNorm(problem.stiffness), u, lam)
 
 
 @pytest.mark.parametrize("units", [1e-6, 1.0, 1e6])
@@ -52,13 +52,13 @@ def test_the_rounding_of_a_balance_of_forces(seed: int, balanced: bool, units: f
     weights = np.repeat(problem.contact.weights, 2).tolist()
     force = [Fraction(w) * Fraction(x) for w, x in zip(weights, point.lam.ravel().tolist(), strict=True)]
     inner, outer = product(K, point.u.tolist()), product(B.T, force)
-    exact = [Fraction(f) - a - b for f, a, b in zip(bulk.load.tolist(), inner, outer, strict=True)]
+    exact = [Fraction(f) - a - b for f, a, b in zip(problem.load.tolist(), inner, outer, strict=True)]
     rest, doubt = point.balance
     root = np.sqrt(np.diag(K))
     missed = np.array([float(Fraction(r) - e) for r, e in zip(rest.tolist(), exact, strict=True)]) / root
     assert np.linalg.norm(missed) <= doubt
     spread = (np.abs(K).sum(axis=1) / np.diag(K)).max()
-    terms = np.abs(bulk.load) + np.abs(B.T) @ np.abs(np.repeat(problem.contact.weights, 2) * point.lam.ravel())
+    terms = np.abs(problem.load) + np.abs(B.T) @ np.abs(np.repeat(problem.contact.weights, 2) * point.lam.ravel())
     size = spread * np.linalg.norm(root * point.u) + np.linalg.norm(terms / root)
     last = EPS * np.linalg.norm(rest / root)
     longest = len(K)
@@ -105,18 +105,18 @@ def linear(stiffness: float, units: float) -> DiscreteProblem:
 @pytest.mark.parametrize("size", [1e-15, 1e-12, 1e-8, 1e-3, 10.0])
 def test_the_bound_of_a_linear_problem_lies_just_above_the_error(size: float, units: float) -> None:
     problem = linear(3.0, units)
-    K, B, w = problem.linear.stiffness.toarray(), problem.contact.trace.toarray(), problem.contact.weights
+    K, B, w = problem.stiffness.toarray(), problem.contact.trace.toarray(), problem.contact.weights
     full = K + B.T @ (3.0 * units * w[:, None] * B)
-    exact = np.linalg.solve(full, problem.linear.load)
+    exact = np.linalg.solve(full, problem.load)
     for _ in range(3):  # refined in extended precision
-        rest = problem.linear.load - (full.astype(np.longdouble) @ exact.astype(np.longdouble)).astype(float)
+        rest = problem.load - (full.astype(np.longdouble) @ exact.astype(np.longdouble)).astype(float)
         exact = exact + np.linalg.solve(full, rest)
     u = exact + size * np.abs(exact).max() * np.random.default_rng(3).standard_normal(6)
     error = float(np.sqrt((u - exact) @ K @ (u - exact)))
     rest = full @ (exact - u)
     unbalanced = float(np.sqrt(rest @ np.linalg.solve(K, rest)))
     slack = 4.0 * EPS * float(np.sqrt(exact @ K @ exact))  # exact is rounded, too
-    point = Point(problem, EnergyNorm(problem.linear.stiffness), u, bound.equilibrium_multiplier(problem, u))
+    point = Point(problem, EnergyNorm(problem.stiffness), u, bound.equilibrium_multiplier(problem, u))
     for margin in (1.0, 0.5):
         found = error_bound(point, margin)
         assert error <= found + slack
@@ -132,7 +132,7 @@ def test_the_bound_of_whole_numbers_is_what_rounding_might_have_hidden(units: fl
     load = K @ u + units * np.array([0.0, 2.0])
     law = ContactLaw(Compliance(2.0 * units))
     problem = DiscreteProblem.of_arrays(K, load, np.array([[0.0, 1.0]]), np.ones(1), np.zeros(1), law)
-    point = Point(problem, EnergyNorm(problem.linear.stiffness), u, np.array([[2.0 * units]]))
+    point = Point(problem, EnergyNorm(problem.stiffness), u, np.array([[2.0 * units]]))
     assert point.imbalance[1] == 0.0
     hidden = point.balance[1] / np.sqrt(point.energy.lowest)
     for margin in (1.0, 0.25):
@@ -149,5 +149,5 @@ def test_a_careless_multiplier_does_not_spoil_the_bound_of_a_displacement(monkey
     law = ContactLaw(Signorini())
     problem = DiscreteProblem.of_arrays(K, load, np.array([[0.0, 1.0]]), np.ones(1), np.array([0.25]), law)
     for pressure in (2.0, 1.5, 3.0, 0.0):
-        point = Point(problem, EnergyNorm(problem.linear.stiffness), u, np.array([[pressure]]))
+        point = Point(problem, EnergyNorm(problem.stiffness), u, np.array([[pressure]]))
         assert error_bound(point, 1.0) < 1e-14

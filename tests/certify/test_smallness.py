@@ -39,7 +39,7 @@ def test_constant_is_the_largest_eigenvalue(n: int) -> None:
     found = smallness(problem)
     B, K, w, d = (
         problem.contact.trace.toarray(),
-        problem.linear.stiffness.toarray(),
+        problem.stiffness.toarray(),
         problem.contact.weights,
         problem.contact.components,
     )
@@ -308,7 +308,7 @@ def test_pairs_beyond_the_largest_friction_bound_are_left_out() -> None:
     problem = pressed(PenetrationBound(([0.0, 1.0], [0.1, 0.3])))
     u, lam = np.array([2.0 / 3.0, 0.0]), np.array([[1.0 / 3.0, 0.05]])
     here = 0.1 + 0.2 * 2.0 / 3.0
-    point = Point(problem, EnergyNorm(problem.linear.stiffness), u + np.array([0.0, 1e-3]), lam)
+    point = Point(problem, EnergyNorm(problem.stiffness), u + np.array([0.0, 1e-3]), lam)
     free = error_bound(point, 0.5)
     assert 1e-3 <= free < 1e-2
     assert error_bound(point, 0.5, np.array([here * 1.001])) == pytest.approx(free, rel=1e-2)

@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 
 import hemivar as hv
 from hemivar.certify import MultigridNorm, energy_norm, norms, smallness
-from hemivar.discrete import DiscreteProblem, Space
+from hemivar.discrete import DiscreteProblem, Loading, Model, Space
 from hemivar.discrete.bulk import Quadratic
 from hemivar.linear import cycle
 from hemivar.systems import Workspace, elimination
@@ -43,10 +43,8 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def others(problem: DiscreteProblem) -> list[DiscreteProblem]:
     """The same body under another load, gap and law."""
     law = hv.ContactLaw(hv.Softening(2.0, 0.02, 0.4), hv.Tresca(0.05))
-    offset = problem.contact.offset + 0.01 * np.eye(1, problem.contact.components)
-    quadratic = problem.bulk
-    assert isinstance(quadratic, Quadratic)
-    return [problem.with_(load=2.0 * quadratic.load), problem.with_(offset=offset), problem.with_(law=law)]
+    offset = problem.offset + 0.01 * np.eye(1, problem.contact.components)
+    return [problem.with_(load=2.0 * problem.load), problem.with_(offset=offset), problem.with_(law=law)]
 
 
 def test_another_load_gap_or_law_costs_no_factorisation(counted: list[str]) -> None:
@@ -102,7 +100,8 @@ def test_a_trace_constant_belongs_to_its_weights() -> None:
     problem = hv.discretize(STATEMENT)
     kept = Workspace()
     first = smallness(problem, workspace=kept).trace_constant
-    doubled = replace(problem, contact=replace(problem.contact, weights=2.0 * problem.contact.weights))
+    contact = replace(problem.contact, weights=2.0 * problem.contact.weights)
+    doubled = replace(problem, model=replace(problem.model, contact=contact))
     second = smallness(doubled, workspace=kept).trace_constant
     assert first is not None
     assert second == pytest.approx(np.sqrt(2.0) * first)
@@ -128,8 +127,8 @@ def test_a_certificate_does_not_depend_on_the_basis_of_the_unknowns() -> None:
     stiffness = mix.T @ bulk.stiffness @ mix
     points = replace(contact, trace=sp.csr_array(contact.trace @ mix))
     mixed = replace(field, basis=sp.csr_array(field.basis @ mix), lift=sp.csr_array(inverse @ field.lift))
-    body = Quadratic(0.5 * (stiffness + stiffness.T), mix.T @ bulk.load, bulk.constant)
-    other = DiscreteProblem(body, points, problem.law, Space((mixed,)), problem.origin)
+    model = Model(Quadratic(0.5 * (stiffness + stiffness.T)), points, Space((mixed,)), problem.origin)
+    other = DiscreteProblem(model, Loading(mix.T @ problem.load, problem.offset, problem.law, problem.constant))
     solution = hv.solve(problem)
     u = 1.001 * solution.unknowns
     lam = solution.multiplier

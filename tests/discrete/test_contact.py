@@ -26,7 +26,6 @@ def three() -> ContactPoints:
     return ContactPoints(
         sp.csr_array(B),
         np.array([0.5, 2.0, 1.5]),
-        np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]]),
         points=np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]]),
         frames=np.stack([turned(0.3), turned(1.2), turned(-2.0)]),
         node=np.array([7, -1, 9]),
@@ -39,13 +38,13 @@ def three() -> ContactPoints:
 
 def bare(m: int = 3, components: int = 2) -> ContactPoints:
     """Points of which nothing but the numbers is known."""
-    return ContactPoints(sp.csr_array((m * components, 5)), np.ones(m), np.zeros((m, components)))
+    return ContactPoints(sp.csr_array((m * components, 5)), np.ones(m), components=components)
 
 
-def test_sizes_and_gap() -> None:
+def test_sizes() -> None:
     contact = three()
     assert (contact.count, contact.components, contact.unknowns) == (3, 2, 5)
-    np.testing.assert_array_equal(contact.gap, [0.1, 0.3, 0.5])
+    assert contact.shape == (3, 2)
     assert repr(contact) == "ContactPoints(3 of 2 components on left, bottom)"
     assert repr(bare()) == "ContactPoints(3 of 2 components)"
 
@@ -53,7 +52,7 @@ def test_sizes_and_gap() -> None:
 def test_local_displacements_and_forces_are_those_of_the_matrices() -> None:
     contact, rng = three(), np.random.default_rng(1)
     u, lam = rng.normal(size=5), rng.normal(size=(3, 2))
-    np.testing.assert_allclose(contact.local(u), (B @ u).reshape(3, 2) - contact.offset, rtol=1e-14)
+    np.testing.assert_allclose(contact.traced(u), (B @ u).reshape(3, 2), rtol=1e-14)
     W = np.diag([0.5, 0.5, 2.0, 2.0, 1.5, 1.5])
     np.testing.assert_allclose(contact.force(lam), B.T @ W @ lam.ravel(), rtol=1e-14)
 
@@ -64,7 +63,7 @@ def test_points_that_are_taken_bring_everything_along(index: list[int]) -> None:
     some = contact.take(chosen)
     rows = [row for j in index for row in (2 * j, 2 * j + 1)]
     np.testing.assert_array_equal(some.trace.toarray(), B[rows])
-    for name in ("weights", "offset", "points", "frames", "node", "facet", "boundary", "without_friction"):
+    for name in ("weights", "points", "frames", "node", "facet", "boundary", "without_friction"):
         np.testing.assert_array_equal(getattr(some, name), getattr(contact, name)[chosen], err_msg=name)
     assert (some.names, some.count, some.components, some.unknowns) == (contact.names, len(index), 2, 5)
 
@@ -104,9 +103,6 @@ def test_the_points_of_a_boundary() -> None:
         ({"node": np.zeros((3, 1), dtype=int)}, "node has shape"),
         ({"facet": np.zeros(4, dtype=int)}, "facet has shape"),
         ({"without_friction": np.zeros(2, dtype=bool)}, "without_friction has shape"),
-        ({"offset": np.zeros((2, 2))}, r"offset has shape \(2, 2\).*\(3, 2\)"),
-        ({"offset": np.zeros((3, 3))}, r"offset has shape \(3, 3\).*\(3, 2\)"),
-        ({"offset": np.zeros(3)}, "offset has shape"),
         ({"points": np.zeros((2, 2))}, r"points has shape \(2, 2\); it must be \(3, d\)"),
         ({"points": np.zeros(3)}, "points has shape"),
         ({"frames": np.zeros((2, 2, 2))}, r"frames has shape \(2, 2, 2\); it must be \(3, 2, d\)"),
@@ -127,16 +123,16 @@ def test_what_contact_points_refuse(change: dict[str, Array], words: str) -> Non
 def test_a_point_has_up_to_three_components(components: int) -> None:
     contact = bare(2, components)
     assert contact.components == components
-    assert contact.local(np.ones(5)).shape == (2, components)
+    assert contact.traced(np.ones(5)).shape == (2, components)
 
 
 @pytest.mark.parametrize("make", [lambda: bare(0), lambda: three().take(np.zeros(0, dtype=int))])
 def test_no_points_keep_their_components(make: Callable[[], ContactPoints]) -> None:
     contact = make()
     assert (contact.count, contact.components) == (0, 2)
-    assert contact.local(np.ones(5)).shape == (0, 2)
+    assert contact.traced(np.ones(5)).shape == (0, 2)
     np.testing.assert_array_equal(contact.force(np.zeros((0, 2))), np.zeros(5))
-    for change in ({"points": np.zeros((1, 2))}, {"frames": np.zeros((1, 2, 2))}, {"offset": np.zeros((1, 2))}):
+    for change in ({"points": np.zeros((1, 2))}, {"frames": np.zeros((1, 2, 2))}):
         with pytest.raises(ProblemError, match=next(iter(change))):
             dataclasses.replace(contact, **change)  # type: ignore[arg-type]
 
@@ -149,8 +145,6 @@ def test_the_last_of_the_names_is_a_place() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"offset": np.zeros((1, 1))},
-        {"offset": np.zeros((1, 3))},
         {"points": np.zeros((2, 2))},
         {"frames": np.zeros((1, 3, 2))},
         {"boundary": np.array([0])},
@@ -167,7 +161,7 @@ def test_a_single_point_is_checked_as_many_are(change: dict[str, Array]) -> None
 def test_forces_on_what_points_see(columns: tuple[int, ...], factors: tuple[float, ...]) -> None:
     """``B'`` at the unknowns seen, where each point sees its own and where two see the same."""
     trace = sp.csr_array((np.array(factors), (np.arange(3), np.array(columns))), shape=(3, 5))
-    contact = ContactPoints(trace, np.ones(3), np.zeros((3, 1)))
+    contact = ContactPoints(trace, np.ones(3))
     force = np.array([[1.0], [2.0], [4.0]])
     assert contact.seen.tolist() == sorted(set(columns))
     np.testing.assert_allclose(contact.pressed(force), (trace.toarray().T @ force.ravel())[contact.seen])

@@ -46,17 +46,17 @@ def arrays(**changes: Any) -> dict:
 def test_accepts_dense_and_sparse() -> None:
     for convert in (np.asarray, sp.csc_matrix, sp.coo_array, sp.bsr_array):
         problem = DiscreteProblem.of_arrays(**arrays(stiffness=convert(arrays()["stiffness"])))
-        assert isinstance(problem.linear.stiffness, sp.csr_array)
+        assert isinstance(problem.stiffness, sp.csr_array)
         assert (problem.unknowns, problem.contact_points, problem.contact.components) == (6, 2, 2)
 
 
 def test_energy_local_and_force() -> None:
     problem = DiscreteProblem.of_arrays(**arrays(slip_offset=[[0.2], [0.0]], constant=3.0))
-    np.testing.assert_array_equal(problem.contact.offset.ravel(), [0.1, 0.2, 0.0, 0.0])
+    np.testing.assert_array_equal(problem.offset.ravel(), [0.1, 0.2, 0.0, 0.0])
     u = np.array([0.3, 0.1, -0.2, 0.4, 0.5, 0.6])
     r = problem.local(u)
     np.testing.assert_allclose(r, [[0.2, -0.1], [-0.2, 0.4]])
-    K, f = problem.linear.stiffness.toarray(), problem.linear.load
+    K, f = problem.stiffness.toarray(), problem.load
     contact = 0.5 * (0.3 * 0.2 + 0.2**2 + 0.5 * 0.1) + 0.25 * (0.5 * 0.4)
     assert np.isclose(problem.energy(u), 0.5 * u @ K @ u - f @ u + contact + 3.0)
     force = problem.contact_force(np.array([[1.0, 2.0], [3.0, 4.0]]))
@@ -88,16 +88,13 @@ def test_assembled_problems_pass_the_checks_they_are_spared(order: int) -> None:
     )  # fmt: skip
     given = problem.bulk
     assert isinstance(given, Quadratic)
-    checked = Quadratic(given.stiffness, given.load, given.constant)
-    assert abs(checked.stiffness - given.stiffness).nnz == 0
-    np.testing.assert_array_equal(checked.load, given.load)
-    assert checked.constant == given.constant
+    assert abs(Quadratic(given.stiffness).stiffness - given.stiffness).nnz == 0
 
 
 def test_with_law_shares_matrices() -> None:
     problem = DiscreteProblem.of_arrays(**arrays())
     other = problem.with_(law=ContactLaw(SurveyLaw(1.0)))
-    assert other.linear.stiffness is problem.linear.stiffness
+    assert other.stiffness is problem.stiffness
     assert other.law is not problem.law
     assert other.energy(np.ones(6)) != problem.energy(np.ones(6))
     with pytest.raises(ProblemError, match="law"):
@@ -110,7 +107,7 @@ UNSYMMETRIC = arrays()["stiffness"] + np.eye(6, k=2) * 1e-6
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"stiffness": np.eye(5)}, "stiffness has shape .5, 5. but load has 6"),
+        ({"stiffness": np.eye(5)}, "trace has 6 columns; it needs one per unknown, 5"),
         ({"stiffness": UNSYMMETRIC}, "not symmetric"),
         ({"stiffness": arrays()["stiffness"] * np.nan}, r"stiffness\[0, 0\] = nan"),
         ({"stiffness": arrays()["stiffness"] - 4 * np.eye(6)}, "positive diagonal"),
@@ -168,19 +165,19 @@ def test_energy_forgives_the_rounding_of_displacements_that_cancel() -> None:
 def test_three_components_and_no_points() -> None:
     slips = [[1.0, 2.0], [3.0, 4.0]]
     problem = DiscreteProblem.of_arrays(**arrays(trace=np.eye(6), slip_offset=slips, points=[[0, 0, 1], [1, 0, 2]]))
-    np.testing.assert_array_equal(problem.contact.offset, [[0.1, 1.0, 2.0], [0.0, 3.0, 4.0]])
+    np.testing.assert_array_equal(problem.offset, [[0.1, 1.0, 2.0], [0.0, 3.0, 4.0]])
     np.testing.assert_array_equal(problem.contact.points, [[0, 0, 1], [1, 0, 2]])
     empty = {"trace": np.zeros((0, 6)), "weights": [], "gap": []}
     for points, components in ((None, 2), (np.zeros((0, 3)), 3), (np.zeros((0, 2)), 2)):
         alone = DiscreteProblem.of_arrays(**arrays(**empty, points=points, slip_offset=np.zeros((0, 7))))
-        assert alone.contact.offset.shape == (0, components)
+        assert alone.offset.shape == (0, components)
     scalar = discretize(
         ContactProblem(rectangle((1.0, 1.0), 2), Material.lame(4, 4), supports={"left": Clamped()}, body_force=(0, -1))
     )
     field = scalar.field
     assert field is not None
     own = DiscreteProblem.of_arrays(
-        scalar.linear.stiffness, scalar.linear.load, np.zeros((0, scalar.unknowns)), [], [], LAW, field=field
+        scalar.stiffness, scalar.load, np.zeros((0, scalar.unknowns)), [], [], LAW, field=field
     )
     assert own.field is field
     assert own.contact.components == 2
@@ -200,7 +197,7 @@ def test_a_problem_of_arrays_owns_them() -> None:
     assert problem.energy(np.ones(6)) == energy
     np.testing.assert_array_equal(contact.points, [[0.0, 1.0], [2.0, 3.0]])
     np.testing.assert_array_equal(contact.frames, frames)
-    for array in (problem.linear.load, contact.weights, contact.offset, contact.points, contact.frames):
+    for array in (problem.load, contact.weights, problem.offset, contact.points, contact.frames):
         assert array is not None
         assert not array.flags.writeable
 
@@ -208,23 +205,24 @@ def test_a_problem_of_arrays_owns_them() -> None:
 def test_with_changes_what_is_given_and_nothing_else() -> None:
     problem = DiscreteProblem.of_arrays(**arrays(constant=3.0))
     moved = problem.with_(offset=[[0.5, 0.1], [0.6, 0.2]])  # type: ignore[arg-type]
-    np.testing.assert_array_equal(moved.contact.gap, [0.5, 0.6])
+    np.testing.assert_array_equal(moved.gap, [0.5, 0.6])
     assert (moved.bulk, moved.law) == (problem.bulk, problem.law)
     assert moved.contact.trace is problem.contact.trace
     loaded = problem.with_(load=2.0 * np.arange(6.0))
-    np.testing.assert_array_equal(loaded.linear.load, 2.0 * np.arange(6.0))
-    assert loaded.linear.constant == 3.0
+    np.testing.assert_array_equal(loaded.load, 2.0 * np.arange(6.0))
+    assert loaded.constant == 3.0
     assert loaded.contact is problem.contact
-    bulk = Quadratic(np.eye(6), np.ones(6))
-    assert problem.with_(bulk=bulk).bulk is bulk
-    with pytest.raises(ProblemError, match="give one of load and bulk"):
-        problem.with_(bulk=bulk, load=np.ones(6))
+    bulk = Quadratic(np.eye(6))
+    stiffer = problem.with_(bulk=bulk, load=np.ones(6))
+    assert stiffer.bulk is bulk
+    assert (stiffer.contact, stiffer.law, stiffer.constant) == (problem.contact, problem.law, 3.0)
+    np.testing.assert_array_equal(stiffer.load, np.ones(6))
     with pytest.raises(ProblemError, match="offset has shape"):
         problem.with_(offset=np.zeros((2, 3)))
     with pytest.raises(ProblemError, match="trace has 6 columns; it needs one per unknown, 5"):
-        problem.with_(bulk=Quadratic(np.eye(5), np.ones(5)))
+        problem.with_(bulk=Quadratic(np.eye(5)))
     without = DiscreteProblem.of_arrays(**arrays(trace=np.zeros((0, 6)), weights=[], gap=[]))
-    with pytest.raises(ProblemError, match=r"offset has shape \(0, 3\); it must be \(0, 2\)"):
+    with pytest.raises(ProblemError, match=r"offset has shape \(0, 3\); .*, \(0, 2\)"):
         without.with_(offset=np.zeros((0, 3)))
 
 
@@ -288,9 +286,9 @@ def test_what_counts_as_rounding_is_a_part_of_the_largest_displacement_or_gap() 
 
 def test_the_slip_offset_of_a_single_point() -> None:
     one = {"trace": np.eye(6)[:2], "weights": [1.0], "gap": [0.3]}
-    np.testing.assert_array_equal(DiscreteProblem.of_arrays(**arrays(**one)).contact.offset, [[0.3, 0.0]])
+    np.testing.assert_array_equal(DiscreteProblem.of_arrays(**arrays(**one)).offset, [[0.3, 0.0]])
     moved = DiscreteProblem.of_arrays(**arrays(**one, slip_offset=[[0.4]]))
-    np.testing.assert_array_equal(moved.contact.offset, [[0.3, 0.4]])
+    np.testing.assert_array_equal(moved.offset, [[0.3, 0.4]])
     for wrong in ([[0.1, 0.2]], [[0.1], [0.2]]):
         with pytest.raises(ProblemError, match=r"slip_offset has shape .*; it must be \(1, 1\)"):
             DiscreteProblem.of_arrays(**arrays(**one, slip_offset=wrong))

@@ -105,14 +105,14 @@ def test_loads_whose_energies_over_or_underflow_are_refused(size: float) -> None
 def test_sizes_near_the_ends_of_the_numbers(name: str, size: float) -> None:
     plain = discrete_square("rigid")
     data = {
-        "stiffness": plain.linear.stiffness,
+        "stiffness": plain.stiffness,
         "trace": plain.contact.trace,
         "weights": plain.contact.weights,
-        "gap": plain.contact.gap,
+        "gap": plain.gap,
     }
     law = ContactLaw(Signorini(), Tresca(0.1 * size))
     found = solve(
-        DiscreteProblem.of_arrays(load=size * plain.linear.load, law=law.at(plain.contact.points), **data),
+        DiscreteProblem.of_arrays(load=size * plain.load, law=law.at(plain.contact.points), **data),
         METHODS[name],
     )
     reference = solve(plain)

@@ -71,7 +71,7 @@ def _difference(problem: DiscreteProblem, reference: Solution, displacement: Arr
     """Relative, in the energy norm."""
     assert problem.field is not None
     off = problem.field.restrict(displacement) - reference.unknowns
-    K = problem.linear.stiffness
+    K = problem.stiffness
     return float(np.sqrt(off @ (K @ off) / (reference.unknowns @ (K @ reference.unknowns))))
 
 

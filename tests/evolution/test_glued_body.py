@@ -52,10 +52,10 @@ def test_a_step_against_springs_at_the_contact_points_has_one_solution() -> None
     problem, B = discrete.problem, discrete.problem.contact.trace.toarray()
     falls = np.zeros((problem.contact_points, 2))
     falls[:, 0] = 60.0 * problem.contact.weights
-    softened = slow.problem.linear.stiffness.toarray() - B.T @ np.diag(falls.ravel()) @ B
+    softened = slow.problem.stiffness.toarray() - B.T @ np.diag(falls.ravel()) @ B
     assert np.linalg.eigvalsh(softened)[0] > 0.0
-    K = problem.linear.stiffness.toarray()
+    K = problem.stiffness.toarray()
     assert np.linalg.eigvalsh(1e6 * K - B.T @ np.diag(falls.ravel()) @ B)[0] < 0.0
     u = np.linspace(0.0, 1.0, problem.unknowns)
-    dragged = slow.problem.linear.stiffness @ u - K @ u
-    np.testing.assert_allclose(slow.drag(problem.linear.stiffness, u), dragged, atol=1e-12)
+    dragged = slow.problem.stiffness @ u - K @ u
+    np.testing.assert_allclose(slow.drag(problem.stiffness, u), dragged, atol=1e-12)

@@ -95,7 +95,7 @@ def test_the_effective_problem_is_that_of_a_step() -> None:
         stated.effective(1.0).effective(1.0)
     here = stated.effective(0.5, (), 3.0)
     same = membrane(density=None, coefficient=2.0, bedding=3.0)
-    one, other = (hv.discretize(problem).linear.stiffness for problem in (here, same))
+    one, other = (hv.discretize(problem).stiffness for problem in (here, same))
     np.testing.assert_allclose(one.toarray(), other.toarray(), rtol=1e-13, atol=1e-13)
 
 
@@ -262,8 +262,8 @@ def test_a_capacity_leaves_no_constant_without_energy() -> None:
     step = Bodies(discretize_evolution(Evolution(insulated))).body(1.0, 4.0)
     assert step.field is not None
     assert step.field.free_motions.count == 0
-    assert np.linalg.eigvalsh(step.linear.stiffness.toarray())[0] > 1e-3
+    assert np.linalg.eigvalsh(step.stiffness.toarray())[0] > 1e-3
     still = hv.discretize(membrane(kind=ScalarKind.HEAT, density=None, supports={}), check_coercivity=False)
     assert still.field is not None
     assert still.field.free_motions.count == 1
-    assert np.linalg.eigvalsh(still.linear.stiffness.toarray())[0] < 1e-12
+    assert np.linalg.eigvalsh(still.stiffness.toarray())[0] < 1e-12

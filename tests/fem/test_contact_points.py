@@ -63,7 +63,7 @@ def test_a_smooth_corner_on_a_support_is_blocked_by_its_own_normal(names: tuple[
     assert np.abs(normal).max() == pytest.approx(abs(n[1]) / np.linalg.norm(n), rel=1e-12)
     assert not tangential.any()
     assert problem.contact.without_friction[point]
-    assert problem.contact.offset[point, 1] == 0.0
+    assert problem.offset[point, 1] == 0.0
 
 
 def test_a_smooth_corner_without_support_slips() -> None:

@@ -48,11 +48,11 @@ def survey_problem(cells: int = 8, **options: Any) -> ContactProblem:
 def solve_linear(discrete: DiscreteProblem, spring: float = 0.0) -> np.ndarray:
     """Solution with the law 1/2 spring r_nu^2 in place of the problem's own; the full field."""
     normal = sp.csr_array(discrete.contact.trace[:: discrete.contact.components]) if discrete.contact_points else None
-    K, f = discrete.linear.stiffness, discrete.linear.load
+    K, f = discrete.stiffness, discrete.load
     if normal is not None and spring:
         weights = sp.diags_array(spring * discrete.contact.weights)
         K = K + normal.T @ weights @ normal
-        f = f + normal.T @ (weights @ discrete.contact.gap)
+        f = f + normal.T @ (weights @ discrete.gap)
     u = sla.spsolve(sp.csc_array(K), f)
     assert discrete.field is not None
     return discrete.field.full(u)
@@ -187,7 +187,7 @@ def test_block_pressed_by_its_top(order: int) -> None:
     np.testing.assert_allclose(discrete.local(u)[:, 0], s)
     multiplier = np.zeros((discrete.contact_points, 2))
     multiplier[:, 0] = q + p * s
-    residual = discrete.linear.stiffness @ u + discrete.contact_force(multiplier) - discrete.linear.load
+    residual = discrete.stiffness @ u + discrete.contact_force(multiplier) - discrete.load
     assert np.abs(residual).max() < 1e-13
     assert math.isclose(discrete.energy(u), 0.5 * M * (D - s) ** 2 + q * s + 0.5 * p * s**2)
 
@@ -314,7 +314,7 @@ def test_energy_is_the_energy_of_the_full_field() -> None:
 def test_gap_function() -> None:
     problem = survey_problem(4, contact={"bottom": Contact(Signorini(), gap=lambda x: 0.1 * x[:, 0] ** 2)})
     discrete = discretize(problem)
-    np.testing.assert_allclose(discrete.contact.gap, 0.1 * discrete.contact.points[:, 0] ** 2)
+    np.testing.assert_allclose(discrete.gap, 0.1 * discrete.contact.points[:, 0] ** 2)
 
 
 def test_array_parameters_follow_dropped_points() -> None:
@@ -346,7 +346,7 @@ def test_sliding_support_enters_the_slip() -> None:
     corner = int(np.argmin(discrete.contact.points[:, 0]))
     z = np.zeros(discrete.unknowns)
     np.testing.assert_allclose(discrete.local(z)[corner], [0.0, 0.2])
-    np.testing.assert_allclose(discrete.contact.offset[:, 1:][corner], -0.2)
+    np.testing.assert_allclose(discrete.offset[:, 1:][corner], -0.2)
 
 
 def test_oblique_support_at_a_contact_node() -> None:
@@ -735,4 +735,4 @@ def test_large_mesh() -> None:
     """Half a million unknowns take seconds."""
     discrete = discretize(survey_problem(512))
     assert discrete.unknowns == 2 * 512 * 513
-    assert abs(discrete.linear.stiffness - discrete.linear.stiffness.T).max() == 0.0
+    assert abs(discrete.stiffness - discrete.stiffness.T).max() == 0.0

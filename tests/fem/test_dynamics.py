@@ -174,7 +174,7 @@ def test_all_matrices_share_one_sparsity(make: Callable[[], Mesh], order: int) -
     problem = moving(make(), order)
     discrete = discretize(problem)
     matrices = body_matrices(problem, discrete)
-    K = discrete.linear.stiffness
+    K = discrete.stiffness
     assert matrices.stiffness.matrix is K
     assert matrices.viscosity is not None
     assert matrices.mass is not None
@@ -195,7 +195,7 @@ def test_the_effective_body_is_the_sum_of_the_matrices(make: Callable[[], Mesh],
     matrices = body_matrices(problem)
     a, g, b = 7.0, (0.3, 0.6), 11.0
     discrete = discretize(problem.effective(a, g, b))
-    K = discrete.linear.stiffness
+    K = discrete.stiffness
     assert matrices.viscosity is not None
     assert matrices.mass is not None
     parts = [(1.0, matrices.stiffness), (a, matrices.viscosity), (b, matrices.mass)]
@@ -218,8 +218,8 @@ def test_the_effective_body_is_the_sum_of_the_matrices(make: Callable[[], Mesh],
     assert field.bedded
     assert field.free_motions.count == 0
     z = field.prescribed[matrices.moved]
-    np.testing.assert_allclose(discrete.linear.load, -(step.coupling @ z), atol=1e-13 * scale)
-    assert abs(discrete.linear.constant - 0.5 * z @ (step.held @ z)) < 1e-13 * scale
+    np.testing.assert_allclose(discrete.load, -(step.coupling @ z), atol=1e-13 * scale)
+    assert abs(discrete.constant - 0.5 * z @ (step.held @ z)) < 1e-13 * scale
 
 
 @pytest.mark.parametrize("make", [lambda: rectangle((2, 1), (4, 2)).refined(), lambda: cube(2).refined()])
@@ -230,7 +230,7 @@ def test_the_coarser_level_is_rediscretised(make: Callable[[], Mesh]) -> None:
     assert below is not None
     assert problem.mesh.parent is not None
     coarse = body_matrices(problem.on(problem.mesh.parent.mesh)).effective(3.0, (0.5, 0.25), 10.0)
-    K = below.problem.linear.stiffness
+    K = below.problem.stiffness
     assert abs(K - coarse.matrix).max() < 1e-14 * abs(K).max()
     assert below.problem.field is not None
     assert below.problem.field.bedded
@@ -271,8 +271,8 @@ def test_statics_is_not_touched() -> None:
         full = moving(rectangle((2, 1), (4, 2)), order)
         plain = replace(full, material=Material.lame(3.0, lambda x: 2.0 + 0.1 * x[:, 0]))
         one, other = discretize(full), discretize(plain)
-        assert abs(one.linear.stiffness - other.linear.stiffness).max() == 0.0
-        np.testing.assert_array_equal(one.linear.load, other.linear.load)
+        assert abs(one.stiffness - other.stiffness).max() == 0.0
+        np.testing.assert_array_equal(one.load, other.load)
 
 
 # ---- bedding ------------------------------------------------------------------------------------------------
@@ -332,7 +332,7 @@ def test_certificate_of_a_floating_body() -> None:
     alpha[:, 0] = law.normal.weak_convexity
     B = problem.contact.trace.toarray()
     S = B.T @ ((problem.contact.weights[:, None] * alpha).ravel()[:, None] * B)
-    top = float(scipy.linalg.eigh(S, problem.linear.stiffness.toarray(), eigvals_only=True)[-1])
+    top = float(scipy.linalg.eigh(S, problem.stiffness.toarray(), eigvals_only=True)[-1])
     assert abs(smallness(problem).margin - (1.0 - top)) < 1e-8
     stronger = smallness(discretize(floating(rectangle((1, 1), 4), bedding=300.0)))
     assert stronger.margin > 1.0 - top
@@ -427,7 +427,7 @@ def test_units_do_not_matter() -> None:
     assert other.status is Status.CONVERGED
     np.testing.assert_allclose(other.displacement, 1e3 * one.displacement, rtol=1e-8, atol=1e-12)
     assert smallness(metres).margin == pytest.approx(smallness(millimetres).margin, rel=1e-8)
-    K, L = metres.linear.stiffness, millimetres.linear.stiffness
+    K, L = metres.stiffness, millimetres.stiffness
     np.testing.assert_allclose(L.data, 1e-6 * K.data, rtol=1e-12, atol=1e-12 * abs(L).max())
 
 
@@ -439,7 +439,7 @@ def test_stiffness_of_the_unbedded_body_is_the_old_one() -> None:
     assert not discrete.field.bedded
     full = stiffness_matrix(mesh, problem.material)
     reduced = discrete.field.basis.T @ full @ discrete.field.basis
-    assert abs(discrete.linear.stiffness - reduced).max() < 1e-15 * abs(full).max()
+    assert abs(discrete.stiffness - reduced).max() < 1e-15 * abs(full).max()
 
 
 def test_the_coarser_level_of_a_problem_with_damping_and_memory() -> None:
@@ -481,7 +481,7 @@ def test_implicit_euler_of_a_viscoelastic_block(
     discrete = discretize(problem)
     matrices = body_matrices(problem, discrete)
     assert matrices.viscosity is not None
-    K, C, f = matrices.stiffness.matrix, matrices.viscosity.matrix, discrete.linear.load
+    K, C, f = matrices.stiffness.matrix, matrices.viscosity.matrix, discrete.load
     M = sp.csr_array(K.shape) if matrices.mass is None else matrices.mass.matrix
     solver = spla.splu(sp.csc_array(matrices.effective(1 / tau, (), rho / tau**2).matrix))
     u, v = np.zeros(len(f)), np.zeros(len(f))

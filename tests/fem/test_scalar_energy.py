@@ -74,8 +74,8 @@ def test_the_kernel_is_the_constants(order: int) -> None:
     field = problem.field
     assert field is not None
     assert field.free_motions.count == 1
-    np.testing.assert_allclose(problem.linear.stiffness @ field.free_motions.motions.toarray(), 0.0, atol=1e-12)
-    values = np.linalg.eigvalsh(problem.linear.stiffness.toarray())
+    np.testing.assert_allclose(problem.stiffness @ field.free_motions.motions.toarray(), 0.0, atol=1e-12)
+    values = np.linalg.eigvalsh(problem.stiffness.toarray())
     assert values[0] == pytest.approx(0.0, abs=1e-12)
     assert values[1] > 1e-3
     held = hv.discretize(hv.ScalarProblem(MESH, 2.0, order=order, supports={"left": 0.0}))
@@ -109,7 +109,7 @@ def test_what_is_held_where_its_law_forbids_it() -> None:
     soft = hv.discretize(hv.ScalarProblem(MESH, 1.0, area=law, supports=rim))
     inner = float(soft.contact.weights.sum())
     free = hv.discretize(hv.ScalarProblem(MESH, 1.0, area=hv.ScalarContact(hv.NoContact()), supports=rim))
-    assert soft.linear.constant - free.linear.constant == pytest.approx((1.0 - inner) * 0.2**2)
+    assert soft.constant - free.constant == pytest.approx((1.0 - inner) * 0.2**2)
 
 
 def test_contact_points_of_boundaries_and_regions() -> None:
@@ -133,15 +133,16 @@ def test_contact_points_of_boundaries_and_regions() -> None:
     both = hv.ScalarProblem(
         mesh, 1.0, {"top": hv.ScalarContact(hv.Tresca(0.5), 0.2)}, {"low": replace(STOP, side=Side.BELOW)}, bedding=1.0
     )
-    mixed = hv.discretize(both).contact
+    discrete = hv.discretize(both)
+    mixed = discrete.contact
     assert mixed.components == 2
     over = mixed.on("low")
     rows = np.asarray(mixed.trace[2 * over].sum(axis=1))
     np.testing.assert_array_equal(rows, -1.0)
-    np.testing.assert_array_equal(mixed.offset[over], np.broadcast_to([-0.1, 0.0], (len(over), 2)))
+    np.testing.assert_array_equal(discrete.offset[over], np.broadcast_to([-0.1, 0.0], (len(over), 2)))
     np.testing.assert_array_equal(np.diff(mixed.trace.indptr)[2 * over + 1], 0)
     edge = mixed.on("top")
-    np.testing.assert_array_equal(mixed.offset[edge], np.broadcast_to([0.0, 0.2], (len(edge), 2)))
+    np.testing.assert_array_equal(discrete.offset[edge], np.broadcast_to([0.0, 0.2], (len(edge), 2)))
     found = {method: hv.solve(replace(both, source=-1.0), hv.METHODS[method]) for method in ("newton", "multigrid")}
     np.testing.assert_allclose(found["newton"].displacement, found["multigrid"].displacement, atol=1e-9)
     assert found["newton"].certify().unique
@@ -153,10 +154,10 @@ def test_coarser_problems_are_the_same_statement() -> None:
     step = coarser(fine)
     assert step is not None
     below = hv.discretize(replace(statement, mesh=hv.rectangle((1.0, 1.0), 4)))
-    assert abs(step.problem.linear.stiffness - below.linear.stiffness).max() < 1e-14
-    np.testing.assert_allclose(step.problem.contact.offset, below.contact.offset)
+    assert abs(step.problem.stiffness - below.stiffness).max() < 1e-14
+    np.testing.assert_allclose(step.problem.offset, below.offset)
     np.testing.assert_allclose(step.problem.contact.weights, below.contact.weights)
-    np.testing.assert_allclose(step.problem.linear.load, below.linear.load, atol=1e-14)
+    np.testing.assert_allclose(step.problem.load, below.load, atol=1e-14)
     linear = MESH.points[step.problem.contact.node][:, 0]
     fine_points = statement.mesh.points[fine.contact.node][:, 0]
     np.testing.assert_allclose(step.interpolate(linear), fine_points, atol=1e-14)
@@ -169,9 +170,9 @@ def test_loads_and_supports_grow_together() -> None:
     line = LoadLine.of(problem)
     half = hv.discretize(replace(problem, supports={"left": 0.2}, source=0.5, fluxes={"top": 1.0}))
     at = line.at(0.5)
-    np.testing.assert_allclose(at.linear.load, half.linear.load, atol=1e-15)
-    np.testing.assert_allclose(at.contact.offset, half.contact.offset, atol=1e-15)
-    assert at.linear.constant == pytest.approx(half.linear.constant)
+    np.testing.assert_allclose(at.load, half.load, atol=1e-15)
+    np.testing.assert_allclose(at.offset, half.offset, atol=1e-15)
+    assert at.constant == pytest.approx(half.constant)
     path = hv.follow_path(line.loaded, (0.2, 1.0), unloaded=line.unloaded)
     assert len(path) > 1
 
@@ -190,6 +191,6 @@ def test_reactions_balance_loads_and_contact(order: int) -> None:
     total = sum(force[0] for force in found.reactions.values()) - found.normal_force + 0.5 + 0.3
     assert total == pytest.approx(0.0, abs=1e-10)
     assert found.on("bottom").contact_length > 0.0
-    other = found.problem.with_(load=2.0 * found.problem.linear.load)
+    other = found.problem.with_(load=2.0 * found.problem.load)
     with pytest.raises(hv.ProblemError, match="under the stated load only"):
         _ = hv.solve(other).reactions

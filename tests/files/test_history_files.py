@@ -369,7 +369,7 @@ def test_glue_that_pulls_is_not_open(history: History) -> None:
 
 def test_a_gap_that_moves_is_that_of_its_time() -> None:
     found = march(pressed(gap=lambda x, t: 0.02 + 0.1 * t + 0.0 * x[:, 0]), 0.4, step=0.1)
-    gaps = [snapshot(found.discrete, frame).problem.contact.gap for frame in found.frames]
+    gaps = [snapshot(found.discrete, frame).problem.gap for frame in found.frames]
     for frame, gap in zip(found.frames, gaps, strict=True):
         assert gap == pytest.approx(np.full_like(gap, 0.02 + 0.1 * frame.time), rel=1e-14)
 

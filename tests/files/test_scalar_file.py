@@ -81,9 +81,9 @@ def test_written_and_read_again(number: int, tmp_path: Path) -> None:
     again = hv.write_problem(found, tmp_path / "q.toml")
     assert again.read_text() == path.read_text()
     one, other = (hv.discretize(p, check_coercivity=False) for p in (problem, found))
-    np.testing.assert_array_equal(one.linear.stiffness.data, other.linear.stiffness.data)
-    np.testing.assert_array_equal(one.linear.load, other.linear.load)
-    np.testing.assert_array_equal(one.contact.offset, other.contact.offset)
+    np.testing.assert_array_equal(one.stiffness.data, other.stiffness.data)
+    np.testing.assert_array_equal(one.load, other.load)
+    np.testing.assert_array_equal(one.offset, other.offset)
 
 
 def test_regions_are_written_beside(tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ def test_residual_and_energy_freeze_the_law_at_the_state() -> None:
     problem = DiscreteProblem.of_arrays(np.eye(2), u + lam[0], np.eye(2), np.ones(1), np.zeros(1), law)  # type: ignore[arg-type]
     assert residual(problem, u, lam).total < 1e-14
     assert residual(problem, u, np.array([[1.0, 0.6]])).total > 0.1
-    expected = 0.5 * u @ u - problem.linear.load @ u + 0.25 + 0.5 * 0.2
+    expected = 0.5 * u @ u - problem.load @ u + 0.25 + 0.5 * 0.2
     assert problem.energy(u) == pytest.approx(expected)
     assert problem.energy(u, np.array([[2.0, 0.0]])) == pytest.approx(expected + 0.1)
 

@@ -50,7 +50,7 @@ def held_somewhere(problem: hv.DiscreteProblem, seed: int = 4) -> tuple[np.ndarr
     rng = np.random.default_rng(seed)
     held = (rng.uniform(size=unknown.size) < 0.2) | (np.arange(unknown.size) < unknown.size // 3)
     blocks = rng.standard_normal((len(active), 3, 3))
-    blocks = np.einsum("mij,mkj->mik", blocks, blocks) * problem.linear.stiffness.diagonal().mean()
+    blocks = np.einsum("mij,mkj->mik", blocks, blocks) * problem.stiffness.diagonal().mean()
     place = np.zeros(unknown.size, dtype=int)
     for p in np.unique(point):
         own = np.flatnonzero(point == p)
@@ -65,7 +65,7 @@ def held_somewhere(problem: hv.DiscreteProblem, seed: int = 4) -> tuple[np.ndarr
 def dense_truncated(problem: hv.DiscreteProblem, held: np.ndarray, added: sp.csr_array) -> np.ndarray:
     """The matrix that holding and adding stand for, with ones on the diagonal where held."""
     unknown = contact_unknowns(problem)[0]
-    matrix = problem.linear.stiffness.toarray()
+    matrix = problem.stiffness.toarray()
     matrix[np.ix_(unknown, unknown)] += added.toarray()
     out = unknown[held]
     matrix[out] = 0.0
@@ -107,7 +107,7 @@ def test_conjugate_gradients_with_the_cycle_solve_the_truncated_equation(
     levels = Truncated(hierarchy.levels, top)
     held, added = held_somewhere(problem)
     levels.change(held, added)
-    right = problem.linear.load.copy()
+    right = problem.load.copy()
     right[contact_unknowns(problem)[0][held]] = 0.0
     found = conjugate_gradients(
         levels.matrix(top), levels.diagonal(top), right, lambda v: levels.cycle(top, v), 1e-11, 100
@@ -178,7 +178,7 @@ def test_holding_unknowns_changes_no_matrix_of_the_hierarchy(make: Make) -> None
     top = len(levels.sizes) - 1
     vector = np.random.default_rng(1).standard_normal(problem.unknowns)
     before, cycled = [bits(levels.matrix(k)) for k in range(top + 1)], levels.cycle(top, vector)
-    assert abs(levels.matrix(top) - problem.linear.stiffness).max() == 0.0
+    assert abs(levels.matrix(top) - problem.stiffness).max() == 0.0
     truncated = Truncated(levels, top)
     truncated.change(*held_somewhere(problem))
     assert np.abs(truncated.cycle(top, vector) - cycled).max() > 1e-6 * np.abs(cycled).max()
@@ -203,7 +203,7 @@ def test_what_is_left_of_a_coarse_space_needs_no_new_matrix(make: Make) -> None:
     P = step.prolongation.toarray()
     kept = ~np.any(P[out] != 0.0, axis=0)
     galerkin = (P.T @ truncated @ P)[np.ix_(kept, kept)]
-    coarse = step.problem.linear.stiffness.toarray()[np.ix_(kept, kept)]
+    coarse = step.problem.stiffness.toarray()[np.ix_(kept, kept)]
     assert 0 < kept.sum() < kept.size
     np.testing.assert_allclose(galerkin, coarse, atol=1e-12 * np.abs(coarse).max())
 
@@ -232,8 +232,8 @@ def test_algebraic_levels_follow_the_galerkin_product(make: Make) -> None:
 @pytest.mark.parametrize("make", PROBLEMS)
 def test_linear_solve(make: Make) -> None:
     problem = make()
-    found, cycles = ElasticMultigrid.of(problem).solve(problem.linear.load, 1e-11)
-    expected = spla.spsolve(sp.csc_array(problem.linear.stiffness), problem.linear.load)
+    found, cycles = ElasticMultigrid.of(problem).solve(problem.load, 1e-11)
+    expected = spla.spsolve(sp.csc_array(problem.stiffness), problem.load)
     assert cycles <= 40
     np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
 
@@ -246,7 +246,7 @@ def test_hierarchy_serves_other_loads_and_laws() -> None:
     )
     step = hierarchy.steps[-1]
     below = step.posed(other)
-    assert below.linear.stiffness is step.problem.linear.stiffness
+    assert below.stiffness is step.problem.stiffness
     np.testing.assert_allclose(below.law.normal.derivative(np.full(below.contact_points, 0.5)), 1.5)
 
 
@@ -301,11 +301,11 @@ def test_the_way_down_never_leads_against_the_load() -> None:
 def test_what_the_coarser_mesh_gives_is_held_against_the_load() -> None:
     """Where it meets the tolerance no cycle is left to do on the finest mesh."""
     problem = square(32)
-    levels, load = ElasticMultigrid.of(problem), problem.linear.load
+    levels, load = ElasticMultigrid.of(problem), problem.load
     first, cycles = levels.solve(load, 1e3)
     assert cycles == 0
-    left = np.linalg.norm(load - problem.linear.stiffness @ first) / np.linalg.norm(load)
+    left = np.linalg.norm(load - problem.stiffness @ first) / np.linalg.norm(load)
     assert levels.solve(load, 1.001 * left)[1] == 0
     better, cycles = levels.solve(load, 0.999 * left)
     assert cycles > 0
-    assert np.linalg.norm(load - problem.linear.stiffness @ better) <= 0.999 * left * np.linalg.norm(load)
+    assert np.linalg.norm(load - problem.stiffness @ better) <= 0.999 * left * np.linalg.norm(load)

@@ -140,7 +140,7 @@ def test_a_solve_changes_no_bit_of_problem_and_workspace(
     before = bits(held, set())
     assert len(before) > 40
     again = hv.solve(problem, method, workspace=workspace)
-    _ = levels.solve(problem.linear.load)
+    _ = levels.solve(problem.load)
     hv.certify(problem, again.unknowns, again.multiplier)
     assert bits(held, set()) == before
     np.testing.assert_array_equal(again.unknowns, once.unknowns)
@@ -150,7 +150,7 @@ def test_threads_with_two_laws_of_one_body_take_no_more_cycles() -> None:
     problem, workspace = hv.discretize(gallery.survey("5.1", 32, "right")), hv.Workspace()
     at = problem.contact.points
     stiff = problem.with_(law=hv.ContactLaw(hv.Compliance(20.0).at(at), hv.Tresca(0.1).at(at)))
-    weak = problem.with_(load=0.5 * problem.linear.load)
+    weak = problem.with_(load=0.5 * problem.load)
     problems = [problem, stiff, weak, stiff]
     alone = [hv.solve(one, hv.NonsmoothMultigrid()) for one in problems]
     assert {one.status for one in alone} == {hv.Status.CONVERGED}
@@ -174,9 +174,7 @@ def test_solves_of_one_thread_within_one_another_leave_each_other_alone() -> Non
     expected = hv.solve(problem, hv.NonsmoothMultigrid(), workspace=workspace)
 
     def inside(_: hv.Progress) -> bool:
-        hv.solve(
-            problem.with_(load=2.0 * problem.linear.load), hv.NonsmoothMultigrid(nested=False), workspace=workspace
-        )
+        hv.solve(problem.with_(load=2.0 * problem.load), hv.NonsmoothMultigrid(nested=False), workspace=workspace)
         return False
 
     found = hv.solve(problem, hv.NonsmoothMultigrid(), hv.Controls(callback=inside), workspace=workspace)

@@ -120,7 +120,7 @@ def test_gap_and_normal_below_a_flat_body(quadrature: Quadrature) -> None:
     circle = Sphere((0.5, -2.0), 1.9)
     own = discretize(block(circle, "obstacle", quadrature=quadrature))
     x = own.contact.points[:, 0] - 0.5
-    np.testing.assert_allclose(own.contact.gap, np.hypot(x, 2.0) - 1.9, atol=1e-14)
+    np.testing.assert_allclose(own.gap, np.hypot(x, 2.0) - 1.9, atol=1e-14)
     np.testing.assert_allclose(own.contact.frames[:, 0], np.column_stack([-x, -2.0 + 0 * x]) / np.hypot(x, 2)[:, None])
     np.testing.assert_allclose(
         own.contact.frames @ own.contact.frames.transpose(0, 2, 1),
@@ -128,7 +128,7 @@ def test_gap_and_normal_below_a_flat_body(quadrature: Quadrature) -> None:
         atol=1e-14,
     )
     body = discretize(block(circle, "body", quadrature=quadrature))
-    np.testing.assert_allclose(body.contact.gap, 2.0 - np.sqrt(1.9**2 - x**2), atol=1e-14)
+    np.testing.assert_allclose(body.gap, 2.0 - np.sqrt(1.9**2 - x**2), atol=1e-14)
     np.testing.assert_allclose(body.contact.frames[:, 0], [[0.0, -1.0]] * len(x), atol=1e-14)
 
 
@@ -290,7 +290,7 @@ normal = "signorini"
 def test_obstacles_in_problem_files(text: str, obstacle: Obstacle, normals: str | None) -> None:
     found = discretize(parse_problem(f"{HEAD}{text}\n"))
     expected = discretize(block(obstacle, normals))
-    np.testing.assert_allclose(found.contact.gap, expected.contact.gap, atol=1e-12)
+    np.testing.assert_allclose(found.gap, expected.gap, atol=1e-12)
     np.testing.assert_allclose(found.contact.frames, expected.contact.frames, atol=1e-8)
 
 
@@ -341,7 +341,7 @@ def test_cylinder_in_a_problem_file(tmp_path: Path) -> None:
         )
     )
     x = found.contact.points[:, 0] - 0.5
-    np.testing.assert_allclose(found.contact.gap, np.hypot(x, 2.0) - 1.99, atol=1e-14)
+    np.testing.assert_allclose(found.gap, np.hypot(x, 2.0) - 1.99, atol=1e-14)
 
 
 @pytest.mark.parametrize("normals", ["body", "obstacle"])

@@ -139,7 +139,7 @@ def test_a_problem_at_one_time() -> None:
     assert still.at_time(3.0) is still
     np.testing.assert_allclose(hv.solve(then).displacement, hv.solve(still).displacement, atol=1e-14)
     over = hv.ScalarProblem(MESH, 1.0, area=hv.ScalarContact(hv.Signorini(), Formula("1 + t")), bedding=1.0)
-    assert hv.discretize(over.at_time(2.0)).contact.gap[0] == 3.0
+    assert hv.discretize(over.at_time(2.0)).gap[0] == 3.0
     for changes in ({"bedding": Formula("t")}, {"coefficient": Formula("1 + t")}):
         with pytest.raises(hv.ProblemError, match="depends on time, which it cannot"):
             hv.ScalarProblem(**{"mesh": MESH, "coefficient": 1.0} | changes)
@@ -162,7 +162,7 @@ def test_words_and_copies() -> None:
     assert problem.supports["left"] == -1.0
     assert STOP.side is Side.ABOVE
     again = pickle.loads(pickle.dumps(problem))
-    assert hv.discretize(again).linear.load.tolist() == hv.discretize(problem).linear.load.tolist()
+    assert hv.discretize(again).load.tolist() == hv.discretize(problem).load.tolist()
     assert copy.deepcopy(problem).title == "t"
     finer = problem.on(HALVES.refined())
     assert finer.mesh.number_of_cells == 4 * problem.mesh.number_of_cells

@@ -93,9 +93,9 @@ def random_points(seed: int, most: int = 3) -> tuple[DiscreteProblem, Points]:
 
 def points_of(problem: DiscreteProblem, mu: float, stiffness: float | None) -> Points:
     """Those of a discrete problem whose contact points are all free to move, by dense algebra."""
-    K, B = problem.linear.stiffness.toarray(), problem.contact.trace.toarray()
+    K, B = problem.stiffness.toarray(), problem.contact.trace.toarray()
     flexible = B @ np.linalg.solve(K, B.T)
     A = np.linalg.inv(flexible)
-    free = B @ np.linalg.solve(K, problem.linear.load) - problem.contact.offset.ravel()
+    free = B @ np.linalg.solve(K, problem.load) - problem.offset.ravel()
     weights = problem.contact.weights
     return Points(A, A @ free, weights, np.full(weights.size, mu), stiffness)

@@ -103,13 +103,13 @@ def test_a_third_direction_that_nothing_happens_in_changes_no_step(data: str) ->
     zero = sp.csr_array((m, m))
     trace = sp.block_array([[plane.contact.trace, None], [None, sp.eye_array(m)]], format="csr")
     order = np.stack([2 * np.arange(m), 2 * np.arange(m) + 1, 2 * m + np.arange(m)], axis=1).ravel()
-    size = float(plane.linear.stiffness.diagonal().min())
+    size = float(plane.stiffness.diagonal().min())
     space = DiscreteProblem.of_arrays(
-        sp.block_array([[plane.linear.stiffness, None], [None, size * sp.eye_array(m) + zero]], format="csr"),
-        np.concatenate([plane.linear.load, np.zeros(m)]),
+        sp.block_array([[plane.stiffness, None], [None, size * sp.eye_array(m) + zero]], format="csr"),
+        np.concatenate([plane.load, np.zeros(m)]),
         trace[order],
         plane.contact.weights,
-        plane.contact.gap,
+        plane.gap,
         plane.law,
     )
     expected, found = solve(plane, PrimalDualActiveSet()), solve(space, PrimalDualActiveSet())
@@ -181,11 +181,11 @@ def test_units_do_not_matter() -> None:
     """Metres and pascals, or millimetres and megapascals."""
     problem = block("sticks in part")
     scaled = DiscreteProblem.of_arrays(
-        1e6 * problem.linear.stiffness,
-        1e9 * problem.linear.load,
+        1e6 * problem.stiffness,
+        1e9 * problem.load,
         problem.contact.trace,
         problem.contact.weights,
-        1e3 * problem.contact.gap,
+        1e3 * problem.gap,
         ContactLaw(SurveyLaw(0.3e9, 2.0e6), Tresca(0.7e9)),
     )
     first, second = solve(problem, PrimalDualActiveSet()), solve(scaled, PrimalDualActiveSet())

@@ -167,7 +167,7 @@ def test_a_support_that_finds_everything_fixed_takes_nothing() -> None:
 
 def test_reactions_of_another_load_are_refused() -> None:
     problem = discretize(PLANE)
-    loaded = solve(problem.with_(load=2.0 * problem.linear.load))
+    loaded = solve(problem.with_(load=2.0 * problem.load))
     with pytest.raises(ProblemError, match="stated load only"):
         _ = loaded.reactions
     with pytest.raises(ProblemError, match="made of arrays"):
@@ -248,7 +248,7 @@ def test_contact_table(solution: Solution) -> None:
     np.testing.assert_array_equal(table["pressure"], solution.pressure)
     np.testing.assert_array_equal(table["friction"], np.squeeze(solution.friction, axis=1) if contact.components == 2
                                   else solution.friction)  # fmt: skip
-    np.testing.assert_array_equal(table["gap"], contact.gap)
+    np.testing.assert_array_equal(table["gap"], solution.gap)
     for kind, name in ((NormalState, "normal_state"), (TangentialState, "tangential_state")):
         assert [kind[state.upper()] for state in table[name]] == getattr(solution, name).tolist()
     for name in contact.names:

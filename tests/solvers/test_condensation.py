@@ -70,7 +70,7 @@ def test_condensed_energy_is_the_energy_of_the_recovered_displacement(quadrature
         u = condensed.unknowns(r)
         np.testing.assert_allclose(problem.local(u), r, atol=1e-12)
         assert condensed.energy(r) == pytest.approx(problem.energy(u), rel=1e-11)
-        assert condensed.energy_norm(r) == pytest.approx(np.sqrt(u @ (problem.linear.stiffness @ u)), rel=1e-10)
+        assert condensed.energy_norm(r) == pytest.approx(np.sqrt(u @ (problem.stiffness @ u)), rel=1e-10)
         # No other displacement with these local displacements has less energy.
         other = rng.normal(size=u.size)
         B = problem.contact.trace.toarray()
@@ -81,15 +81,15 @@ def test_condensed_energy_is_the_energy_of_the_recovered_displacement(quadrature
 def test_elasticity_without_contact_is_solved_as_well() -> None:
     problem = discrete_square(n=4)
     free = DiscreteProblem.of_arrays(
-        problem.linear.stiffness,
-        problem.linear.load,
+        problem.stiffness,
+        problem.load,
         sp.csr_array((0, problem.unknowns)),
         np.zeros(0),
         np.zeros(0),
         ContactLaw(Signorini()),
     )
     found = solve(free)
-    np.testing.assert_allclose(problem.linear.stiffness @ found.unknowns, problem.linear.load, atol=1e-13)
+    np.testing.assert_allclose(problem.stiffness @ found.unknowns, problem.load, atol=1e-13)
     assert found.status.value == "converged"
 
 
@@ -99,13 +99,13 @@ def test_user_trace_that_is_no_selection() -> None:
     expected = solve(problem)
     rng = np.random.default_rng(4)
     T = np.eye(problem.unknowns) + 0.1 * rng.normal(size=(problem.unknowns,) * 2)
-    K = T.T @ problem.linear.stiffness.toarray() @ T
+    K = T.T @ problem.stiffness.toarray() @ T
     other = DiscreteProblem.of_arrays(
         0.5 * (K + K.T),
-        T.T @ problem.linear.load,
+        T.T @ problem.load,
         problem.contact.trace @ T,
         problem.contact.weights,
-        problem.contact.gap,
+        problem.gap,
         problem.law,
     )
     found = solve(other)

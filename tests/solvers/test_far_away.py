@@ -37,7 +37,7 @@ def test_where_nothing_touches_the_linear_answer_is_the_answer(
         assert TORN.subdifferential(np.array([-0.05])).upper == 0.0
     problem = hv.discretize(hanging((0.3 * size, -size), law))
     found = hv.solve(problem, method)
-    linear = sla.spsolve(problem.linear.stiffness.tocsc(), problem.linear.load)
+    linear = sla.spsolve(problem.stiffness.tocsc(), problem.load)
     assert found.status is hv.Status.CONVERGED
     assert np.abs(found.unknowns - linear).max() <= 1e-8 * np.abs(linear).max()
     assert not found.multiplier.any()
@@ -51,8 +51,8 @@ def test_points_that_friction_holds_without_contact_keep_their_reaction(size: fl
     sideways = problem.contact.trace[1::2]
     free = np.flatnonzero(abs(sideways).sum(axis=0) == 0)
     linear = np.zeros(problem.unknowns)
-    linear[free] = sla.spsolve(problem.linear.stiffness.tocsc()[free][:, free], problem.linear.load[free])
-    reaction = sideways @ (problem.linear.load - problem.linear.stiffness @ linear) / problem.contact.weights
+    linear[free] = sla.spsolve(problem.stiffness.tocsc()[free][:, free], problem.load[free])
+    reaction = sideways @ (problem.load - problem.stiffness @ linear) / problem.contact.weights
     assert found.status is hv.Status.CONVERGED
     assert np.abs(found.unknowns - linear).max() <= 1e-9 * np.abs(linear).max()
     assert np.abs(found.multiplier[:, 1] - reaction).max() <= 1e-9 * np.abs(reaction).max()
@@ -71,5 +71,5 @@ def test_loads_may_begin_as_flat_as_they_like(power: int, inertia: bool) -> None
     assert history.residual < 1e-9
     if not inertia:
         unit = hv.discretize(hanging((0.0, -1.0), hv.NoContact()))
-        linear = 0.01**power * sla.spsolve(unit.linear.stiffness.tocsc(), unit.linear.load)
+        linear = 0.01**power * sla.spsolve(unit.stiffness.tocsc(), unit.load)
         assert np.abs(history.moment.body.place[: linear.size] - linear).max() <= 1e-9 * np.abs(linear).max()

@@ -149,11 +149,11 @@ def test_the_kind_of_a_point_is_that_of_the_curvature_of_all_unknowns() -> None:
         for j in range(m):
             block[j * d : (j + 1) * d, j * d : (j + 1) * d] = hessian[j]
         B = problem.contact.trace.toarray()
-        lowest = np.linalg.eigvalsh(problem.linear.stiffness.toarray() + B.T @ block @ B)[0]
+        lowest = np.linalg.eigvalsh(problem.stiffness.toarray() + B.T @ block @ B)[0]
         # a load that makes this place an equilibrium
-        K, lam = problem.linear.stiffness, np.zeros((m, d))
+        K, lam = problem.stiffness, np.zeros((m, d))
         lam[:, 0], lam[:, 1] = problem.law.normal.derivative(r[:, 0]), problem.law.tangential.derivative(r[:, 1])
-        u = np.linalg.lstsq(B, (r + problem.contact.offset).ravel(), rcond=None)[0]
+        u = np.linalg.lstsq(B, (r + problem.offset).ravel(), rcond=None)[0]
         there = problem.with_(load=K @ u + problem.contact_force(lam))
         kind = hv.certify(there, u, lam).kind
         assert kind is (PointKind.LOCAL_MINIMISER if lowest > 0.0 else PointKind.SADDLE), (index, lowest)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from hemivar.discrete import DiscreteProblem
+from hemivar.discrete import DiscreteProblem, Quadratic
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpotential, SurveyLaw
@@ -124,7 +124,7 @@ def test_what_was_shown_to_be_held_is_not_decided_again(monkeypatch: pytest.Monk
     problem = block(Compliance(2.0))
     assert problem.held
     assert pickle.loads(pickle.dumps(problem)).held
-    for same in (problem, problem.with_(offset=problem.contact.offset + 0.1)):
+    for same in (problem, problem.with_(offset=problem.offset + 0.1)):
         assert same.held
         assert solve(same).status is Status.CONVERGED
     assert not decisions
@@ -134,16 +134,16 @@ def test_what_was_shown_to_be_held_is_not_decided_again(monkeypatch: pytest.Monk
 def test_another_load_law_or_body_is_decided_anew(what: str) -> None:
     """However the problem was changed: a mark that outlived what it was put on would let a body fall for ever."""
     problem = block(Compliance(2.0))
-    lifted = -problem.linear.load
+    lifted = -problem.load
     contact = problem.contact
     changed = {
         "load": lambda: problem.with_(load=lifted),
-        "bulk": lambda: replace(problem, bulk=problem.linear.under(lifted)),
+        "bulk": lambda: problem.with_(bulk=Quadratic(problem.stiffness), load=lifted),
         "law": lambda: problem.with_(law=ContactLaw(NoContact()).at(contact.points)),  # type: ignore[arg-type]
-        "contact": lambda: replace(problem, contact=replace(contact, trace=sp.csr_array(-contact.trace))),
-        "not looked at": lambda: replace(
-            discretize(problem.origin, check_coercivity=False), bulk=problem.linear.under(lifted)
+        "contact": lambda: replace(
+            problem, model=replace(problem.model, contact=replace(contact, trace=sp.csr_array(-contact.trace)))
         ),
+        "not looked at": lambda: discretize(problem.origin, check_coercivity=False).with_(load=lifted),
     }[what]()
     assert not changed.held
     with pytest.raises(ProblemError, match="no lower bound"):

@@ -39,8 +39,7 @@ def distance(problem: hv.DiscreteProblem, one: hv.Solution, other: hv.Solution) 
     """Energy norm of the difference over that of the second."""
     gap = one.unknowns - other.unknowns
     return float(
-        np.sqrt(gap @ (problem.linear.stiffness @ gap))
-        / np.sqrt(other.unknowns @ (problem.linear.stiffness @ other.unknowns))
+        np.sqrt(gap @ (problem.stiffness @ gap)) / np.sqrt(other.unknowns @ (problem.stiffness @ other.unknowns))
     )
 
 
@@ -249,7 +248,7 @@ def test_coarser_problems_are_posed_only_for_a_start_that_nobody_names(monkeypat
 
 def test_a_start_at_rest_needs_no_product_with_the_whole_matrix() -> None:
     problem = hv.discretize(gallery.survey_cube("5.1", 4))
-    body, K = NonsmoothMultigrid().prepare(problem, hv.Workspace()), problem.linear.stiffness
+    body, K = NonsmoothMultigrid().prepare(problem, hv.Workspace()), problem.stiffness
     rng, x = np.random.default_rng(7), np.zeros(problem.unknowns)
     for unknown in (body.unknown, np.arange(problem.unknowns)[::-7], body.unknown[:0]):
         x[unknown] = rng.standard_normal(unknown.size)

@@ -73,7 +73,7 @@ def test_a_start_at_a_local_maximum_is_left() -> None:
     problem = bar(0.5, SOFTENING)
     reaction = np.zeros((1, 1))
     reaction[0, 0] = 0.25 - 0.15
-    at_top = np.linalg.solve(problem.linear.stiffness.toarray(), problem.linear.load - problem.contact_force(reaction))
+    at_top = np.linalg.solve(problem.stiffness.toarray(), problem.load - problem.contact_force(reaction))
     for search in Search:
         found = solve(problem, NonsmoothNewton(search=search), initial=at_top)
         assert found.status is Status.CONVERGED
@@ -281,8 +281,7 @@ def test_options_are_checked() -> None:
 def test_a_condensation_serves_other_loads_and_gaps() -> None:
     for problem in (discrete_square("data (5.1)", 4), discrete_square("data (5.1)", 4, quadrature="midpoint")):
         system = condense(problem)
-        bulk = problem.linear.under(0.3 * problem.linear.load, constant=1.0)
-        other = problem.with_(bulk=bulk, offset=problem.contact.offset + np.array([0.01, 0.0]))
+        other = problem.with_(load=0.3 * problem.load, constant=1.0, offset=problem.offset + np.array([0.01, 0.0]))
         shared, fresh = system.for_problem(other), condense(other)
         np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
         assert shared.constant == pytest.approx(fresh.constant)

@@ -101,7 +101,7 @@ def random_steps(seed: int, steps: int = 4) -> tuple[int, int]:
         exact = points_of(stage.problem, mu, stiffness).solutions()
         if len(exact) == 1:
             assert taken.status is Status.CONVERGED, seed
-            size = np.abs(exact[0]).max() + np.abs(stage.problem.contact.offset).max()
+            size = np.abs(exact[0]).max() + np.abs(stage.problem.offset).max()
             np.testing.assert_allclose(found.local, exact[0], atol=1e-7 * size, err_msg=str(seed))
             alone, other = alone + 1, other + (found.fallbacks > 0)
         moment = taken.moment
@@ -153,8 +153,8 @@ def test_newtons_equation_is_the_derivative(dim: int, normal: Superpotential, bo
     problem = in_space(3, normal, SlipWeakening(bound, 1.0, 0.6, 2.0) if weakens else Tresca(bound))
     if dim == 2:
         keep = np.arange(12) % 3 != 2
-        A = problem.linear.stiffness.toarray()[np.ix_(keep, keep)]
-        load = problem.linear.load[keep]
+        A = problem.stiffness.toarray()[np.ix_(keep, keep)]
+        load = problem.load[keep]
         problem = DiscreteProblem.of_arrays(A, load, np.eye(8), problem.contact.weights, np.zeros(4), problem.law)
     exact = solve(problem, controls=Controls(rtol=1e-13))
     assert exact.status is Status.CONVERGED

@@ -107,8 +107,8 @@ def quadratic_programme(problem: DiscreteProblem, q: float, p: float, rigid: boo
     B = problem.contact.trace.tocsr()
     normal, tangential = B[0::2], B[1::2]
     w = problem.contact.weights
-    P = sp.block_diag([problem.linear.stiffness, sp.diags_array(w * p), sp.csr_array((m, m))], format="csc")
-    c = np.concatenate([-problem.linear.load, w * q, w * bound])
+    P = sp.block_diag([problem.stiffness, sp.diags_array(w * p), sp.csr_array((m, m))], format="csc")
+    c = np.concatenate([-problem.load, w * q, w * bound])
     eye, none = sp.eye_array(m), sp.csr_array((m, m))
     A = sp.block_array(
         [
@@ -118,10 +118,10 @@ def quadratic_programme(problem: DiscreteProblem, q: float, p: float, rigid: boo
             [-tangential, none, -eye],
         ]
     )
-    b = np.concatenate([problem.contact.gap, np.zeros(3 * m)])
+    b = np.concatenate([problem.gap, np.zeros(3 * m)])
     if rigid:
         A = sp.block_array([[A], [sp.hstack([normal, none, none])]])
-        b = np.concatenate([b, problem.contact.gap])
+        b = np.concatenate([b, problem.gap])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-13
@@ -140,7 +140,7 @@ def test_energy_is_that_of_a_quadratic_programme(data: str) -> None:
     u = quadratic_programme(problem, q, p, rigid, float(friction.bound))  # type: ignore[arg-type]
     found = solve(problem)
     v = found.unknowns - u
-    K = problem.linear.stiffness
+    K = problem.stiffness
     assert np.sqrt(v @ (K @ v)) < 1e-6 * np.sqrt(u @ (K @ u))
     if not rigid:
         assert found.energy <= problem.energy(u) + 1e-12 * abs(found.energy)

@@ -46,6 +46,6 @@ def test_powell_takes_about_as_many_evaluations_as_in_the_survey() -> None:
     # It stops about half a per cent short of the minimiser in the energy norm.
     exact = solve(problems[-1], workspace=workspace)
     v = solutions[-1].unknowns - exact.unknowns
-    K = problems[-1].linear.stiffness
+    K = problems[-1].stiffness
     short = np.sqrt((v @ (K @ v)) / (exact.unknowns @ (K @ exact.unknowns)))
     assert 1e-4 < short < 0.02

@@ -21,7 +21,7 @@ from hemivar.solvers import METHODS, Solution, Status, solve, solve_nested
 
 
 def energy_distance(a: Solution, b: Solution) -> float:
-    difference, K = a.unknowns - b.unknowns, a.problem.linear.stiffness
+    difference, K = a.unknowns - b.unknowns, a.problem.stiffness
     return float(np.sqrt(difference @ (K @ difference) / (b.unknowns @ (K @ b.unknowns))))
 
 
@@ -81,7 +81,7 @@ def cone_programme(problem: DiscreteProblem, q: float, p: float, bound: float) -
     Minimise 1/2 u'Ku - f'u + sum_j w_j (q s_j + p/2 s_j^2 + bound t_j) with s >= 0, s >= r_nu, |r_tau| <= t.
     """
     K, B, w, m = (
-        problem.linear.stiffness,
+        problem.stiffness,
         sp.csr_array(problem.contact.trace),
         problem.contact.weights,
         problem.contact_points,
@@ -89,7 +89,7 @@ def cone_programme(problem: DiscreteProblem, q: float, p: float, bound: float) -
     n = K.shape[0]
     one, normal = sp.eye_array(m), B[0::3]
     P = sp.csc_array(sp.block_diag([sp.triu(K), sp.diags_array(p * w), sp.csc_array((m, m))]))
-    cost = np.concatenate([-problem.linear.load, q * w, bound * w])
+    cost = np.concatenate([-problem.load, q * w, bound * w])
     lower = sp.hstack([sp.csc_array((m, n)), -one, sp.csc_array((m, m))])
     above = sp.hstack([normal, -one, sp.csc_array((m, m))])
     head = sp.hstack([sp.csc_array((m, n + m)), -one])
@@ -108,7 +108,7 @@ def cone_programme(problem: DiscreteProblem, q: float, p: float, bound: float) -
 
 def test_against_a_cone_programme() -> None:
     solution = solve(discretize(survey_cube("5.1", 4))).raise_for_status()
-    u, K = cone_programme(solution.problem, 0.3, 2.0, 0.5), solution.problem.linear.stiffness
+    u, K = cone_programme(solution.problem, 0.3, 2.0, 0.5), solution.problem.stiffness
     difference = u - solution.unknowns
     assert difference @ (K @ difference) <= 1e-10 * (u @ (K @ u))
     assert len(np.unique(solution.states.numbers)) == 2  # some stick, some slip

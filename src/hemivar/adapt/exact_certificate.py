@@ -99,8 +99,8 @@ def _is_stated(problem: DiscreteProblem, stated: ContactProblem, u: Array) -> bo
     own = discretize(stated, check_coercivity=False)
     if own.unknowns != problem.unknowns or own.contact_points != problem.contact_points:
         return False
-    pairs = [(own.contact.offset, problem.contact.offset), (own.linear.load, problem.linear.load)]
-    pairs.append((own.linear.stiffness @ u, problem.linear.stiffness @ u))
+    pairs = [(own.offset, problem.offset), (own.load, problem.load)]
+    pairs.append((own.stiffness @ u, problem.stiffness @ u))
     r = own.local(u)
     size = float(np.abs(r).max(initial=0.0))
     for factor in (1.0, 0.5, 2.0):  # laws are told apart by what they allow

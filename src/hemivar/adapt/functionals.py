@@ -101,7 +101,7 @@ def functionals(goal: Goal, data: BodyData, discrete: DiscreteProblem) -> tuple[
     if goal.kind is GoalKind.DISPLACEMENT:
         return tuple(_mean(goal, data, axis) for axis in goal.axes)
     assert discrete.field is not None
-    basis, K = discrete.field.basis, discrete.linear.stiffness
+    basis, K = discrete.field.basis, discrete.stiffness
     touching = np.zeros(data.table.mesh.number_of_nodes, dtype=bool)
     touching[data.table.facets[data.contact >= 0]] = True
     dim = data.table.dim

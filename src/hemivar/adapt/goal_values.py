@@ -176,7 +176,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
             strain, stress = strained(data, part.field)
             size = math.sqrt(max(float(np.einsum("m,mij,mij->", data.table.volumes, stress, strain)), 0.0))
         else:
-            plain = factorise(discrete.linear.stiffness, _NONE) if plain is None else plain
+            plain = factorise(discrete.stiffness, _NONE) if plain is None else plain
             centre, size = _mean_and_norm(part, data, discrete, plain)
         rest, why = _rest(part, traces, distance.distance, constants)
         rest += float(data.varying.unknown @ np.linalg.norm(part.field, axis=1))
@@ -285,7 +285,7 @@ class _Dual:
             squares = traces.square(forces - self._zeta)
             self._rho = squares[0] + squares[1]
             self._size = constants.distance(*squares)
-        K = solution.problem.linear.stiffness
+        K = solution.problem.stiffness
         bend = _bend(solution)
         B = solution.problem.contact.trace
         self._factor = factorise(K if bend is None else sp.csr_array(K + B.T @ bend @ B), _NONE)
@@ -336,7 +336,7 @@ def _bend(solution: Solution) -> sp.csr_array | None:
         return None
     r, lam = problem.local(solution.unknowns), solution.multiplier
     law = problem.law.frozen(r, lam)
-    K = problem.linear.stiffness
+    K = problem.stiffness
     stiff = _STIFF * float(K.diagonal().max())
     tau = np.broadcast_to(problem.contact.weights[:, None] / float(K.diagonal().max()), (m, 2))
     line = law.linearise(snap(law, r, lam, tau))

@@ -77,7 +77,7 @@ class SoftModes:
         traces, table, dim = self.traces, self.traces.data.table, self.traces.data.table.dim
         body, energy = self._body
         assert body.field is not None
-        basis, K = body.field.basis, body.linear.stiffness
+        basis, K = body.field.basis, body.stiffness
         weights = np.broadcast_to(np.column_stack([normal, tangential])[:, None], (*traces.weights.shape, 2))
         blocks = replace(traces, shapes=traces.barycentric).mass(weights)
         place = table.facets[traces.facets][:, :, None] * dim + np.arange(dim)

@@ -110,7 +110,7 @@ def discrete_trace_bounds(problem: DiscreteProblem, workspace: Workspace | None 
     source = "from the discrete problem: no bounds of the continuous one"
     if not energy.definite:
         return TraceBounds(0.0, 0.0, 0.0, 0.0, False, source)
-    found = kept.once("discrete trace bounds", problem, lambda: _eigenvalues(problem, energy))
+    found = kept.once("discrete trace bounds", problem.model, lambda: _eigenvalues(problem, energy))
     contact = problem.contact
 
     def weighted(facets: Array, normal: Array, tangential: Array) -> tuple[float, float]:

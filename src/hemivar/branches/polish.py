@@ -9,7 +9,7 @@ import numpy as np
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.certify import trace_force
-from hemivar.discrete.problem import quadratic
+from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
 from hemivar.solvers.controls import Budget
@@ -52,7 +52,7 @@ def polish(
         if best.residual.below(controls.atol, 0.01 * controls.rtol) or chain.size == 0:
             break
         u, lam = best.unknowns, best.multiplier.copy()
-        rest = -problem.bulk.gradient(u) - problem.contact_force(lam)
+        rest = problem.out_of_balance(u) - problem.contact_force(lam)
         inner, force = system.spread_force(rest, trace_force)
         _, J = chain.balance(theta, segment, chain.force)
         try:
@@ -78,14 +78,14 @@ def _best(system: CondensedProblem, u: Array, r: Array, lam: Array) -> Polished:
     nearest = np.where(system.active, system.law_at(r, lam).nearest_multiplier(r, lam), lam)
     bodies = [u]
     bulk = quadratic(problem.bulk, "refinement")
-    if not np.any(bulk.load):
+    if not np.any(problem.load):
         bodies.append(np.zeros_like(u))
     pairs = [(body, multiplier) for body in bodies for multiplier in (lam, nearest)]
     found = [residual(problem, *pair) for pair in pairs]
     # of equal ones, the element of the law itself
     order = sorted(range(len(pairs)), key=lambda i: (max(found[i].total - found[i].rounding, 0.0), -i))
     body, multiplier = pairs[order[0]]
-    moved = bulk.row_sums * np.abs(body) + np.abs(bulk.load) + np.abs(problem.contact_force(np.abs(multiplier)))
+    moved = bulk.row_sums * np.abs(body) + np.abs(problem.load) + np.abs(problem.contact_force(np.abs(multiplier)))
     return Polished(body, multiplier, found[order[0]], float(8.0 * _EPS * np.linalg.norm(moved)))
 
 

@@ -87,4 +87,4 @@ def body_bound(problem: ContactProblem, workspace: Workspace | None = None) -> f
     if workspace is None:
         return find()
     parts = (bare.mesh.points, bare.mesh.cells, matrices, held)
-    return workspace.known("lower bound over the body", parts, find)
+    return workspace.once("lower bound over the body", parts, find)

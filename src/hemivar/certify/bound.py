@@ -22,7 +22,8 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.norms import EnergyNorm, Norm
 from hemivar.certify.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete.bulk import Quadratic
-from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.model import quadratic
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import ContactLaw, StateBound, Superpotential
 
@@ -96,7 +97,7 @@ def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
     -------
     array
     """
-    return trace_force(problem, -problem.bulk.gradient(u)) / problem.contact.weights[:, None]
+    return trace_force(problem, problem.out_of_balance(u)) / problem.contact.weights[:, None]
 
 
 def trace_force(problem: DiscreteProblem, force: Array) -> Array:
@@ -293,9 +294,9 @@ def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
     problem, bulk, long = point.problem, point.bulk, np.longdouble
     force = problem.contact.weights[:, None].astype(long) * lam
     transposed = sp.csr_array(problem.contact.trace.T)
-    rest = bulk.load - _product(bulk.stiffness, v.astype(long)) - _product(transposed, force.ravel())
+    rest = problem.load - _product(bulk.stiffness, v.astype(long)) - _product(transposed, force.ravel())
     rounded = rest.astype(float)
-    size, longest = _rounding_size(point, v, bulk.load, lam)
+    size, longest = _rounding_size(point, v, problem.load, lam)
     last = float(np.finfo(float).eps * np.linalg.norm(rounded / np.sqrt(point.energy.diagonal)))
     return rounded, longest * float(np.finfo(long).eps) * size + last
 
@@ -338,8 +339,8 @@ def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceilin
     if S is None:
         return best
     w = np.repeat(problem.contact.weights, d)[rows]
-    free = energy.solve(point.bulk.load)
-    target = (part @ free) - problem.contact.offset.ravel()[rows]  # local displacement without contact
+    free = energy.solve(point.problem.load)
+    target = (part @ free) - problem.offset.ravel()[rows]  # local displacement without contact
     held = problem.local(point.u)
     r = held.copy()
     tau = np.full((m, d), np.inf)
@@ -396,5 +397,5 @@ def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceilin
             break
     if not np.isfinite(least):
         return best
-    load = point.bulk.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
+    load = point.problem.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
     return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin, ceiling))

@@ -17,7 +17,8 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
 from hemivar.certify.subspace import Mode, Subspace, counting_rows, start_vector
-from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.model import quadratic
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.cycle import contact_unknowns, selects
 from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, rounding
 from hemivar.linear.krylov import conjugate_gradients

@@ -370,7 +370,7 @@ def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: B
     )
     equilibrium, load_norm = in_time(
         "equilibrium",
-        lambda: (point.imbalance[1], energy.least_dual_norm(point.bulk.load)) if energy.definite else (np.inf, np.inf),
+        lambda: (point.imbalance[1], energy.least_dual_norm(problem.load)) if energy.definite else (np.inf, np.inf),
         (np.inf, np.inf),
     )
     bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)

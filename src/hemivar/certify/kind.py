@@ -11,8 +11,9 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certify.bound import Point, snap
 from hemivar.certify.norms import EnergyNorm, MultigridNorm, Norm
+from hemivar.discrete.model import quadratic
 from hemivar.discrete.point_kind import PointKind
-from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import Superpotential
 
 __all__ = ["LocalStudy", "kind_of", "study"]

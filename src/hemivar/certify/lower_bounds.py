@@ -152,7 +152,7 @@ def lower_bounds(problem: ContactProblem, cells: int | None = None, workspace: W
     kind = np.array([most, not has_constant_normals(bare)])
     normals = contact_normals(bare, table, touching)
     parts = (bare.mesh.points, bare.mesh.cells, matrices, held, touching, normals, kind)
-    return workspace.known("lower bounds of trace constants", parts, lambda: _found(bare, most))
+    return workspace.once("lower bounds of trace constants", parts, lambda: _found(bare, most))
 
 
 def _found(bare: ContactProblem, cells: int) -> LowerBounds:

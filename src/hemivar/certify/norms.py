@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from hemivar.certify.by_factorisation import EnergyNorm
 from hemivar.certify.by_multigrid import MultigridNorm
-from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.model import quadratic
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.definite import free_unknowns
 from hemivar.systems.workspace import Workspace
 
@@ -40,7 +41,7 @@ def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) ->
         stiffness = quadratic(problem.bulk, "the energy norm").stiffness
         return EnergyNorm(stiffness, singular=free is not None and free.shape[1] > 0)
 
-    return kept.once("energy norm", problem, make)
+    return kept.once("energy norm", problem.model, make)
 
 
 def factorises(problem: DiscreteProblem) -> bool:

@@ -282,7 +282,7 @@ def largest_bounds(
     rate = np.broadcast_to(problem.law.lipschitz, (m,))
     weakens = np.broadcast_to(problem.law.friction.profile.weak_convexity, (m,)) > 0.0
     if point is None:
-        r, lam = -problem.contact.offset, np.zeros((m, d))
+        r, lam = -problem.offset, np.zeros((m, d))
         return np.where(rate > 0.0, np.inf, friction_bound(problem, r, lam))
     if d == 1 or not (energy.definite and np.any(weakens)) or not np.isfinite(rate).all():
         return np.full(m, np.inf)
@@ -525,7 +525,7 @@ def _trace_eigenvalues(problem: DiscreteProblem, parts: bool, workspace: Workspa
     if workspace is None:
         return _find_trace_eigenvalues(problem, parts)
     name = "trace constants" if parts else "trace constant"
-    return workspace.once(name, problem, lambda: _find_trace_eigenvalues(problem, parts))
+    return workspace.once(name, problem.model, lambda: _find_trace_eigenvalues(problem, parts))
 
 
 def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
@@ -537,7 +537,7 @@ def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float
     origin = problem.origin
     if isinstance(origin, ScalarProblem):
         unit = discretize_scalar(gradient_norm_problem(origin), check_coercivity=False)
-        energy = EnergyNorm(unit.linear.stiffness) if factorises(problem) else MultigridNorm(unit)
+        energy = EnergyNorm(unit.stiffness) if factorises(problem) else MultigridNorm(unit)
     elif origin is not None and not factorises(problem):
         body = replace(origin, material=Material.lame(0.0, 0.5), bedding=0.0)
         energy = MultigridNorm(discretize(body, check_coercivity=False, evolving=True))

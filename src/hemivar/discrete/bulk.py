@@ -1,8 +1,7 @@
-"""The body: an energy of all unknowns with its derivatives, quadratic where the body is linear."""
+"""The body: its stored energy with its derivatives, quadratic where the body is linear; no load acts on it."""
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import InitVar, dataclass
 from typing import Protocol, runtime_checkable
@@ -10,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.basics.arrays import norm, real_array, real_matrix
+from hemivar.basics.arrays import norm, real_matrix
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
@@ -29,7 +28,7 @@ _FEW_ZEROS = 0.95
 
 @runtime_checkable
 class Bulk(Protocol):
-    """Smooth part of the energy: the body under its loads, without the foundation.
+    """Stored energy of the body, without what acts on it and without the foundation.
 
     Solvers and certificates ask for nothing else of a body. A step of Newton's method for a body that is not linear
     is a :class:`Quadratic`.
@@ -41,43 +40,37 @@ class Bulk(Protocol):
         ...
 
     def value(self, u: Array) -> float:
-        """Energy at the unknowns u (n,)."""
+        """Stored energy at the unknowns u (n,)."""
         ...
 
     def gradient(self, u: Array) -> Array:
-        """Derivative of the energy (n,): internal less external forces."""
+        """Its derivative (n,): the internal forces."""
         ...
 
     def hessian(self, u: Array) -> sp.csr_array:
-        """Second derivative of the energy (n, n), symmetric."""
+        """Its second derivative (n, n), symmetric."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Quadratic(Portable):
-    """Linear elastic body: ``1/2 u'K u - f'u + constant``.
+    """Stored energy of a linear elastic body: ``1/2 u'K u``.
 
     Parameters
     ----------
     stiffness : sparse array, shape (n, n)
         ``K``, symmetric with positive diagonal. A dense array or any scipy sparse matrix is converted.
-    load : array, shape (n,)
-        ``f``.
-    constant : float
-        Energy that does not depend on the unknowns.
     assembled : bool
-        The matrix is known to be finite and symmetric: it is taken as it is, and only the rest is checked.
+        The matrix is known to be finite and symmetric: it is taken as it is.
 
     Raises
     ------
     ProblemError
-        Shapes disagree, numbers are not finite, the stiffness is unsymmetric (relative to 1e-10) or has a diagonal
-        entry that is not positive, or the work of the load is beyond the range of numbers.
+        The stiffness is not square, has numbers that are not finite, is unsymmetric (relative to 1e-10), or has a
+        diagonal entry that is not positive.
     """
 
     stiffness: sp.csr_array
-    load: Array
-    constant: float = 0.0
     assembled: InitVar[bool] = False
 
     def __post_init__(self, assembled: bool) -> None:
@@ -87,24 +80,7 @@ class Quadratic(Portable):
         if not assembled:
             _check_symmetry(stiffness)
         object.__setattr__(self, "stiffness", stiffness)
-        self._carry(self.load, self.constant, own=not assembled)
         _check_diagonal(self.diagonal)
-        _check_size(self.diagonal, self.load)
-
-    def _carry(self, load: Array, constant: float, own: bool) -> None:
-        """Take a load and a constant."""
-        load, n = real_array(load, "load", 1, own=own), self.stiffness.shape[0]
-        if load.shape != (n,):
-            m = load.shape[0]
-            raise ProblemError(
-                f"stiffness has shape {self.stiffness.shape} but load has {m} entries; "
-                f"give a stiffness of shape ({m}, {m})"
-            )
-        number = float(real_array(constant, "constant", 0, finite=False))
-        if not np.isfinite(number):
-            raise ProblemError(f"constant = {constant}; the constant part of the energy must be finite")
-        object.__setattr__(self, "load", load)
-        object.__setattr__(self, "constant", number)
 
     def __repr__(self) -> str:
         return f"Quadratic({self.unknowns} unknowns, {self.stiffness.nnz} entries)"
@@ -112,12 +88,17 @@ class Quadratic(Portable):
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        return int(self.load.shape[0])
+        return int(self.stiffness.shape[0])
 
     @cached_property
     def diagonal(self) -> Array:
         """Diagonal of the stiffness, shape (n,)."""
         return np.asarray(self.stiffness.diagonal())
+
+    @cached_property
+    def diagonal_range(self) -> tuple[float, float]:
+        """Smallest and largest entry of the diagonal."""
+        return float(self.diagonal.min(initial=np.inf)), float(self.diagonal.max(initial=0.0))
 
     @cached_property
     def row_sums(self) -> Array:
@@ -131,54 +112,42 @@ class Quadratic(Portable):
         return sums
 
     def value(self, u: Array) -> float:
-        """``1/2 u'K u - f'u + constant``."""
-        return 0.5 * float(u @ (self.stiffness @ u)) - float(self.load @ u) + self.constant
+        """``1/2 u'K u``."""
+        return 0.5 * float(u @ (self.stiffness @ u))
 
     def gradient(self, u: Array) -> Array:
-        """``K u - f``, shape (n,)."""
-        return np.asarray(self.stiffness @ u - self.load)
+        """``K u``, shape (n,)."""
+        return np.asarray(self.stiffness @ u)
 
     def hessian(self, u: Array | None = None) -> sp.csr_array:
         """``K``, the same everywhere."""
         return self.stiffness
 
-    def moved(self, u: Array) -> float:
-        """Norm of the sizes of what is added up in ``K u - f``, entry by entry: rounding is a part of it."""
+    def rounding_scale(self, u: Array, load: Array) -> float:
+        """Norm of the sizes of what is added up in ``f - K u``, entry by entry: rounding is a part of it."""
         sizes = np.abs(u)
         sizes *= self.row_sums
-        sizes += np.abs(self.load)
+        sizes += np.abs(load)
         return norm(sizes)
 
-    @cached_property
-    def load_size(self) -> float:
-        """Norm of the load."""
-        return norm(self.load)
+    def check_work(self, load: Array, size: float) -> None:
+        """Refuse a load (n,) of norm ``size`` whose work over- or underflows: no energy could be compared with another.
 
-    @cached_property
-    def _ends_of_diagonal(self) -> tuple[float, float]:
-        return float(self.diagonal.min()), float(self.diagonal.max())
-
-    def under(self, load: Array, constant: float | None = None, own: bool = True) -> Quadratic:
-        """The same body under another load, shape (n,); the stiffness is shared, and what is known of it.
-
-        The load is copied if ``own``; else it is taken as it is, and read-only from now on.
+        Raises
+        ------
+        ProblemError
         """
-        _ = self.diagonal, self.row_sums, self._ends_of_diagonal
-        other = copy.copy(self)
-        vars(other).pop("load_size", None)
-        if constant is None and isinstance(load, np.ndarray) and load.dtype == float and load.shape == self.load.shape:
-            least, largest = self._ends_of_diagonal
-            with np.errstate(over="ignore"):
-                square = float(load.dot(load))
-            if _LEAST_WORK * largest < square < least / _LEAST_WORK:  # every number is finite, and so is the work
-                kept = load.copy() if own else load
-                kept.flags.writeable = False
-                object.__setattr__(other, "load", kept)
-                vars(other)["load_size"] = math.sqrt(square)
-                return other
-        other._carry(load, self.constant if constant is None else constant, own=True)
-        _check_size(other.diagonal, other.load)
-        return other
+        least, largest = self.diagonal_range
+        tiny = math.sqrt(_LEAST_WORK)
+        if size == 0.0 or tiny * math.sqrt(largest) < size < math.sqrt(least) / tiny:
+            return
+        with np.errstate(over="ignore", under="ignore"):
+            work = float(np.sum(np.abs(load) * (np.abs(load) / self.diagonal)))
+        if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
+            raise ProblemError(
+                f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of {largest:.3g}: "
+                f"energies of that size {'over' if work > 1.0 else 'under'}flow; state the problem in units that fit it"
+            )
 
 
 def without_zeros(matrix: sp.csr_array) -> sp.csr_array:
@@ -196,18 +165,6 @@ def _check_diagonal(diagonal: Array) -> None:
         raise ProblemError(
             f"stiffness[{bad}, {bad}] = {diagonal[bad]:g}; a stiffness matrix needs a positive diagonal: "
             f"remove unknowns that no element carries"
-        )
-
-
-def _check_size(diagonal: Array, load: Array) -> None:
-    """Refuse a load whose work over- or underflows: no energy could be compared with another."""
-    with np.errstate(over="ignore", under="ignore"):
-        work = float(np.sum(np.abs(load) * (np.abs(load) / diagonal)))
-    if load.any() and not _LEAST_WORK < work < 1.0 / _LEAST_WORK:
-        raise ProblemError(
-            f"the largest entry of the load is {np.abs(load).max():.3g} with a stiffness of "
-            f"{np.max(diagonal):.3g}: energies of that size {'over' if work > 1.0 else 'under'}flow; "
-            "state the problem in units that fit it"
         )
 
 

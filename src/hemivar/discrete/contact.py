@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,9 +29,6 @@ class ContactPoints(Portable):
         ``B``; row ``j * c + i`` is local component i of contact point j. Rows may be zero where a support fixes them.
     weights : array, shape (m,)
         Quadrature weights ``w_j > 0`` (lengths in 2D, areas in 3D).
-    offset : array, shape (m, c)
-        Subtracted from ``B u``: column 0 is the gap between body and foundation along the normal, less any prescribed
-        displacement, the others a slip that is there already.
     points : array, shape (m, d), or None
         Coordinates.
     frames : array, shape (m, c, d), or None
@@ -49,6 +44,8 @@ class ContactPoints(Portable):
     without_friction : bool array, shape (m,), optional
         Where friction of the law is left out, in one direction at least: at sharp corners of two contact boundaries,
         and where a support fixes a direction oblique to the contact normal.
+    components : int, optional
+        Number c; what the rows of the trace say by default, and needed where there are no contact points.
 
     Raises
     ------
@@ -58,7 +55,6 @@ class ContactPoints(Portable):
 
     trace: sp.csr_array
     weights: Array
-    offset: Array
     points: Array | None = None
     frames: Array | None = None
     node: IntArray = None  # type: ignore[assignment]
@@ -66,28 +62,23 @@ class ContactPoints(Portable):
     boundary: IntArray = None  # type: ignore[assignment]
     names: tuple[str, ...] = ()
     without_friction: BoolArray = None  # type: ignore[assignment]
+    components: int = 0
 
     def __post_init__(self) -> None:
         trace = real_matrix(self.trace, "trace")
         weights = real_array(self.weights, "weights", 1)
         m = weights.shape[0]
         components = components_of(trace.shape[0], weights)
-        offset = real_array(self.offset, "offset", 2)
-        if offset.shape[0] != m or (m > 0 and offset.shape[1] != components):
-            raise ProblemError(
-                f"offset has shape {offset.shape}; it needs a row for each contact point with one number for each of "
-                f"its local components, ({m}, {components or 'any'})"
-            )
         object.__setattr__(self, "trace", trace)
         object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "offset", offset)
+        object.__setattr__(self, "components", components or self.components)
         for name, ndim in (("points", 2), ("frames", 3)):
             value = getattr(self, name)
             if value is None:
                 continue
             array = real_array(value, name, ndim)
-            if array.shape[: ndim - 1] != offset.shape[: ndim - 1]:
-                expected = f"({m}, d)" if ndim == 2 else f"({m}, {offset.shape[1]}, d)"
+            if array.shape[: ndim - 1] != self.shape[: ndim - 1]:
+                expected = f"({m}, d)" if ndim == 2 else f"({m}, {self.components}, d)"
                 raise ProblemError(f"{name} has shape {array.shape}; it must be {expected}")
             object.__setattr__(self, name, array)
         for name, unknown in (("node", -1), ("facet", -1), ("boundary", -1), ("without_friction", False)):
@@ -109,34 +100,25 @@ class ContactPoints(Portable):
         return int(self.weights.shape[0])
 
     @property
-    def components(self) -> int:
-        """Number c of local components per contact point."""
-        return int(self.offset.shape[1])
+    def shape(self) -> tuple[int, int]:
+        """Contact points m and local components c: the shape of penetration and slip, of offsets and multipliers."""
+        return self.count, self.components
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
         return int(self.trace.shape[1])
 
-    @property
-    def gap(self) -> Array:
-        """Distance between body and foundation along the normal, shape (m,)."""
-        return np.asarray(self.offset[:, 0])
-
-    def local(self, u: Array) -> Array:
-        """Penetration and slip ``r = B u - offset`` of unknowns (n,), shape (m, c)."""
-        return self.traced(u) - self.offset
-
     def traced(self, u: Array) -> Array:
         """``B u`` of unknowns (n,), shape (m, c)."""
         single = self._single
         if single is None:
-            return np.asarray(self.trace @ u).reshape(self.offset.shape)
+            return np.asarray(self.trace @ u).reshape(self.shape)
         rows, factor = single
         found = u.take(rows)
         if factor is not None:
             found *= factor
-        return found.reshape(self.offset.shape)
+        return found.reshape(self.shape)
 
     @cached_property
     def _single(self) -> tuple[IntArray, Array | None] | None:
@@ -178,34 +160,12 @@ class ContactPoints(Portable):
         """Forces ``B'W lam`` on the unknowns, shape (n,), of a multiplier (m, c)."""
         return np.asarray(self._spread @ (self.weights[:, None] * lam).ravel())
 
-    def with_offset(self, offset: Array) -> ContactPoints:
-        """The same points with another offset, shape (m, c).
-
-        Raises
-        ------
-        ProblemError
-            It has another shape, or a number is not finite.
-        """
-        plain = isinstance(offset, np.ndarray) and offset.dtype == float and offset.shape == self.offset.shape
-        if plain and math.isfinite(float(offset.sum())):
-            given = offset.copy()
-            given.flags.writeable = False
-        else:
-            given = real_array(offset, "offset", 2, own=True)
-        if given.shape != self.offset.shape:
-            raise ProblemError(f"offset has shape {given.shape}; it must be {self.offset.shape}")
-        _ = self._spread, self.seen, self._pressing, self._single, self._order  # known to all that share the trace
-        other = copy.copy(self)
-        object.__setattr__(other, "offset", given)
-        return other
-
     def take(self, index: IntArray) -> ContactPoints:
         """The contact points of the given numbers, in their order."""
         rows = (np.asarray(index)[:, None] * self.components + np.arange(self.components)).ravel()
         return ContactPoints(
             sp.csr_array(self.trace[rows]),
             self.weights[index],
-            self.offset[index],
             None if self.points is None else self.points[index],
             None if self.frames is None else self.frames[index],
             self.node[index],
@@ -213,6 +173,7 @@ class ContactPoints(Portable):
             self.boundary[index],
             self.names,
             self.without_friction[index],
+            self.components,
         )
 
     def on(self, name: str) -> IntArray:

@@ -19,9 +19,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.hold import SLACK, Growth, Verdict, decide, growth_along, hinges
+from hemivar.discrete.loading import Loading
 from hemivar.discrete.rigid import FreeMotions
 from hemivar.discrete.space import Field
 from hemivar.laws import ContactLaw, Superpotential
@@ -57,7 +57,7 @@ def growths(field: Field, contact: ContactPoints, law: ContactLaw, forces: Array
 
 
 def resistances(
-    field: Field, contact: ContactPoints, law: ContactLaw, forces: Array, motions: FreeMotions, part: float = _SMALL
+    field: Field, contact: ContactPoints, loading: Loading, forces: Array, motions: FreeMotions, part: float = _SMALL
 ) -> list[Growth | None]:
     """The most that the laws resist on the way from rest, less the work of a part of the load, for each group.
 
@@ -65,12 +65,13 @@ def resistances(
     """
     slack, size = geometric_slack(contact.points, contact.weights), float(np.ptp(field.nodes, axis=0).max())
     found: list[Growth | None] = []
+    law = loading.law
     for points, rows, work, load in _grouped(field, contact, forces, motions):
         own = law.take(points) if len(points) else law
         if not len(points) or not _softens(own):
             found.append(None)
             continue
-        rest, weights = -contact.offset[points], contact.weights[points]
+        rest, weights = -loading.offset[points], contact.weights[points]
         up = weights * strongest(own.normal, rest[:, 0], 1.0, size)
         down = weights * strongest(own.normal, rest[:, 0], -1.0, size)
         slip = None
@@ -80,14 +81,14 @@ def resistances(
     return found
 
 
-def limit_of(field: Field, contact: ContactPoints, law: ContactLaw, bulk: Quadratic) -> str | None:
+def limit_of(field: Field, contact: ContactPoints, loading: Loading) -> str | None:
     """The sentence for a body that its foundation holds at rest only; None if it is held, or not even at rest."""
     motions = field.free_motions
-    forces = field.lift.T @ bulk.load
+    forces = field.lift.T @ loading.load
     limit: str | None = None
     pairs = zip(
-        growths(field, contact, law, forces, motions),
-        resistances(field, contact, law, forces, motions),
+        growths(field, contact, loading.law, forces, motions),
+        resistances(field, contact, loading, forces, motions),
         strict=True,
     )
     for growth, resistance in pairs:

@@ -90,7 +90,7 @@ class Held:
     Attributes
     ----------
     of : tuple
-        Bulk, trace, weights, law and space of a discrete problem.
+        Model, load and law of a discrete problem.
     limit : str or None
         The sentence for a body that its foundation holds at rest only; None if its energy grows along every motion.
     """

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,8 @@ from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
 from hemivar.discrete.foothold import limit_of
 from hemivar.discrete.hold import Held
+from hemivar.discrete.loading import Loading
+from hemivar.discrete.model import Model
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
@@ -26,57 +27,60 @@ from hemivar.laws import ContactLaw
 if TYPE_CHECKING:
     from hemivar.mechanics.scalar import Statement
 
-__all__ = ["DiscreteProblem", "quadratic"]
-
-_ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
+__all__ = ["DiscreteProblem"]
 
 
 @dataclass(frozen=True, eq=False)
 class DiscreteProblem(Portable, Displayed):
     """Energy of a discrete contact problem.
 
-    ``E(u) = bulk(u) + sum_j w_j j_j(r_j)``, ``r = B u - offset`` with shape (m, c): column 0 is the penetration of
-    contact point j, the other columns its slip. A solution is a pair ``bulk'(u) + B'W lambda = 0``,
-    ``lambda_j in dj_j(r_j)`` (Clarke subdifferential).  It is frozen: :meth:`with_` makes others of it.
+    ``E(u) = bulk(u) - f'u + constant + sum_j w_j j_j(r_j)``, ``r = B u - offset`` with shape (m, c): column 0 is the
+    penetration of contact point j, the other columns its slip. A solution is a pair
+    ``bulk'(u) + B'W lambda = f``, ``lambda_j in dj_j(r_j)`` (Clarke subdifferential).  It is frozen: :meth:`with_`
+    makes others of it.
 
     Parameters
     ----------
-    bulk : Bulk
-        The body under its load; :class:`Quadratic` where it is linear.
-    contact : ContactPoints
-        The contact points.
-    law : ContactLaw
-        The contact law with parameters resolved at the contact points.
-    space : Space or None
-        The fields that the unknowns describe.
-    origin : ContactProblem, ScalarProblem or None
-        What was discretised; the same on a coarser mesh serves multigrid.
+    model : Model
+        What stays: the body and its contact points.
+    loading : Loading
+        What changes: load, offsets and law.
     warnings : tuple of str
         Sentences on what results of this problem do not show by themselves; empty for most problems.
     shown : Held or None
-        How the body was shown to be held, of which bulk, contact points and law; see :attr:`held` and :attr:`limit`.
+        How the body was shown to be held, of which model, load and law; see :attr:`held` and :attr:`limit`.
+    law_known : bool
+        The law follows another one of the same points: it is not tried out.
 
     Raises
     ------
     ProblemError
-        Bulk, contact points, law and space do not fit one another.
+        Model and loading do not fit one another, or the work of the load is beyond the range of numbers.
     """
 
-    bulk: Bulk
-    contact: ContactPoints
-    law: ContactLaw
-    space: Space | None = None
-    origin: Statement | None = None
+    model: Model
+    loading: Loading
     warnings: tuple[str, ...] = ()
     shown: Held | None = None
+    law_known: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
-        expect(self.bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
-        expect(self.contact, ContactPoints, "the contact of a discrete problem", _ARRAYS)
-        n = _check_count(self.bulk, self.contact)
-        if self.space is not None and self.space.unknowns != n:
-            raise ProblemError(f"space has {self.space.unknowns} unknowns but load has {n}; they must agree")
-        _check_law(self.law, self.contact)
+    def __post_init__(self, law_known: bool) -> None:
+        model = expect(self.model, Model, "the model of a discrete problem", "give hemivar.discrete.Model")
+        loading = expect(self.loading, Loading, "the loading of a discrete problem", "give hemivar.discrete.Loading")
+        if loading.load.shape != (model.unknowns,):
+            raise ProblemError(
+                f"the body has {model.unknowns} unknowns but load has {loading.load.size} entries; "
+                "give a load with one number for each unknown"
+            )
+        if loading.offset.shape != model.contact.shape:
+            raise ProblemError(
+                f"offset has shape {loading.offset.shape}; it needs a row for each contact point with one number for "
+                f"each of its local components, {model.contact.shape}"
+            )
+        if isinstance(model.bulk, Quadratic):
+            model.bulk.check_work(loading.load, loading.load_size)
+        if not law_known:
+            _check_law(loading.law, loading.offset)
 
     @classmethod
     def of_arrays(
@@ -122,7 +126,7 @@ class DiscreteProblem(Portable, Displayed):
             If shapes disagree, numbers are not finite, the stiffness is unsymmetric (relative to 1e-10) or has
             a diagonal entry that is not positive, or a weight is not positive.
         """
-        bulk = Quadratic(stiffness, load, constant)
+        bulk = Quadratic(stiffness)
         rows = real_matrix(trace, "trace", own=True)
         own = real_array(weights, "weights", 1, own=True)
         m, components = own.shape[0], components_of(rows.shape[0], own)
@@ -142,10 +146,10 @@ class DiscreteProblem(Portable, Displayed):
                 raise ProblemError(f"slip_offset has shape {slips.shape}; it must be {(m, components - 1)}")
             if m > 0:
                 offset[:, 1:] = slips
-        offset.flags.writeable = False
         turned = None if frames is None else real_array(frames, "frames", 3, own=True)
-        contact = ContactPoints(rows, own, offset, place, turned)
-        return cls(bulk, contact, law, None if found_field is None else Space((found_field,)))
+        contact = ContactPoints(rows, own, place, turned, components=components)
+        model = Model(bulk, contact, None if found_field is None else Space((found_field,)))
+        return cls(model, Loading(load, offset, law, constant))
 
     def with_(
         self,
@@ -153,76 +157,112 @@ class DiscreteProblem(Portable, Displayed):
         load: Array | None = None,
         offset: Array | None = None,
         law: ContactLaw | None = None,
+        constant: float | None = None,
         bulk: Bulk | None = None,
     ) -> DiscreteProblem:
         """The same body and contact points with another load, offset or law, or another bulk.
 
-        What is shared is not checked again, and a :class:`hemivar.systems.Workspace` knows it again: another load,
-        offset or law costs no new factorisation.
+        The model is shared, unless the bulk is another one: a :class:`hemivar.systems.Workspace` knows it again, and
+        another load, offset or law costs no new factorisation.
 
         Parameters
         ----------
         load : array, shape (n,), optional
-            Of a quadratic bulk, whose constant stays.
         offset : array, shape (m, c), optional
             Gap in column 0, slip offset in the others.
         law : ContactLaw, optional
             Resolved at the same contact points.
+        constant : float, optional
+            Energy that does not depend on the unknowns.
         bulk : Bulk, optional
-            With as many unknowns; not together with ``load``.
+            With as many unknowns.
 
         Raises
         ------
         ProblemError
             As when the problem was made.
         """
-        if bulk is not None:
-            expect(bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
-        if bulk is not None and load is not None:
-            raise ProblemError("a bulk brings its own load; give one of load and bulk")
-        if load is not None:
-            bulk = quadratic(self.bulk, "another load").under(load)
-        changed = copy.copy(self)
-        if bulk is not None:
-            _check_count(bulk, self.contact)
-            object.__setattr__(changed, "bulk", bulk)
-        if offset is not None:
-            object.__setattr__(changed, "contact", self.contact.with_offset(offset))
-        if law is not None and law is not self.law:
-            _check_law(law, changed.contact)
-            object.__setattr__(changed, "law", law)
-        return changed
+        known = self.loading
+        loading = Loading(
+            known.load if load is None else load,
+            known.offset if offset is None else offset,
+            known.law if law is None else law,
+            known.constant if constant is None else constant,
+        )
+        model = self.model if bulk is None else replace(self.model, bulk=bulk)
+        return DiscreteProblem(model, loading, self.warnings, self.shown, loading.law is known.law)
 
     def __repr__(self) -> str:
         contact, names = self.contact, ", ".join(self.contact.names)
         where = f"{contact.count} contact points of {contact.components} components" + (f" on {names}" if names else "")
         return f"DiscreteProblem({self.unknowns} unknowns, {where}, law {self.law.normal.name})"
 
-    def going_on(self, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
-        """:meth:`with_` for a law that follows another one of the same points, which is not tried out again.
-
-        The load is not copied: it is read-only from now on.
-
-        Raises
-        ------
-        ProblemError
-            A number of the load or the offset is not finite, or there are more or fewer than there were.
-        """
-        bulk = quadratic(self.bulk, "another load").under(load, own=False)
-        changed = copy.copy(self)
-        vars(changed).update(bulk=bulk, contact=self.contact.with_offset(offset), law=law)
-        return changed
+    @property
+    def bulk(self) -> Bulk:
+        """Stored energy of the body."""
+        return self.model.bulk
 
     @property
     def linear(self) -> Quadratic:
-        """The bulk of a linear body: its stiffness, load and constant.
+        """The bulk of a linear body.
 
         Raises
         ------
         ProblemError
             The bulk is not quadratic.
         """
-        return quadratic(self.bulk)
+        return self.model.linear
+
+    @property
+    def stiffness(self) -> sp.csr_array:
+        """``K`` of a linear body, shape (n, n).
+
+        Raises
+        ------
+        ProblemError
+            The bulk is not quadratic.
+        """
+        return self.model.linear.stiffness
+
+    @property
+    def contact(self) -> ContactPoints:
+        """The contact points."""
+        return self.model.contact
+
+    @property
+    def space(self) -> Space | None:
+        """The fields that the unknowns describe."""
+        return self.model.space
+
+    @property
+    def origin(self) -> Statement | None:
+        """What was discretised."""
+        return self.model.origin
+
+    @property
+    def load(self) -> Array:
+        """Forces ``f`` on the unknowns, shape (n,)."""
+        return self.loading.load
+
+    @property
+    def offset(self) -> Array:
+        """What is subtracted from ``B u``, shape (m, c): the gap, and a slip that is there already."""
+        return self.loading.offset
+
+    @property
+    def gap(self) -> Array:
+        """Distance between body and foundation along the normal, shape (m,)."""
+        return np.asarray(self.loading.offset[:, 0])
+
+    @property
+    def law(self) -> ContactLaw:
+        """The contact law at the contact points."""
+        return self.loading.law
+
+    @property
+    def constant(self) -> float:
+        """Energy that does not depend on the unknowns."""
+        return self.loading.constant
 
     @property
     def held(self) -> bool:
@@ -243,7 +283,7 @@ class DiscreteProblem(Portable, Displayed):
             return None if self.shown is None else self.shown.limit
         if self.field is None or not isinstance(self.bulk, Quadratic):
             return None
-        return limit_of(self.field, self.contact, self.law, self.bulk)
+        return limit_of(self.field, self.contact, self.loading)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -253,17 +293,16 @@ class DiscreteProblem(Portable, Displayed):
 
     def known_to_be_held(self, limit: str | None = None) -> DiscreteProblem:
         """The problem, known to be :attr:`held` from now on, or up to a :attr:`limit`; for who has shown it."""
-        shown = Held(self._held_by, limit)
-        return DiscreteProblem(self.bulk, self.contact, self.law, self.space, self.origin, self.warnings, shown)
+        return DiscreteProblem(self.model, self.loading, self.warnings, Held(self._held_by, limit), True)
 
     @property
     def _held_by(self) -> tuple[object, ...]:
-        return self.bulk, self.contact.trace, self.contact.weights, self.law, self.space
+        return self.model, self.load, self.law
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n."""
-        return self.bulk.unknowns
+        return self.model.unknowns
 
     @property
     def contact_points(self) -> int:
@@ -273,7 +312,7 @@ class DiscreteProblem(Portable, Displayed):
     @property
     def field(self) -> Field | None:
         """The first field of the space, the displacement of the body; None for a problem made of arrays."""
-        return None if self.space is None else self.space.fields[0]
+        return self.model.field
 
     def local(self, unknowns: Array) -> Array:
         """Penetration and slip at the contact points: ``r = B u - offset``.
@@ -287,7 +326,11 @@ class DiscreteProblem(Portable, Displayed):
         array, shape (m, c)
             Column 0 penetration, columns 1.. slip.
         """
-        return self.contact.local(self._checked(unknowns))
+        return self.contact.traced(self._checked(unknowns)) - self.offset
+
+    def out_of_balance(self, unknowns: Array) -> Array:
+        """What the body leaves of its load, the foundation apart: ``f - bulk'(u)``, shape (n,), of unknowns (n,)."""
+        return np.asarray(self.load - self.bulk.gradient(unknowns))
 
     def energy(self, unknowns: Array, multiplier: Array | None = None) -> float:
         """Energy ``E(u)`` of the unknowns, shape (n,), the constant included.
@@ -299,13 +342,13 @@ class DiscreteProblem(Portable, Displayed):
         displacement or gap, counts as being at the end; beyond that the energy is +inf.
         """
         u = self._checked(unknowns)
-        energy = self.bulk.value(u)
+        energy = self.bulk.value(u) - float(self.load @ u) + self.constant
         if self.contact_points > 0:
             contact = self.contact
-            r = contact.local(u)
+            r = contact.traced(u) - self.offset
             domain = self.law.normal.domain
             moved = np.abs(contact.trace) @ np.abs(u)  # what may cancel in r
-            rounding = 1e-12 * max(float(moved.max()), float(np.abs(contact.offset).max()))
+            rounding = 1e-12 * max(float(moved.max()), float(np.abs(self.offset).max()))
             inside = np.clip(r[:, 0], domain.lower, domain.upper)
             r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
@@ -325,8 +368,8 @@ class DiscreteProblem(Portable, Displayed):
         array, shape (n,)
         """
         lam = real_array(multiplier, "the multiplier", finite=False)
-        if lam.shape != self.contact.offset.shape:
-            raise ProblemError(f"the multiplier has shape {lam.shape}; this problem has {self.contact.offset.shape}")
+        if lam.shape != self.contact.shape:
+            raise ProblemError(f"the multiplier has shape {lam.shape}; this problem has {self.contact.shape}")
         return self.contact.force(lam)
 
     def _checked(self, unknowns: Array) -> Array:
@@ -336,33 +379,12 @@ class DiscreteProblem(Portable, Displayed):
         return u
 
 
-def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:
-    """The bulk, if it is quadratic.
-
-    Raises
-    ------
-    ProblemError
-        It is not: what is asked for needs a linear body.
-    """
-    if not isinstance(bulk, Quadratic):
-        raise ProblemError(f"{what} needs a linear body; the bulk is a {type(bulk).__name__}: give a Quadratic")
-    return bulk
-
-
-def _check_count(bulk: Bulk, contact: ContactPoints) -> int:
-    n = bulk.unknowns
-    if contact.unknowns != n:
-        raise ProblemError(f"trace has {contact.unknowns} columns; it needs one per unknown, {n}")
-    return n
-
-
-def _check_law(law: ContactLaw, contact: ContactPoints) -> None:
-    remedy = "pass ContactLaw(normal, friction), resolved at the contact points"
-    expect(law, ContactLaw, "the law of a discrete problem", remedy)
-    m = contact.count
+def _check_law(law: ContactLaw, offset: Array) -> None:
+    """Refuse a law that cannot be evaluated at its contact points, those of an offset (m, c)."""
+    m = len(offset)
     if m == 0:
         return
-    start = -contact.offset
+    start = -offset
     with np.errstate(all="ignore"):
         try:
             value = np.asarray(law.frozen(start, np.zeros(start.shape)).value(start))

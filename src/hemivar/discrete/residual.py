@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.types import Array
-from hemivar.discrete.bulk import Bulk, Quadratic
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
@@ -118,10 +118,10 @@ class Residual:
 def load_scale(problem: DiscreteProblem, compliance: Array) -> LoadScale:
     """What the residuals of a problem are held against; ``compliance`` is :func:`contact_compliance` of it."""
     if not problem.contact_points:
-        return LoadScale(norm(_load(problem)), 0.0)
+        return LoadScale(problem.loading.load_size, 0.0)
     with np.errstate(all="ignore"):
-        rest = norm(problem.contact_force(resting_multiplier(problem.law, problem.contact.offset, compliance)))
-    return LoadScale(norm(_load(problem)), rest if math.isfinite(rest) else math.inf)
+        rest = norm(problem.contact_force(resting_multiplier(problem.law, problem.offset, compliance)))
+    return LoadScale(problem.loading.load_size, rest if math.isfinite(rest) else math.inf)
 
 
 def resting_multiplier(law: ContactLaw, offset: Array, compliance: Array) -> Array:
@@ -192,8 +192,8 @@ def residuals(
 
     ``compliance (m, 2)`` and ``scale`` are :func:`contact_compliance` and :func:`load_scale` of the problem.
     """
-    r, balance = problem.contact.local(u), -problem.bulk.gradient(u)
-    moved = _moved(problem.bulk, u)
+    r, balance = problem.contact.traced(u) - problem.offset, problem.out_of_balance(u)
+    moved = _moved(problem, u)
     found = []
     for lam in multipliers:
         force = problem.contact_force(lam)
@@ -226,15 +226,10 @@ def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Ar
     )
 
 
-def _load(problem: DiscreteProblem) -> Array:
-    """External forces on the body at rest."""
+def _moved(problem: DiscreteProblem, u: Array) -> float:
+    """Norm of the sizes of what is added up in the forces on the unknowns."""
     bulk = problem.bulk
-    return bulk.load if isinstance(bulk, Quadratic) else -bulk.gradient(np.zeros(bulk.unknowns))
-
-
-def _moved(bulk: Bulk, u: Array) -> float:
-    """Norm of the sizes of what is added up in the forces of the body."""
     if isinstance(bulk, Quadratic):
-        return bulk.moved(u)
+        return bulk.rounding_scale(u, problem.load)
     sums = np.asarray(abs(bulk.hessian(u)).sum(axis=1))
-    return norm(sums * np.abs(u) + np.abs(bulk.gradient(np.zeros(bulk.unknowns))))
+    return norm(sums * np.abs(u) + np.abs(problem.load))

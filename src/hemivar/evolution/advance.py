@@ -373,7 +373,7 @@ class Advance:
         if not problem.contact_points:
             return -1.0
         if problem.law.state_dependent:
-            law = problem.law.frozen_at(-problem.contact.offset)
+            law = problem.law.frozen_at(-problem.offset)
             if not any(np.any(alpha) for alpha in law.weak_convexity):
                 return -1.0
             problem = problem.with_(law=law)
@@ -385,7 +385,7 @@ class Advance:
         Of a body that is condensed anyway it is the largest eigenvalue of a small matrix; else that of
         :meth:`smallness`.
         """
-        stiffness, law = problem.linear.stiffness, problem.law
+        stiffness, law = problem.stiffness, problem.law
         if self._asked[0] is stiffness and self._asked[1] is law:
             return self._asked[2]
         found = self._constant(problem)
@@ -398,11 +398,11 @@ class Advance:
             return 0.0
         if not self._condenses(problem):
             return self.smallness(problem).constant
-        key = (id(problem.linear.stiffness), *(np.asarray(alpha).tobytes() for alpha in alphas))
+        key = (id(problem.stiffness), *(np.asarray(alpha).tobytes() for alpha in alphas))
         known = self._constants.get(key)
         if known is None:
             body = self.workspace.condensed(problem, many=True).body
-            known = self._constants[key] = problem.linear.stiffness, body.softening(*alphas)
+            known = self._constants[key] = problem.stiffness, body.softening(*alphas)
         self._constants.move_to_end(key)
         while len(self._constants) > _BODIES:
             self._constants.popitem(last=False)
@@ -413,7 +413,7 @@ class Advance:
         return (
             isinstance(self.solver, SemismoothNewton if problem.law.state_dependent else NonsmoothNewton)
             and problem.contact_points > 0
-            and problem.contact.offset.size <= _DENSE
+            and problem.offset.size <= _DENSE
         )
 
     def _condense(self, problem: DiscreteProblem) -> None:
@@ -423,7 +423,7 @@ class Advance:
 
     def smallness(self, problem: DiscreteProblem) -> Smallness:
         """The constants of a problem whose law depends on no state: those of stiffness and weak convexity alone."""
-        stiffness = problem.linear.stiffness
+        stiffness = problem.stiffness
         key = (id(stiffness), *(np.asarray(alpha).tobytes() for alpha in problem.law.weak_convexity))
         if key not in self._smallness:
             found = smallness(problem, trace_constant=False, workspace=self.workspace)
@@ -591,7 +591,7 @@ class Advance:
 
     def _pieces_of(self, problem: DiscreteProblem) -> Pieces:
         """What is kept of Newton's equations of a body."""
-        stiffness = problem.linear.stiffness
+        stiffness = problem.stiffness
         found = self._pieces.get(id(stiffness))
         if found is None:
             found = self._pieces[id(stiffness)] = stiffness, Pieces()
@@ -706,7 +706,7 @@ class Advance:
             inertial += done.get("inertial", 0.0)
             relaxing += done.get("relaxing", 0.0)
             if part.resistance:  # the force that resisted
-                held_back = stage.problem.linear.stiffness @ part.solution.unknowns
+                held_back = stage.problem.stiffness @ part.solution.unknowns
                 jumps += part.resistance * float(du[:n] @ held_back)
             work += float(stage.load @ du)
             lam = part.solution.multiplier
@@ -813,9 +813,9 @@ def _at_rest(problem: DiscreteProblem) -> Solution | None:
 
     No iteration would find so: it has nothing to hold a residual against.
     """
-    if problem.linear.load.any():
+    if problem.load.any():
         return None
-    r = -problem.contact.offset
+    r = -problem.offset
     zero = np.zeros_like(r)
     if r.size and problem.law.frozen(r, zero).distance(r, zero).any():
         return None

@@ -184,7 +184,7 @@ def downhill(
     chain : Chain, optional
         The graph of the law at the contact points of the body; made here where the solver condenses the body.
     """
-    K, load, slow = problem.linear.stiffness, problem.linear.load, slowed.problem
+    K, load, slow = problem.stiffness, problem.load, slowed.problem
     tight = replace(controls, rtol=TIGHT * controls.rtol, atol=TIGHT * controls.atol)
     last: IntArray | None = None
     looks, solved = Looks(), u
@@ -234,7 +234,7 @@ def downhill(
 def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[float], bool], float] | None:
     """Whether the energy goes on to fall so many times the last step further, on the same pieces of all laws; and the
     steps that are a small part of where the body is. None where contact points do not move, or leave their kinks."""
-    r, K = problem.local(u), problem.linear.stiffness
+    r, K = problem.local(u), problem.stiffness
     slip = r - problem.local(u - way)
     size = float(np.abs(slip).max(initial=0.0))
     held = ~problem.law.linearise(r).smooth
@@ -242,7 +242,7 @@ def _further(problem: DiscreteProblem, u: Array, way: Array) -> tuple[Callable[[
     if not size > 0.0 or (np.abs(slip[held]) > _RESTS * size).any():
         return None
     slip = np.where(held, 0.0, slip)
-    pull, bend = float(way @ (K @ u - problem.linear.load)), float(way @ (K @ way))
+    pull, bend = float(way @ (K @ u - problem.load)), float(way @ (K @ way))
     weights = problem.contact.weights[:, None]
 
     def falls(times: float) -> bool:

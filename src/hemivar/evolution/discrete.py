@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,6 +13,8 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.loading import Loading
+from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
@@ -145,18 +147,18 @@ class DiscreteEvolution(Portable):
         stated = self.evolution.problem
         bound = stated.at_time(time)
         if isinstance(bound, ScalarProblem):
-            force, held, contact, law = scalar_acting(bound, self.field.basis)
+            force, held, offset, law = scalar_acting(bound, self.field.basis)
             load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
-            return Acting(load, held[self.moved], contact.offset, law)
+            return Acting(load, held[self.moved], offset, law)
         assert isinstance(stated, ContactProblem)
         force = load_vector(bound.mesh, bound.order, bound.body_force, bound.tractions)
         load = np.concatenate([self.field.basis.T @ force, force[self.moved]])
         if not stated.time_dependent & {"supports", "gap", "law"}:
-            contact = self.problem.contact
-            return Acting(load, self.field.prescribed[self.moved], contact.offset, self.problem.law, dampings(bound))
+            loading = self.problem.loading
+            return Acting(load, self.field.prescribed[self.moved], loading.offset, loading.law, dampings(bound))
         conditions = nodal_conditions(bound)
-        contact, law, _ = conditions.contact()
-        return Acting(load, conditions.prescribed[self.moved], contact.offset, law, dampings(bound))
+        _, offset, law, _ = conditions.contact()
+        return Acting(load, conditions.prescribed[self.moved], offset, law, dampings(bound))
 
 
 def dampings(bound: ContactProblem) -> dict[str, Superpotential]:
@@ -279,9 +281,9 @@ class Bodies:
 
     def __init__(self, discrete: DiscreteEvolution) -> None:
         self.discrete = discrete
-        self._slow: dict[tuple[float, float], tuple[sp.csr_array, Quadratic]] = {}
+        self._slow: tuple[Model, float, Model] | None = None
         self._made: OrderedDict[tuple[float, ...], DiscreteProblem] = OrderedDict()
-        self._posed = discrete.problem, discrete.problem
+        self._tried: Model | None = None
 
     def body(self, viscous: float, inert: float, *branches: float, keep: bool = True) -> DiscreteProblem:
         """The problem of a body with stiffness ``K + viscous C + inert M + sum branches_i K_i``, without load."""
@@ -300,36 +302,37 @@ class Bodies:
 
     def slower(self, problem: DiscreteProblem, resistance: float) -> DiscreteProblem:
         """The problem with a stiffness that is larger by a factor: one step against a resistance in the energy norm."""
-        stiffness = problem.linear.stiffness
-        key = (float(id(stiffness)), resistance)
-        found = self._slow.get(key)
-        if found is None:
-            self._slow.clear()
-            bulk = Quadratic(combined([(1.0 + resistance, stiffness)]), problem.linear.load, assembled=True)
-            found = self._slow[key] = (stiffness, bulk)
-        return problem.with_(bulk=found[1].under(problem.linear.load))
+        slow = self._stiffer(problem, resistance, lambda K: combined([(1.0 + resistance, K)]))
+        return replace(problem, model=slow, law_known=True)
 
     def on_its_foundation(self, problem: DiscreteProblem, alpha: float) -> tuple[DiscreteProblem, sp.csr_array]:
         """The problem with springs ``alpha`` (force per area and length) at all contact points, and their stiffness."""
-        stiffness, contact = problem.linear.stiffness, problem.contact
-        key = (float(id(stiffness)), -alpha)
-        found = self._slow.get(key)
-        if found is None:
-            self._slow.clear()
+        contact = problem.contact
+
+        def with_springs(K: sp.csr_array) -> sp.csr_array:
             weights = np.repeat(alpha * contact.weights, contact.components)
-            springs = sp.csr_array(contact.trace.T @ sp.diags_array(weights) @ contact.trace)
-            bulk = Quadratic(sp.csr_array(stiffness + springs), problem.linear.load, assembled=True)
-            found = self._slow[key] = (stiffness, bulk)
-        bulk = found[1]
-        return problem.with_(bulk=bulk.under(problem.linear.load)), sp.csr_array(bulk.stiffness - stiffness)
+            return sp.csr_array(K + contact.trace.T @ sp.diags_array(weights) @ contact.trace)
+
+        slow = self._stiffer(problem, -alpha, with_springs)
+        return replace(problem, model=slow, law_known=True), sp.csr_array(slow.linear.stiffness - problem.stiffness)
+
+    def _stiffer(self, problem: DiscreteProblem, key: float, make: Callable[[sp.csr_array], sp.csr_array]) -> Model:
+        """The model of a problem with another stiffness, the last one being known again."""
+        known = self._slow
+        if known is None or known[0] is not problem.model or known[1] != key:
+            bulk = Quadratic(make(problem.stiffness), assembled=True)
+            known = self._slow = problem.model, key, replace(problem.model, bulk=bulk)
+        return known[2]
 
     def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
-        """One of the bodies under a load (n,), with other offsets (m, c) and another law."""
-        known, same = self._posed
-        if known is not base:  # the first law is tried out; others of the same points follow it
-            same = base.with_(offset=offset, law=law)
-            self._posed = base, same
-        return same.going_on(load, offset, law)
+        """One of the bodies under a load (n,), with other offsets (m, c) and another law.
+
+        Load and offset are read-only from now on.
+        """
+        load.flags.writeable = offset.flags.writeable = False
+        first = self._tried is not base.model  # the first law is tried out; others of the same points follow it
+        self._tried = base.model
+        return replace(base, loading=Loading(load, offset, law), law_known=not first)
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete
@@ -359,11 +362,11 @@ class Bodies:
             bedded=discrete.mass is not None or discrete.stores or field.bedded,
             constants=field.constants,
         )
-        stiffness = combined(parts) if len(parts) > 1 else base.linear.stiffness
-        return replace(
-            base,
-            bulk=Quadratic(stiffness, np.zeros(base.unknowns), assembled=True),
-            space=Space((quiet,)),
-            origin=origin,
-            shown=None,  # the load of each step is another one, and steps go downhill by themselves
+        stiffness = combined(parts) if len(parts) > 1 else base.stiffness
+        # The load of each step is another one, and steps go downhill by themselves: nothing is shown.
+        return DiscreteProblem(
+            Model(Quadratic(stiffness, assembled=True), base.contact, Space((quiet,)), origin),
+            Loading(np.zeros(base.unknowns), base.offset, base.law),
+            base.warnings,
+            law_known=True,
         )

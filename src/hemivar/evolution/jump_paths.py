@@ -126,7 +126,7 @@ class JumpPaths:
             )
         chain: Chain = chain_of(system)
         # Under a part of the load, what is left of the balance is measured by the whole.
-        whole = controls.rtol * float(np.linalg.norm(problem.linear.load))
+        whole = controls.rtol * float(np.linalg.norm(problem.load))
         fall = _Fall(self, chain, excess, jump, solver, replace(controls, atol=max(controls.atol, whole)))
         start = before.local.place - stage.origin
         theta, segment = chain.nearest(start, before.multiplier)
@@ -231,7 +231,7 @@ class _Fall:
         there = self.down(problem, u)
         if self.jump is not Jump.DYNAMIC or there.status is not Status.CONVERGED:
             return there
-        K, way = problem.linear.stiffness, there.unknowns - u
+        K, way = problem.stiffness, there.unknowns - u
         size = _norm(K, way)
         if not self.leap(1.0, problem, u, there):
             return there
@@ -239,7 +239,7 @@ class _Fall:
 
     def _swung(self, problem: DiscreteProblem, u: Array, size: float, rate: float) -> Solution:
         """By inertia, from rest; the way is about ``size`` in the energy norm, the motion about as fast as ``rate``."""
-        K, M = problem.linear.stiffness, self.paths.mass
+        K, M = problem.stiffness, self.paths.mass
         swing, start = _Swing(self.paths, problem, rate), u
         rung = swing.unique(6)
         v, turned, largest, time = np.zeros_like(u), False, 0.0, 0.0
@@ -296,18 +296,18 @@ class _Swing:
         """The problem with the stiffness ``K + M/step^2``."""
         if rung not in self._made:
             problem, inert = self.problem, self.step(rung) ** -2
-            matrix = combined([(1.0, problem.linear.stiffness), (inert, self.paths.mass)])
+            matrix = combined([(1.0, problem.stiffness), (inert, self.paths.mass)])
             origin = problem.origin
             if isinstance(origin, ContactProblem | ScalarProblem):
                 origin = origin.effective(0.0, (), inert)
-            bulk = Quadratic(matrix, np.zeros(problem.unknowns), assembled=True)
-            self._made[rung] = replace(problem, bulk=bulk, origin=origin)
+            model = replace(problem.model, bulk=Quadratic(matrix, assembled=True), origin=origin)
+            self._made[rung] = replace(problem, model=model, law_known=True)
         return self._made[rung]
 
     def posed(self, rung: int, u: Array, v: Array) -> DiscreteProblem:
         """A step from a place and a velocity."""
         step = self.step(rung)
-        load = self.problem.linear.load + self.paths.mass @ (u / step + v) / step
+        load = self.problem.load + self.paths.mass @ (u / step + v) / step
         return self.heavy(rung).with_(load=load)
 
     def unique(self, rung: int) -> int:

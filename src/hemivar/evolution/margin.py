@@ -59,7 +59,7 @@ class Margins:
 
     def _at(self, problem: DiscreteProblem, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
-        stiffness, law = problem.linear.stiffness, problem.law
+        stiffness, law = problem.stiffness, problem.law
         if self._known[0] is stiffness and self._known[1] is law and law.friction.profile.convex:
             return self._known[2]
         found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.workspace)
@@ -88,7 +88,7 @@ class Margins:
         return found
 
     def _largest_of(self, taken: Taken, problem: DiscreteProblem) -> float:
-        alphas = [np.asarray(alpha) for alpha in problem.law.frozen_at(-problem.contact.offset).weak_convexity]
+        alphas = [np.asarray(alpha) for alpha in problem.law.frozen_at(-problem.offset).weak_convexity]
         blocks = taken.stages[0].law.blocks
         if not any(alpha.any() for alpha in alphas) and not any(_may_soften(block) for block in blocks):
             return math.inf

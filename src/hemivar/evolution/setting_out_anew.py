@@ -109,7 +109,7 @@ def _glued(advance: Advance) -> BoolArray:
     """Which contact components (m, c) have a mass, a foundation that holds them both ways, and no support."""
     discrete = advance.discrete
     contact, ends = discrete.problem.contact, discrete.problem.law.normal.domain
-    found = np.zeros(contact.offset.shape, dtype=bool)
+    found = np.zeros(contact.shape, dtype=bool)
     if discrete.evolution.mass is not Mass.REDISTRIBUTED and not advance.scheme.is_impact_law:
         found[:, 0] = ends.lower == ends.upper
     free: BoolArray = np.diff(contact.trace.indptr).reshape(found.shape) > 0

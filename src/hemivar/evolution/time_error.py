@@ -253,7 +253,7 @@ def bound_in_time(advance: Advance) -> TimeBound:
     if not all(isinstance(contact.normal, Bilateral | NoContact) for contact in discrete.contacts.values()):
         return TimeBound(advance, "", "a law of the penetration acts beside a law of the rate")
     viscous = discrete.problem.with_(
-        bulk=Quadratic(discrete.viscosity.inner, np.zeros(discrete.unknowns), assembled=True)
+        bulk=Quadratic(discrete.viscosity.inner, assembled=True), load=np.zeros(discrete.unknowns)
     )
     known = smallness(viscous, trace_constant=False, workspace=Workspace(1))
     if known.sampled:

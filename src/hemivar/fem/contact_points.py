@@ -40,18 +40,20 @@ class BoundaryContact:
     ----------
     points : ContactPoints
         With the trace of nodal displacements (nodes * d,).
+    gap : array, shape (m,)
     law : ContactLaw
     blocked : bool array, shape (m, d)
         Rows that supports or another boundary make dependent on a row before.
     """
 
     points: ContactPoints
+    gap: Array
     law: ContactLaw
     blocked: BoolArray
 
     def take(self, index: IntArray) -> BoundaryContact:
         """The contact points of the given numbers."""
-        return BoundaryContact(self.points.take(index), self.law.take(index), self.blocked[index])
+        return BoundaryContact(self.points.take(index), self.gap[index], self.law.take(index), self.blocked[index])
 
 
 def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> BoundaryContact:
@@ -105,13 +107,9 @@ def boundary_contact(problem: ContactProblem, name: str, supports: Supports) -> 
         frames, blocked = _adapt(frames, supports, nodes)
     names = tuple(problem.contact)
     boundary = np.full(len(points), names.index(name))
-    offset = np.zeros((len(points), dim))
-    offset[:, 0] = gap
-    found = ContactPoints(
-        local_components(average, frames), weights, offset, points, frames, nodes, facet, boundary, names
-    )
+    found = ContactPoints(local_components(average, frames), weights, points, frames, nodes, facet, boundary, names)
     with told_of(f"contact '{name}'", contact.normal, contact.friction):
-        return BoundaryContact(found, contact.law.at(points), blocked)
+        return BoundaryContact(found, gap, contact.law.at(points), blocked)
 
 
 def shares(order: int, dim: int) -> Array:
@@ -204,7 +202,7 @@ def _adapt(frames: Array, supports: Supports, nodes: IntArray) -> tuple[Array, B
 
 def join(
     groups: list[BoundaryContact], basis: sp.csr_array, prescribed: Array, dim: int
-) -> tuple[ContactPoints, ContactLaw, float]:
+) -> tuple[ContactPoints, Array, ContactLaw, float]:
     """Contact points of all boundaries in terms of the unknowns; points held entirely are dropped.
 
     Parameters
@@ -218,18 +216,22 @@ def join(
     Returns
     -------
     contact : ContactPoints
+    offset : array, shape (m, d)
+        Gap less what supports prescribe, and the slip that they prescribe.
     law : ContactLaw
         At these points.
     energy : float
         That of the points that supports hold.
     """
     if not groups:
-        return _no_points(basis.shape[1], dim), ContactLaw(NoContact()).at(None), 0.0
+        return _no_points(basis.shape[1], dim), np.zeros((0, dim)), ContactLaw(NoContact()).at(None), 0.0
     blocked = np.concatenate([group.blocked for group in groups])
     rough = np.concatenate([_rough(group.law, group.points.count) for group in groups])
     law = ContactLaw.concatenate([(group.law, group.points.count) for group in groups])
     full = sp.csr_array(sp.vstack([group.points.trace for group in groups]))
-    offset = np.concatenate([group.points.offset for group in groups]) - (full @ prescribed).reshape(-1, dim)
+    offset = np.zeros((full.shape[0] // dim, dim))
+    offset[:, 0] = np.concatenate([group.gap for group in groups])
+    offset -= (full @ prescribed).reshape(-1, dim)
     offset[blocked] = 0.0
 
     trace = sp.csr_array(full @ basis)
@@ -240,20 +242,21 @@ def join(
     trace.eliminate_zeros()
     trace.sort_indices()
 
+    points = [group.points for group in groups]
     contact = ContactPoints(
         trace,
-        np.concatenate([group.points.weights for group in groups]),
-        offset,
-        **{
-            name: np.concatenate([getattr(group.points, name) for group in groups])
-            for name in ("points", "frames", "node", "facet", "boundary")
-        },
+        np.concatenate([one.weights for one in points]),
+        np.concatenate([one.points for one in points if one.points is not None]),
+        np.concatenate([one.frames for one in points if one.frames is not None]),
+        np.concatenate([one.node for one in points]),
+        np.concatenate([one.facet for one in points]),
+        np.concatenate([one.boundary for one in points]),
         names=groups[0].points.names,
         without_friction=rough & blocked[:, 1:].any(axis=1),
     )
     moving = np.diff(trace.indptr).reshape(-1, dim).any(axis=1)
     if moving.all():
-        return contact, law, 0.0
+        return contact, offset, law, 0.0
     held = np.flatnonzero(~moving)
     values = law.take(held).frozen_at(-offset[held]).value(-offset[held])
     if not np.all(np.isfinite(values)):
@@ -266,15 +269,16 @@ def join(
     energy = float(contact.weights[held] @ np.broadcast_to(values, held.shape))
     keep = np.flatnonzero(moving)
     if not len(keep):
-        return _no_points(basis.shape[1], dim, contact.names), ContactLaw(NoContact()).at(None), energy
-    return contact.take(keep), law.take(keep), energy
+        none = _no_points(basis.shape[1], dim, contact.names)
+        return none, np.zeros((0, dim)), ContactLaw(NoContact()).at(None), energy
+    return contact.take(keep), offset[keep], law.take(keep), energy
 
 
 def _no_points(unknowns: int, dim: int, names: tuple[str, ...] = ()) -> ContactPoints:
     none = np.zeros(0, dtype=np.int64)
-    place, turned = np.zeros((0, dim)), np.zeros((0, dim, dim))
-    flags = np.zeros(0, dtype=bool)
-    return ContactPoints(sp.csr_array((0, unknowns)), np.zeros(0), place, place, turned, none, none, none, names, flags)
+    place, turned, flags = np.zeros((0, dim)), np.zeros((0, dim, dim)), np.zeros(0, dtype=bool)
+    trace = sp.csr_array((0, unknowns))
+    return ContactPoints(trace, np.zeros(0), place, turned, none, none, none, names, flags, dim)
 
 
 def _rough(law: ContactLaw, count: int) -> BoolArray:

@@ -10,6 +10,8 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.loading import Loading
+from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
@@ -112,16 +114,18 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
             if stated.obstacle is not None:
                 at = mesh.points[np.unique(mesh.boundaries[name])]
                 refuse_inside(stated.obstacle, mesh, at, f"contact '{name}'")
-    contact, law, energy = conditions.contact()
+    contact, offset, law, energy = conditions.contact()
     if problem.quadrature is Quadrature.MIDPOINT:
         refuse_dependent(contact)
     left_out = None if contact.points is None else friction_warning(contact.points[contact.without_friction])
     discrete = DiscreteProblem(
-        Quadratic(stiffness, load, constant + energy, assembled=True),
-        contact,
-        law,
-        Space((Field(mesh, order, basis, prescribed, bedded=bedded),)),
-        problem,
+        Model(
+            Quadratic(stiffness, assembled=True),
+            contact,
+            Space((Field(mesh, order, basis, prescribed, bedded=bedded),)),
+            problem,
+        ),
+        Loading(load, offset, law, constant + energy),
         tuple(sentence for sentence in (locking_warning(problem), left_out) if sentence is not None),
     )
     if check_coercivity:

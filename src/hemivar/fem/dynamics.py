@@ -115,7 +115,7 @@ def body_matrices(problem: ContactProblem, discrete: DiscreteProblem | None = No
     material, bedding = problem.material, bedding_of(problem.bedding)
     conditions = nodal_conditions(problem)
     maker = _Maker(problem, conditions.supports)
-    known = None if discrete is None else discrete.linear.stiffness
+    known = None if discrete is None else discrete.stiffness
     if known is not None and known.shape[0] != conditions.basis.shape[1]:
         raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
     mesh, graph = problem.mesh, node_graph(problem.mesh, problem.order)

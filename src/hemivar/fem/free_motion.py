@@ -42,11 +42,11 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     if problem.field is None or not problem.field.knows_motions:
         return problem
     field, contact, motions = problem.field, problem.contact, problem.field.free_motions
-    forces = field.lift.T @ problem.linear.load if load is None else load
+    forces = field.lift.T @ problem.load if load is None else load
     holds = [decide(growth) for growth in growths(field, contact, problem.law, forces, motions)]
     limit: str | None = None
     if any(hold.verdict is not Verdict.HELD for hold in holds):
-        at_rest = resistances(field, contact, problem.law, forces, motions)
+        at_rest = resistances(field, contact, problem.loading, forces, motions)
         for group, hold, resistance in zip(motions.groups, holds, at_rest, strict=True):
             if hold.verdict is Verdict.HELD:
                 continue
@@ -60,7 +60,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
 def free_growth(problem: DiscreteProblem, motions: FreeMotions) -> list[Growth]:
     """Growth of the energy along the motions of each group of parts."""
     assert problem.field is not None
-    forces = problem.field.lift.T @ problem.linear.load
+    forces = problem.field.lift.T @ problem.load
     return growths(problem.field, problem.contact, problem.law, forces, motions)
 
 

@@ -42,8 +42,8 @@ class Coarser:
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
         return self.problem.with_(
-            load=self.prolongation.T @ finer.linear.load,
-            offset=finer.contact.offset[self.shared],
+            load=self.prolongation.T @ finer.load,
+            offset=finer.offset[self.shared],
             law=finer.law.take(self.shared),
         )
 

@@ -66,14 +66,12 @@ class LoadLine:
             raise ProblemError(f"the load factor is {factor}; give a finite number")
         loaded, zero = self.loaded, self.unloaded
         if zero is None:
-            return loaded.with_(load=factor * loaded.linear.load)
-        start, end = zero.linear, loaded.linear
-        load = (1.0 - factor) * start.load + factor * end.load
-        # The energy of prescribed displacements is quadratic in them.
-        constant = start.constant + factor**2 * (end.constant - start.constant)
+            return loaded.with_(load=factor * loaded.load)
         return loaded.with_(
-            bulk=end.under(load, constant),
-            offset=(1.0 - factor) * zero.contact.offset + factor * loaded.contact.offset,
+            load=(1.0 - factor) * zero.load + factor * loaded.load,
+            # The energy of prescribed displacements is quadratic in them.
+            constant=zero.constant + factor**2 * (loaded.constant - zero.constant),
+            offset=(1.0 - factor) * zero.offset + factor * loaded.offset,
         )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
-from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.dynamics import BodyMatrices, BodyMatrix
@@ -37,7 +36,7 @@ def scalar_matrices(problem: ScalarProblem, discrete: DiscreteProblem) -> BodyMa
     """
     field = discrete.field
     assert field is not None
-    basis, stiffness = field.basis, discrete.linear.stiffness
+    basis, stiffness = field.basis, discrete.stiffness
     graph, moved = node_graph(problem.mesh, problem.order), moved_nodes(problem)
     free = np.diff(basis.indptr)[:, None] > 0
     if stiffness.shape[0] != basis.shape[1]:
@@ -73,10 +72,10 @@ def moved_nodes(problem: ScalarProblem) -> IntArray:
     return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *members])).astype(np.int64)
 
 
-def scalar_acting(problem: ScalarProblem, basis: sp.csr_array) -> tuple[Array, Array, ContactPoints, ContactLaw]:
-    """Load (nodes,), prescribed values (nodes,), contact points and law of a problem at one time."""
+def scalar_acting(problem: ScalarProblem, basis: sp.csr_array) -> tuple[Array, Array, Array, ContactLaw]:
+    """Load (nodes,), prescribed values (nodes,), offset (m, c) and law of a problem at one time."""
     nodes = problem.mesh.nodes(problem.order)
     held, value = held_values(problem, nodes)
     prescribed = np.where(held, value, 0.0)
-    contact, law, _ = contact_of(problem, nodes, basis, prescribed)
-    return scalar_load(problem), prescribed, contact, law
+    _, offset, law, _ = contact_of(problem, nodes, basis, prescribed)
+    return scalar_load(problem), prescribed, offset, law

@@ -10,7 +10,9 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints
-from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.loading import Loading
+from hemivar.discrete.model import Model, quadratic
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import Density, integrated_load, stiffness_blocks
@@ -89,19 +91,11 @@ def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) 
     if prescribed.any():
         reaction = blocks.times(prescribed[:, None]).ravel()
     stiffness = blocks.matrix(free[:, None])
-    contact, law, energy = contact_of(problem, nodes, basis, prescribed)
+    contact, offset, law, energy = contact_of(problem, nodes, basis, prescribed)
     field = Field(mesh, order, basis, prescribed, 1, problem.kind.unknown, bedded=bedded, constants=True)
     discrete = DiscreteProblem(
-        Quadratic(
-            stiffness,
-            basis.T @ (full - reaction),
-            float(prescribed @ (0.5 * reaction - full)) + energy,
-            assembled=True,
-        ),
-        contact,
-        law,
-        Space((field,)),
-        problem,
+        Model(Quadratic(stiffness, assembled=True), contact, Space((field,)), problem),
+        Loading(basis.T @ (full - reaction), offset, law, float(prescribed @ (0.5 * reaction - full)) + energy),
     )
     if check_coercivity:
         return refuse_free_motion(discrete, full)
@@ -221,8 +215,8 @@ def _refuse_shared(problem: ScalarProblem, places: list[_Place], nodes: Array, f
 
 def contact_of(
     problem: ScalarProblem, nodes: Array, basis: sp.csr_array, prescribed: Array
-) -> tuple[ContactPoints, ContactLaw, float]:
-    """Contact points in terms of the unknowns, their law, and the energy of those that supports hold."""
+) -> tuple[ContactPoints, Array, ContactLaw, float]:
+    """Contact points in terms of the unknowns, their offset (m, c) and law; energy of those that supports hold."""
     places = _places(problem, len(nodes))
     moving = np.diff(basis.indptr) > 0
     _refuse_shared(problem, places, nodes, moving)
@@ -256,10 +250,10 @@ def contact_of(
     if not kept:
         none = np.zeros(0, dtype=np.int64)
         empty = ContactPoints(
-            sp.csr_array((0, basis.shape[1])), np.zeros(0), np.zeros((0, components)), nodes[:0], None, none, none,
-            none, names, np.zeros(0, dtype=bool),
+            sp.csr_array((0, basis.shape[1])), np.zeros(0), nodes[:0], None, none, none, none, names,
+            np.zeros(0, dtype=bool), components,
         )  # fmt: skip
-        return empty, ContactLaw(NoContact()).at(None), energy
+        return empty, np.zeros((0, components)), ContactLaw(NoContact()).at(None), energy
     counts = [count for _, count in parts]
     start = np.concatenate([[0], np.cumsum(counts)[:-1]]) * components
     at_node = np.concatenate([one[0] for one in kept])
@@ -270,13 +264,12 @@ def contact_of(
     made = ContactPoints(
         trace,
         np.concatenate([one[1] for one in kept]),
-        np.concatenate([one[2] for one in kept]),
         nodes[at_node],
         node=at_node,
         boundary=np.repeat(numbers, counts),
         names=names,
     )
-    return made, ContactLaw.concatenate(parts), energy
+    return made, np.concatenate([one[2] for one in kept]), ContactLaw.concatenate(parts), energy
 
 
 def _held_energy(
@@ -352,9 +345,9 @@ def scalar_reactions(problem: DiscreteProblem, values: Array, multiplier: Array)
     matrix = scalar_blocks(stated, node_graph(stated.mesh, stated.order)).matrix()
     full = scalar_load(stated)
     moved = np.asarray(matrix @ field.prescribed)
-    given = quadratic(problem.bulk, "the reaction of a support").load
+    quadratic(problem.bulk, "the reaction of a support")
     size = float(np.abs(full).sum() + np.abs(moved).sum())
-    if float(np.abs(field.basis.T @ (full - moved) - given).sum()) > 1e-9 * size:
+    if float(np.abs(field.basis.T @ (full - moved) - problem.load).sum()) > 1e-9 * size:
         raise ProblemError(
             "reactions are known under the stated load only, and this problem has another one; state that load"
         )

@@ -53,7 +53,7 @@ class NodalConditions:
         """The prescribed displacements u0, shape (nodes * d,)."""
         return self.supports.value.ravel()
 
-    def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, ContactLaw, float]:
+    def contact(self, nodes: BoolArray | None = None) -> tuple[ContactPoints, Array, ContactLaw, float]:
         """Contact points, all or those at the nodes where the mask, shape (nodes,), holds; see :func:`join`."""
         groups = self.groups
         if nodes is not None:

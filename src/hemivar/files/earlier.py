@@ -71,8 +71,8 @@ def _numbers(value: object, what: str, path: Path) -> Array:
 def _unknowns(displacement: Array, problem: DiscreteProblem, path: Path) -> Array:
     field = problem.field
     if field is None:
-        if displacement.shape != problem.linear.load.shape:
-            raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {problem.linear.load.shape}")
+        if displacement.shape != problem.load.shape:
+            raise _other_mesh(path, f"its displacement has shape {displacement.shape}, not {problem.load.shape}")
         return displacement
     expected = (field.number_of_nodes, field.components)
     if displacement.shape != expected:

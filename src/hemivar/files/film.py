@@ -115,7 +115,7 @@ def film_of(history: History) -> Film:
             here = ~at_nodes & (contact.boundary == k)
             moved[here] = seen.displacement[mesh.boundaries[name][contact.facet[here]]].mean(axis=1)
         force = seen.tractions if len(points) else points
-        gap = seen.problem.contact.gap + _worn(seen.memory)
+        gap = seen.problem.gap + _worn(seen.memory)
         return FilmFrame(seen.time, seen.displacement, seen.velocity, points, moved, force, seen.states, gap)
 
     times = np.array([one.time for one in history.frames])

@@ -160,7 +160,7 @@ def _contact_record(solution: Solution) -> Record:
         "normal": None if problem.contact.frames is None else problem.contact.frames[:, 0],
         "boundary": boundary_names(problem),
         "weight": problem.contact.weights,
-        "gap": problem.contact.gap,
+        "gap": problem.gap,
         "penetration": solution.penetration,
         "slip": _tangential(solution.slip),
         "pressure": solution.pressure,

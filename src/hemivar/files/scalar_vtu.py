@@ -42,7 +42,7 @@ def scalar_fields(solution: Solution | Snapshot) -> tuple[dict[str, Array], dict
     if contact.count:
         quantities = {
             "pressure": (solution.pressure, 0.0),
-            "gap": (contact.gap, 0.0),
+            "gap": (problem.gap, 0.0),
             "penetration": (solution.penetration, 0.0),
             "state": (solution.states.codes.astype(float), -1.0),
             "tangential_state": (solution.tangential_state.astype(float), -1.0),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -64,6 +64,11 @@ class Snapshot(ContactValues):
         """The contact points."""
         return self.problem.contact
 
+    @property
+    def gap(self) -> Array:  # type: ignore[override]
+        """Distance between body and foundation along the normal, (m,)."""
+        return self.problem.gap
+
 
 def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     """A frame with the problem that it belongs to.
@@ -76,7 +81,7 @@ def snapshot(discrete: DiscreteEvolution, frame: Frame) -> Snapshot:
     problem = discrete.problem
     if discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         offset = discrete.acting(frame.time).offset
-        problem = replace(problem, contact=replace(problem.contact, offset=offset))
+        problem = problem.with_(offset=offset)
     states = moving_states(discrete, frame)
     return Snapshot(
         problem, frame.time, frame.displacement, frame.velocity, frame.local, frame.multiplier, frame.rate, states,

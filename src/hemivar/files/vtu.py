@@ -164,7 +164,7 @@ def contact_quantities(seen: ContactValues) -> dict[str, tuple[Array, float]]:
     contact = seen.contact
     quantities = {
         "pressure": (seen.pressure, 0.0),
-        "gap": (contact.gap, 0.0),
+        "gap": (seen.gap, 0.0),
         "penetration": (seen.penetration, 0.0),
         "friction": (three_components(seen.friction_vectors), 0.0),
         "slip": (three_components(seen.slip_vectors), 0.0),

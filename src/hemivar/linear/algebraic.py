@@ -40,8 +40,8 @@ def algebraic_levels(problem: DiscreteProblem) -> list[tuple[sp.csr_array, Trans
     place = sp.csr_array((np.ones(slots.size), (slots, np.arange(slots.size))), shape=(count, slots.size))
     empty = np.ones(count)
     empty[slots] = 0.0
-    mean = float(problem.linear.stiffness.diagonal().mean())
-    filled = place @ problem.linear.stiffness @ place.T + sp.diags_array(mean * empty)
+    mean = float(problem.stiffness.diagonal().mean())
+    filled = place @ problem.stiffness @ place.T + sp.diags_array(mean * empty)
     blocks = sp.csr_array(filled).tobsr((size, size))
     field = problem.field
     near = np.ones((problem.unknowns, 1)) if field is None or not field.moves else rigid_motions(field)

@@ -60,7 +60,7 @@ class ElasticMultigrid:
         nothing = np.zeros(0, dtype=np.int64)
         parts = [contact_unknowns(p) if selects(p.contact.trace) else (nothing,) * 4 for p in problems]
         levels = Levels(
-            [matrix for matrix, _ in below] + [p.linear.stiffness for p in problems],
+            [matrix for matrix, _ in below] + [p.stiffness for p in problems],
             [transfer for _, transfer in below] + [Transfer.of(step.prolongation) for step in chain],
             [nothing] * len(below) + [part[0] for part in parts],
             [nothing] * len(below) + [part[3] for part in parts],

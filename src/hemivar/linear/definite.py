@@ -46,7 +46,7 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
     unknowns = np.asarray((field.lift @ motions.motions).toarray())
     if not motions.count:
         return unknowns
-    force = np.abs(problem.linear.stiffness @ unknowns)
+    force = np.abs(problem.stiffness @ unknowns)
     return unknowns if float((force / problem.linear.diagonal[:, None]).max(initial=0.0)) <= _RESISTED else None
 
 
@@ -141,7 +141,7 @@ def indefinite(matrix: sp.csr_array) -> float | None:
 
 def below_zero(problem: DiscreteProblem, eigenvalue: float) -> float | None:
     """An eigenvalue of the stiffness that is below zero by more than rounding, or None."""
-    return eigenvalue if eigenvalue < -rounding(problem.linear.stiffness, problem.linear.diagonal) else None
+    return eigenvalue if eigenvalue < -rounding(problem.stiffness, problem.linear.diagonal) else None
 
 
 def refuse_unseen(problem: DiscreteProblem) -> None:

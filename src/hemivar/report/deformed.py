@@ -52,7 +52,7 @@ class DeformedBody:
                 "this problem was made of arrays and has no mesh to draw; use plot_contact or plot_history"
             )
         if scale == "auto":
-            return cls(solution, _visible(field.mesh, solution.displacement, solution.problem.contact.gap))
+            return cls(solution, _visible(field.mesh, solution.displacement, solution.problem.gap))
         if isinstance(scale, str) or not (math.isfinite(scale) and scale > 0.0):
             raise ProblemError(f"scale = {scale!r}; give a positive number or 'auto'")
         return cls(solution, float(scale))

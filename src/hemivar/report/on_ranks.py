@@ -164,7 +164,7 @@ def write_vtu_on_ranks(solution: DistributedSolution, path: str | Path) -> list[
         The ``.pvtu`` files.
     """
     body = solution.body
-    seen = _Values(body.contact, solution.local, solution.multiplier, solution.states)
+    seen = _Values(body.contact, body.offset[:, 0], solution.local, solution.multiplier, solution.states)
     return _write_pieces(body, Path(path), seen, {"displacement": solution.displacement})
 
 
@@ -187,6 +187,7 @@ class _Values(ContactValues):
     """Values at the contact points of this rank."""
 
     contact: ContactPoints
+    gap: Array
     local: Array
     multiplier: Array
     states: ContactStates

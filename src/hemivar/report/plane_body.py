@@ -137,7 +137,7 @@ class PlaneBody:
         if boundary.nodes is not None and contact.frames is not None:
             normal[used] = contact.frames[nearest, 0]  # that of an obstacle may differ from the body's
         gap = np.full(self.mesh.number_of_nodes, np.nan)
-        gap[used] = contact.gap[nearest]
+        gap[used] = self.problem.gap[nearest]
         deepest = self.body.factor * float(self.body.solution.penetration[boundary.index].max(initial=0.0))
         for line in boundary.lines:
             surface = self.mesh.points[line] + self.body.factor * gap[line, None] * normal[line]

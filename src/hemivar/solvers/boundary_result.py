@@ -28,6 +28,8 @@ class ContactValues:
     Attributes
     ----------
     contact : ContactPoints
+    gap : array (m,)
+        Distance between body and foundation along the normal.
     local : array (m, c)
         Penetration (column 0) and slip.
     multiplier : array (m, c)
@@ -37,6 +39,7 @@ class ContactValues:
     """
 
     contact: ContactPoints
+    gap: Array
     local: Array
     multiplier: Array
     states: ContactStates
@@ -125,6 +128,8 @@ class BoundaryResult(ContactValues, Portable):
         Numbers of its contact points among those of the problem.
     contact : ContactPoints
         These points.
+    gap : array (m,)
+        Distance between body and foundation along the normal.
     local : array (m, c)
         Penetration (column 0) and slip.
     multiplier : array (m, c)
@@ -136,6 +141,7 @@ class BoundaryResult(ContactValues, Portable):
     name: str
     index: IntArray
     contact: ContactPoints
+    gap: Array
     local: Array
     multiplier: Array
     states: ContactStates
@@ -169,8 +175,9 @@ class BoundaryResult(ContactValues, Portable):
         return np.asarray(arms[:, 0] @ forces[:, 1] - arms[:, 1] @ forces[:, 0])
 
 
-def contact_table(contact: ContactPoints, local: Array, multiplier: Array, states: ContactStates) -> NDArray[np.void]:
+def contact_table(seen: ContactValues) -> NDArray[np.void]:
     """One row for each contact point, see :attr:`hemivar.Solution.contact_table`."""
+    contact, local, multiplier, states = seen.contact, seen.local, seen.multiplier, seen.states
     columns: dict[str, NDArray[np.generic]] = {}
     if contact.names:
         columns["boundary"] = np.array([*contact.names, ""])[contact.boundary]
@@ -178,7 +185,7 @@ def contact_table(contact: ContactPoints, local: Array, multiplier: Array, state
         columns["x"] = contact.points
     if contact.frames is not None:
         columns["normal"] = contact.frames[:, 0]
-    columns |= {"weight": contact.weights, "gap": contact.gap}
+    columns |= {"weight": contact.weights, "gap": seen.gap}
     forces = np.column_stack([multiplier[:, 0], friction_of(multiplier)])
     for normal, tangential, values in (("penetration", "slip", local), ("pressure", "friction", forces)):
         columns[normal] = values[:, 0]

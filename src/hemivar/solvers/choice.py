@@ -50,7 +50,7 @@ def choose(problem: DiscreteProblem) -> tuple[Solver, str]:
     fits = free is None or needed <= _SHARE * free
     convex = True
     if problem.contact_points:
-        rest = -problem.contact.offset
+        rest = -problem.offset
         convex = all(bool((alpha == 0.0).all()) for alpha in problem.law.frozen_at(rest).weak_convexity)
     direct, levels = NonsmoothNewton.name, NonsmoothMultigrid.name
     size = f"{problem.unknowns} unknowns"

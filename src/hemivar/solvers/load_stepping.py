@@ -91,7 +91,7 @@ class LoadStepping(Solver):
 
     def begin(self, system: PosedSystem, start: State, budget: Budget) -> State:
         line = LoadLine(system.problem)
-        full = float(np.linalg.norm(system.problem.linear.load))
+        full = float(np.linalg.norm(system.problem.load))
         r, evaluations = start.r, start.evaluations
         for factor in np.linspace(0.0, 1.0, self.steps + 1)[:-1]:
             partial = system.for_problem(line.at(float(factor)))

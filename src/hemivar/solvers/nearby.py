@@ -234,7 +234,7 @@ def nearby_solution(
     p = stiffness * r + lam
     if not math.isfinite(float(p.sum())):
         return None
-    on, load = graphs.onto(p, r), system.problem.linear.load_size
+    on, load = graphs.onto(p, r), system.problem.loading.load_size
     for number in range(1, _ROUNDS + 1):
         r = on.place if whole else np.where(active, on.place, system.fixed)
         free = ~on.held if whole else active & ~on.held
@@ -267,7 +267,7 @@ def nearby_solution(
             return None
         iterated = time.perf_counter()
         unknowns = system.unknowns(r)
-        place = system.problem.contact.local(unknowns)
+        place = system.problem.contact.traced(unknowns) - system.problem.offset
         residual = _residual(system, unknowns, place, of_law, graphs, load, controls, out_of_balance)
         if residual.below(controls.atol, controls.rtol):
             solution = Solution(
@@ -310,7 +310,7 @@ def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_
         return LoadScale(load, math.inf)
     if isinstance(graphs, _Vectors):
         return system.load_scale
-    offset, ends, shape = system.problem.contact.offset, graphs.domain, system.shape
+    offset, ends, shape = system.problem.offset, graphs.domain, system.shape
     inside = np.minimum(np.maximum(-offset, ends[0].reshape(shape)), ends[1].reshape(shape))
     lam = graphs.least_multiplier(inside)
     lam[:, 0] -= (offset + inside)[:, 0] / system.body.compliance[:, 0]
@@ -346,4 +346,4 @@ def _residual(
         tolerance = controls.atol + controls.rtol * found.scale
         if found.noise <= tolerance and found.total <= tolerance:
             return found
-    return of(OutOfBalance(problem.linear.load - body.entries @ u, problem.linear.moved(u)))
+    return of(OutOfBalance(problem.load - body.entries @ u, problem.linear.rounding_scale(u, problem.load)))

@@ -118,6 +118,11 @@ class Solution(ContactValues, Portable, Displayed):
         """The contact points of the problem."""
         return self.problem.contact
 
+    @property
+    def gap(self) -> Array:  # type: ignore[override]
+        """Distance between body and foundation along the normal at each contact point, (m,)."""
+        return self.problem.gap
+
     @cached_property
     def local(self) -> Array:  # type: ignore[override]
         """Local displacement r = B u - g, shape (m, d): penetration and slip."""
@@ -181,7 +186,7 @@ class Solution(ContactValues, Portable, Displayed):
         index = self.contact.on(boundary)
         points = self.contact.take(index)
         return BoundaryResult(
-            boundary, index, points, self.local[index], self.multiplier[index], self.states.take(index)
+            boundary, index, points, self.gap[index], self.local[index], self.multiplier[index], self.states.take(index)
         )
 
     @cached_property
@@ -208,7 +213,7 @@ class Solution(ContactValues, Portable, Displayed):
         (vector; of the foundation on the body).  What is not known of a problem made of arrays, and what a law of one
         component lacks, is left out.
         """
-        return contact_table(self.contact, self.local, self.multiplier, self.states)
+        return contact_table(self)
 
     def to_dataframe(self) -> DataFrame:
         """The :attr:`contact_table` as a pandas DataFrame, a column for each component of a vector.

@@ -311,9 +311,9 @@ def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None
         return State(r, system.multiplier(r), ended=stopped)
     problem = system.problem
     u = initial.unknowns if isinstance(initial, Solution) else real_array(initial, "the initial guess", finite=False)
-    if u.shape != problem.linear.load.shape:
+    if u.shape != problem.load.shape:
         raise ProblemError(
-            f"the initial guess has shape {u.shape}, the problem {problem.linear.load.shape}; "
+            f"the initial guess has shape {u.shape}, the problem {problem.load.shape}; "
             "between meshes use hemivar.solvers.transfer_solution"
         )
     if not np.isfinite(u).all():

@@ -67,13 +67,13 @@ class BodyProblem(Body):
             vectors=WHOLE,
             law=problem.law,
             weights=problem.contact.weights,
-            offset=problem.contact.offset.ravel().reshape(active.shape),
+            offset=problem.offset.ravel().reshape(active.shape),
             unknown=unknown,
             sign=sign,
             active=active,
-            load=problem.linear.load,
+            load=problem.load,
             row_sums=problem.linear.row_sums,
-            constant=problem.linear.constant,
+            constant=problem.constant,
             compliance=contact_compliance(problem),
             problem=problem,
             hierarchy=hierarchy,
@@ -84,12 +84,12 @@ class BodyProblem(Body):
         moved = np.count_nonzero(x)
         if moved <= self.unknown.size and moved == np.count_nonzero(x[self.unknown]):
             return self.push(x[self.unknown])  # a start at rest costs no product with the whole matrix
-        return np.asarray(self.problem.linear.stiffness @ x)
+        return np.asarray(self.problem.stiffness @ x)
 
     @cached_property
     def _rows(self) -> sp.csr_array:
         """Rows of the stiffness that belong to active components, (k, n)."""
-        return sp.csr_array(self.problem.linear.stiffness[self.unknown])
+        return sp.csr_array(self.problem.stiffness[self.unknown])
 
     def pull(self, x: Array) -> Array:
         return np.asarray(self._rows @ x)
@@ -131,9 +131,9 @@ class BodyProblem(Body):
             self,
             problem=problem,
             law=problem.law,
-            offset=problem.contact.offset.ravel().reshape(self.active.shape),
-            load=problem.linear.load,
-            constant=problem.linear.constant,
+            offset=problem.offset.ravel().reshape(self.active.shape),
+            load=problem.load,
+            constant=problem.constant,
             seconds=time.perf_counter() - began,
             meshes=meshes,
         )
@@ -143,9 +143,7 @@ class BodyProblem(Body):
     def refuse_direction(self, direction: Array) -> None:
         problem = self.problem
         if free_unknowns(problem) is None:
-            refuse_indefinite(
-                below_zero(problem, quotient(problem.linear.stiffness, direction, problem.linear.diagonal))
-            )
+            refuse_indefinite(below_zero(problem, quotient(problem.stiffness, direction, problem.linear.diagonal)))
 
     def free_growth(self) -> list[Growth]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves.
@@ -159,14 +157,14 @@ class BodyProblem(Body):
         if problem.unknowns > COARSEST:
             return []
         root = np.sqrt(problem.linear.diagonal)
-        values, vectors = la.eigh(problem.linear.stiffness.toarray() / np.outer(root, root))
-        modes = vectors[:, values < rounding(problem.linear.stiffness, problem.linear.diagonal)] / root[:, None]
+        values, vectors = la.eigh(problem.stiffness.toarray() / np.outer(root, root))
+        modes = vectors[:, values < rounding(problem.stiffness, problem.linear.diagonal)] / root[:, None]
         if not modes.shape[1]:
             return []
         modes /= np.abs(modes).max(axis=0)
         local = np.stack([self.spread(mode[self.unknown]) for mode in modes.T], axis=2)
-        size = float(np.abs(problem.linear.load) @ np.abs(modes).max(axis=1))
-        return [growth_along(self.law, local, self.weights, modes.T @ problem.linear.load, size, ROUNDED)]
+        size = float(np.abs(problem.load) @ np.abs(modes).max(axis=1))
+        return [growth_along(self.law, local, self.weights, modes.T @ problem.load, size, ROUNDED)]
 
 
 class _TruncatedBody:
@@ -203,7 +201,7 @@ class _TruncatedBody:
 
 def levels_of(problem: DiscreteProblem, workspace: Workspace) -> ElasticMultigrid:
     """The levels of the body of a problem, made on the first call; many solves may work on them at the same time."""
-    return workspace.once("levels", problem, lambda: ElasticMultigrid.of(problem))
+    return workspace.once("levels", problem.model, lambda: ElasticMultigrid.of(problem))
 
 
 def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
@@ -215,7 +213,7 @@ def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
         The stiffness has a negative eigenvalue, or the body can move without any contact point noticing it.
     """
     began = time.perf_counter()
-    bodies = workspace.once("bodies", problem, lambda: _bodies(problem, workspace))
+    bodies = workspace.once("bodies", problem.model, lambda: _bodies(problem, workspace))
     meshes = () if problem.law.state_dependent else tuple(bodies[:-1])  # nothing starts from a coarser mesh then
     return bodies[-1].posed(problem, meshes, began)
 
@@ -224,7 +222,7 @@ def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]
     """The body on every mesh, from coarse to fine."""
     refuse_unseen(problem)
     if free_unknowns(problem) is None:
-        refuse_indefinite(below_zero(problem, lowest_quotient(problem.linear.stiffness)))
+        refuse_indefinite(below_zero(problem, lowest_quotient(problem.stiffness)))
     hierarchy = levels_of(problem, workspace)
     problems = [step.problem for step in hierarchy.steps] + [problem]
     return [BodyProblem.of(one, hierarchy, top) for top, one in enumerate(problems, hierarchy.first)]

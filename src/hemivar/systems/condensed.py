@@ -168,14 +168,14 @@ class CondensedProblem(Portable):
         local = np.zeros((*self.shape, len(modes)))
         local.reshape(-1, len(modes))[self.free] = modes.T
         moved = np.stack([self._recovery.linear(r) for r in local.transpose(2, 0, 1)], axis=1)
-        load = self.problem.linear.load
+        load = self.problem.load
         size = float(np.abs(load) @ np.abs(moved).max(axis=1))
         return [growth_along(self.law, local, self.weights, moved.T @ load, size, ROUNDED)]
 
     @cached_property
     def length_scale(self) -> float:
         """A typical displacement, for methods that work on scaled unknowns."""
-        size = max(float(np.abs(self.fixed).max(initial=0.0)), float(np.abs(self.problem.contact.gap).max(initial=0.0)))
+        size = max(float(np.abs(self.fixed).max(initial=0.0)), float(np.abs(self.problem.gap).max(initial=0.0)))
         if self.free.size:
             A = self.matrix[np.ix_(self.free, self.free)]
             held = A + 1e-3 * np.diag(self.diagonal.ravel()[self.free])
@@ -213,7 +213,7 @@ class CondensedProblem(Portable):
         """An admissible starting point ``(m, d)`` near ``guess``, or near zero displacement."""
         m, d = self.shape
         if guess is None:
-            guess = -self.problem.contact.offset.ravel().reshape(m, d)
+            guess = -self.problem.offset.ravel().reshape(m, d)
         r = real_array(guess, "the starting point", finite=False)
         return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
 
@@ -276,7 +276,7 @@ class CondensedProblem(Portable):
         began = time.perf_counter()
         if problem is old:
             return self
-        if problem.bulk is old.bulk and problem.contact.offset is old.contact.offset:
+        if problem.model is old.model and problem.load is old.load and problem.offset is old.offset:
             return replace(self, problem=problem, seconds=0.0)
         return _under(self.body, problem, began)
 
@@ -300,7 +300,7 @@ class CondensedProblem(Portable):
         ``reaction`` gives the contact forces (m, d) of a force (n,).
         """
         inner = self.body.factor.solve_interior(force)
-        return inner, reaction(self.problem, force - self.problem.linear.stiffness @ inner)
+        return inner, reaction(self.problem, force - self.problem.stiffness @ inner)
 
     def recover(self, r: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
         """All unknowns u (n,) from the local displacements, with the residual of the full problem for each multiplier.
@@ -325,7 +325,7 @@ class CondensedProblem(Portable):
 
     def _out_of_balance(self, u: Array, lam: Array) -> Array:
         """Force (n,) that is left on the unknowns."""
-        return -self.problem.bulk.gradient(u) - self.problem.contact_force(lam)
+        return self.problem.out_of_balance(u) - self.problem.contact_force(lam)
 
     def _sharpened(self, u: Array, r: Array, lam: Array) -> tuple[Array, Residual] | None:
         """Equilibrium of the contact points that are far from the foundation, where r is the gap and u is lost in it.
@@ -333,7 +333,7 @@ class CondensedProblem(Portable):
         With its residual for the multiplier of the law, which must not depend on r there.  None where no gap is that
         large, or where the points are not held.
         """
-        offset = self.problem.contact.offset.reshape(self.shape)
+        offset = self.problem.offset.reshape(self.shape)
         moved = float(np.abs(r + offset)[self.active].max(initial=0.0))
         if moved == 0.0:
             return None
@@ -351,7 +351,7 @@ class CondensedProblem(Portable):
         (u, multiplier, residual) or None
             Displacement (n,) and multiplier (m, d); None where a point is not free to move in the law's own direction.
         """
-        offset = self.problem.contact.offset.reshape(self.shape)
+        offset = self.problem.offset.reshape(self.shape)
         found = self._apart(self._recovery(r), r, self.multiplier(r), self.active & (offset != 0.0))
         if found is None:
             return None
@@ -378,7 +378,7 @@ class CondensedProblem(Portable):
             return None
         rest, body = self._out_of_balance(u, lam), self.body
         inner = body.factor.solve_interior(rest)
-        reduced = (rest - self.problem.linear.stiffness @ inner)[body.kept]
+        reduced = (rest - self.problem.stiffness @ inner)[body.kept]
         try:
             factor = la.cho_factor(self.matrix[np.ix_(free, free)])
         except la.LinAlgError:
@@ -427,13 +427,13 @@ def condense(problem: Posable, many: bool = False) -> CondensedProblem:
 def _under(body: Elimination, problem: DiscreteProblem, began: float) -> CondensedProblem:
     """The condensation of a body under the load and the gap of a problem."""
     recovery, rest_energy = body.under(problem)
-    constant = problem.linear.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)
+    constant = problem.constant - rest_energy - 0.5 * float(recovery.shift @ recovery.reduced.force)
     force = body.gathered(recovery.reduced.force)
     # From contact unknowns y = r + offset to r.
     offset = recovery.offset
     bent, fixed = body.matrix @ offset, body.nothing
     if not body.everywhere:
-        fixed = np.where(body.active, 0.0, -problem.contact.offset.reshape(body.active.shape))
+        fixed = np.where(body.active, 0.0, -problem.offset.reshape(body.active.shape))
     constant += 0.5 * float(offset @ bent) - float(force @ offset)
     return CondensedProblem(
         problem,

@@ -79,7 +79,7 @@ class Elimination:
             The interior is singular, the stiffness has a negative eigenvalue, or contact rows depend on one another.
         """
         refuse_unseen(problem)
-        K, B = problem.linear.stiffness, sp.csr_array(problem.contact.trace)
+        K, B = problem.stiffness, sp.csr_array(problem.contact.trace)
         m, d = problem.contact_points, problem.contact.components
         B.eliminate_zeros()
         kept = np.unique(B.indices).astype(np.int64)
@@ -223,9 +223,9 @@ class Elimination:
 
         It costs one sparse solve, or half of one where the factorisation is meant for many loads.
         """
-        reduced = self.factor.reduce(problem.linear.load)
+        reduced = self.factor.reduce(problem.load)
         shift = np.zeros(self.kept.size) if self.drift is None else self.drift @ reduced.force
-        offset = problem.contact.offset.ravel()
+        offset = problem.offset.ravel()
         if not self.everywhere:
             offset = np.where(self.active.ravel(), offset, 0.0)
         return Recovery(self, problem, offset, reduced, shift), 0.5 * reduced.work
@@ -269,7 +269,7 @@ class Recovery:
 
 def _check_semidefinite(problem: DiscreteProblem, factor: Factorisation, kept: IntArray) -> None:
     """Refuse a stiffness without a mesh along which the energy falls: shown by a displacement, free of doubt."""
-    K, scale = problem.linear.stiffness, problem.linear.diagonal[kept]
+    K, scale = problem.stiffness, problem.linear.diagonal[kept]
     if factor.interior_positive:
         root = np.sqrt(scale)
         scaled = factor.schur / np.outer(root, root)

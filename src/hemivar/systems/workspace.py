@@ -1,4 +1,4 @@
-"""What is expensive about a body, kept by whoever owns it: factors, Schur complement, levels, norms."""
+"""What is expensive about a model, kept by whoever owns it: factors, Schur complement, levels, norms."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ import numpy as np
 from hemivar.basics.arguments import expect, whole_number
 from hemivar.basics.first_use import Lock
 from hemivar.basics.types import AnyArray
-from hemivar.discrete.problem import DiscreteProblem, quadratic
+from hemivar.discrete.model import Model
+from hemivar.discrete.problem import DiscreteProblem
 from hemivar.systems.condensed import CondensedProblem, condense
 
 __all__ = ["Workspace"]
 
+K = TypeVar("K")
 T = TypeVar("T")
 #: Kinds of things that are kept for each body by their content.
 _KINDS = 4
@@ -27,27 +29,26 @@ class Workspace:
     """What has been paid for a body, so that it is paid once.
 
     Pass the same workspace to :func:`hemivar.solve`, :func:`hemivar.certify`, :func:`hemivar.find_solutions` and
-    :func:`hemivar.follow_path`.  What it holds is keyed by the body: its stiffness, the trace and the weights of its
-    contact points, its space and origin.  Another load, gap or law, made by :meth:`DiscreteProblem.with_`, costs no new
-    factorisation.  Nothing in it changes an answer.  It may be used by several threads: one makes what the others wait
-    for.
+    :func:`hemivar.follow_path`.  What it holds belongs to the model of a problem, that very object.  Another load, gap
+    or law, made by :meth:`DiscreteProblem.with_`, costs no new factorisation.  Nothing in it changes an answer.  It may
+    be used by several threads: one makes what the others wait for.
 
     Parameters
     ----------
     bodies : int
-        How many bodies it holds at a time; the one used longest ago is forgotten first.
+        How many models it holds at a time; the one used longest ago is forgotten first.
     """
 
     def __init__(self, bodies: int = 8) -> None:
         self._bodies = whole_number(bodies, "bodies of a workspace", 1)
         self._lock = Lock()
-        self._shelves: OrderedDict[tuple[int, ...], _Shelf] = OrderedDict()
-        self._contents: OrderedDict[bytes, _Shelf] = OrderedDict()
+        self._of_models: OrderedDict[Model, _Shelf] = OrderedDict()
+        self._of_contents: OrderedDict[bytes, _Shelf] = OrderedDict()
 
     def __repr__(self) -> str:
         with self._lock:
-            kept = [f"{shelf.unknowns} unknowns: {', '.join(sorted(shelf.things))}" for shelf in self._shelves.values()]
-            kept += [name for shelf in self._contents.values() for name in sorted(shelf.things)]
+            kept = [f"{m.unknowns} unknowns: {', '.join(sorted(shelf.things))}" for m, shelf in self._of_models.items()]
+            kept += [name for shelf in self._of_contents.values() for name in sorted(shelf.things)]
         return f"Workspace({'; '.join(kept) or 'empty'})"
 
     def __reduce__(self) -> tuple[type[Workspace], tuple[int]]:
@@ -70,52 +71,25 @@ class Workspace:
     def holding(cls, condensed: CondensedProblem) -> Workspace:
         """A workspace that knows a condensation already."""
         workspace = cls()
-        workspace.once(_CONDENSATION, condensed.problem, lambda: condensed)
+        workspace.once(_CONDENSATION, condensed.problem.model, lambda: condensed)
         return workspace
 
-    def once(self, what: str, problem: DiscreteProblem, make: Callable[[], T]) -> T:
-        """What is known of the body of a problem under a name, made on the first call.
+    def once(self, what: str, key: Model | tuple[AnyArray, ...], make: Callable[[], T]) -> T:
+        """What is known of a model, or of the numbers of some arrays, under a name; made on the first call.
+
+        What depends on numbers alone is kept through meshes that are refined, and through problems that are stated
+        anew.
 
         Parameters
         ----------
         what : str
-            The name; it stands for one kind of thing that depends on the body alone.
-        problem : DiscreteProblem
-            With a quadratic bulk.
+            The name; it stands for one kind of thing that depends on the key alone.
+        key : Model or tuple of arrays
         make : function
             Makes it. Other threads that ask for the same wait.
         """
-        shelf = self._shelf(problem)
+        shelf = self._shelf(key) if isinstance(key, Model) else self._shelf_of_content(what, key)
         with self._lock:
-            lock = shelf.locks.setdefault(what, Lock())
-        with lock:
-            if what not in shelf.things:
-                shelf.things[what] = make()
-            return cast(T, shelf.things[what])
-
-    def known(self, what: str, content: tuple[AnyArray, ...], make: Callable[[], T]) -> T:
-        """What depends on nothing but the numbers of some arrays, made on the first call.
-
-        So constants of a body are kept through meshes that are refined, and through problems that are stated anew.
-
-        Parameters
-        ----------
-        what : str
-            The name; it stands for one kind of thing.
-        content : tuple of arrays
-        make : function
-            Makes it. Other threads that ask for the same wait.
-        """
-        digest = hashlib.sha256(what.encode())
-        for array in content:
-            digest.update(repr((array.shape, array.dtype.str)).encode())
-            digest.update(np.ascontiguousarray(array).tobytes())
-        key = digest.digest()
-        with self._lock:
-            shelf = self._contents.setdefault(key, _Shelf((), 0))
-            self._contents.move_to_end(key)
-            while len(self._contents) > _KINDS * self._bodies:
-                self._contents.popitem(last=False)
             lock = shelf.locks.setdefault(what, Lock())
         with lock:
             if what not in shelf.things:
@@ -127,39 +101,45 @@ class Workspace:
 
         ``many`` if many loads are to come, see :func:`hemivar.systems.condense`.
         """
-        many = many or _FOR_MANY in self._shelf(problem).things
+        many = many or _FOR_MANY in self._shelf(problem.model).things
         what = _FOR_MANY if many else _CONDENSATION
-        return self.once(what, problem, lambda: condense(problem, many)).for_problem(problem)
+        return self.once(what, problem.model, lambda: condense(problem, many)).for_problem(problem)
 
     def condenses(self, problem: DiscreteProblem) -> bool:
         """Whether the body of the problem has been condensed already."""
-        return not self._shelf(problem).things.keys().isdisjoint((_CONDENSATION, _FOR_MANY))
+        return not self._shelf(problem.model).things.keys().isdisjoint((_CONDENSATION, _FOR_MANY))
 
     def forget(self) -> None:
         """Give all memory back."""
         with self._lock:
-            self._shelves.clear()
-            self._contents.clear()
+            self._of_models.clear()
+            self._of_contents.clear()
 
-    def _shelf(self, problem: DiscreteProblem) -> _Shelf:
-        contact = problem.contact
-        body = (quadratic(problem.bulk).stiffness, contact.trace, contact.weights, problem.space, problem.origin)
-        key = tuple(map(id, body))
+    def _shelf(self, model: Model) -> _Shelf:
         with self._lock:
-            shelf = self._shelves.get(key)
-            if shelf is None:
-                shelf = self._shelves[key] = _Shelf(body, problem.unknowns)
-            self._shelves.move_to_end(key)
-            while len(self._shelves) > self._bodies:
-                self._shelves.popitem(last=False)
-        return shelf
+            return _recent(self._of_models, model, self._bodies)
+
+    def _shelf_of_content(self, what: str, arrays: tuple[AnyArray, ...]) -> _Shelf:
+        digest = hashlib.sha256(what.encode())
+        for array in arrays:
+            digest.update(repr((array.shape, array.dtype.str)).encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        with self._lock:
+            return _recent(self._of_contents, digest.digest(), _KINDS * self._bodies)
 
 
 class _Shelf:
-    """What belongs to one body; what makes it up is held, so that their identities stay theirs."""
+    """What is known of one model, or of one set of numbers."""
 
-    def __init__(self, body: tuple[object, ...], unknowns: int) -> None:
-        self.body = body
-        self.unknowns = unknowns
+    def __init__(self) -> None:
         self.things: dict[str, object] = {}
         self.locks: dict[str, Lock] = {}
+
+
+def _recent(shelves: OrderedDict[K, _Shelf], key: K, most: int) -> _Shelf:
+    """The shelf of a key, the last one used from now on; the one used longest ago is forgotten beyond ``most``."""
+    shelf = shelves.setdefault(key, _Shelf())
+    shelves.move_to_end(key)
+    while len(shelves) > most:
+        shelves.popitem(last=False)
+    return shelf

@@ -189,7 +189,7 @@ def energy_norm_difference(one: Solution, other: Solution) -> float:
     """
     if one.problem is not other.problem:
         raise ProblemError("the two solutions belong to different discrete problems; compare them by interpolation")
-    K = other.problem.linear.stiffness
+    K = other.problem.stiffness
     apart = one.unknowns - other.unknowns
     size = float(other.unknowns @ (K @ other.unknowns))
     return float(np.sqrt(max(float(apart @ (K @ apart)), 0.0) / size)) if size > 0.0 else float(np.abs(apart).max())

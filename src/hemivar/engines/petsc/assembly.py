@@ -230,7 +230,7 @@ def assemble(
         return stated, nodal_conditions(_present(stated))
 
     stated, nodal = ranks.agree(conditions)
-    contact, law, constant = ranks.agree(lambda: nodal.contact(inside))
+    contact, offset, law, constant = ranks.agree(lambda: nodal.contact(inside))
     contact = _named(contact, tuple(stated.contact))
     own = _present(stated, piece.mesh)
 
@@ -271,7 +271,7 @@ def assemble(
         vectors=ranks,
         law=law,
         weights=contact.weights,
-        offset=contact.offset,
+        offset=offset,
         unknown=unknown,
         sign=sign,
         active=active,
@@ -394,7 +394,7 @@ def _contact_unknowns(
     ranks: Ranks, contact: ContactPoints, nodal: NodalConditions, owned: BoolArray
 ) -> tuple[IntArray, Array, BoolArray]:
     """Place in the local vector, sign and activity of the contact components."""
-    m, dim = contact.offset.shape
+    m, dim = contact.shape
     trace = contact.trace
 
     def check() -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.loading import Loading
+from hemivar.discrete.model import Model
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.assembly import BodyOnRanks, _present, _with_facets_around, assemble
 from hemivar.engines.petsc.matrices import stiffness_and_load
@@ -161,25 +162,22 @@ class BulkOnRanks:
     Attributes
     ----------
     body : StepBody
-    load : array (n,)
     """
 
     body: StepBody
-    load: Array
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns n of this rank."""
-        return int(self.load.size)
+        return int(self.body.load.size)
 
     def value(self, u: Array) -> float:
-        """``1/2 u'K u - f'u``, of all ranks, which call this together."""
-        own = 0.5 * float(u @ self.body.multiply(u)) - float(self.load @ u)
-        return float(self.body.vectors.total(own)[0])
+        """``1/2 u'K u``, of all ranks, which call this together."""
+        return float(self.body.vectors.total(0.5 * float(u @ self.body.multiply(u)))[0])
 
     def gradient(self, u: Array) -> Array:
-        """``K u - f``, (n,)."""
-        return self.body.multiply(u) - self.load
+        """``K u``, (n,)."""
+        return self.body.multiply(u)
 
     def hessian(self, u: Array) -> sp.csr_array:
         """Refused: the matrix is in PETSc."""
@@ -244,18 +242,18 @@ class EvolutionOnRanks(DiscreteEvolution):
 
         load = self.frame.reduced(self._summed(ranks.agree(forces)))
         if not stated.time_dependent & {"supports", "gap", "law"}:
-            prescribed, contact = self._prescribed(self.body.prescribed), self.problem.contact
-            return Acting(load, prescribed, contact.offset, self.problem.law, dampings(stated))
+            prescribed, loading = self._prescribed(self.body.prescribed), self.problem.loading
+            return Acting(load, prescribed, loading.offset, loading.law, dampings(stated))
 
-        def conditions() -> tuple[ContactPoints, ContactLaw, Array]:
+        def conditions() -> tuple[Array, ContactLaw, Array]:
             nodal = nodal_conditions(_present(self.state(self.skin).body.at_time(time)))
             inside = np.zeros(self.skin.number_of_nodes, dtype=bool)
             inside[: self.body.owned.size] = self.body.owned
-            contact, law, _ = nodal.contact(inside)
-            return contact, law, nodal.supports.value[: self.body.owned.size]
+            _, offset, law, _ = nodal.contact(inside)
+            return offset, law, nodal.supports.value[: self.body.owned.size]
 
-        contact, law, prescribed = ranks.agree(conditions)
-        return Acting(load, self._prescribed(prescribed), contact.offset, law, dampings(stated.at_time(time)))
+        offset, law, prescribed = ranks.agree(conditions)
+        return Acting(load, self._prescribed(prescribed), offset, law, dampings(stated.at_time(time)))
 
     def _prescribed(self, values: Array) -> Array:
         """What supports prescribe (N, d), where they may move their nodes."""
@@ -285,10 +283,6 @@ class BodiesOnRanks(Bodies):
             self._resisted = body.elastic, resistance, body.slower(resistance)
         return self._resisted[2]
 
-    def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
-        assert isinstance(base.bulk, BulkOnRanks)
-        return base.with_(bulk=BulkOnRanks(base.bulk.body, load), offset=offset, law=law)
-
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete
         assert isinstance(discrete, EvolutionOnRanks)
@@ -300,7 +294,8 @@ class BodiesOnRanks(Bodies):
             return state(mesh).body.at_time(start).effective(viscous, branches, inert)
 
         body = _assembled(discrete.ranks, discrete.pieces, effective, check=False)
-        return replace(discrete.problem, bulk=BulkOnRanks(StepBody.of(body), np.zeros(discrete.unknowns)))
+        known = discrete.problem.model
+        return replace(discrete.problem, model=Model(BulkOnRanks(StepBody.of(body)), known.contact), law_known=True)
 
 
 def discretize_on_ranks(
@@ -381,9 +376,8 @@ def _own_problem(body: BodyOnRanks) -> DiscreteProblem:
     """The contact points of this rank in terms of its unknowns."""
     rows = np.flatnonzero(body.active.ravel())
     trace = sp.csr_array((body.sign, (rows, body.unknown)), shape=(body.active.size, body.load.size))
-    contact = replace(body.contact, trace=trace, offset=body.offset)
-    bulk = BulkOnRanks(StepBody.of(body), body.load)
-    return DiscreteProblem(bulk, contact, body.law, warnings=body.warnings)
+    model = Model(BulkOnRanks(StepBody.of(body)), replace(body.contact, trace=trace))
+    return DiscreteProblem(model, Loading(body.load, body.offset, body.law), body.warnings)
 
 
 class _Matrices:

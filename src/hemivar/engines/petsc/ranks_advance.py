@@ -153,7 +153,7 @@ class AdvanceOnRanks(Advance):
 def _body_of(problem: DiscreteProblem) -> StepBody:
     """The body of a stage, under its load and with its law."""
     assert isinstance(problem.bulk, BulkOnRanks)
-    return problem.bulk.body.under(problem.bulk.load, problem.contact.offset, problem.law)
+    return problem.bulk.body.under(problem.load, problem.offset, problem.law)
 
 
 class MarginsOnRanks(Margins):
@@ -169,6 +169,6 @@ class MarginsOnRanks(Margins):
     def largest_step(self, taken: Taken) -> float:
         """inf where the laws are convex, nan elsewhere."""
         problem = taken.stages[0].problem
-        alphas = problem.law.frozen_at(-problem.contact.offset).weak_convexity if problem.contact_points else ()
+        alphas = problem.law.frozen_at(-problem.offset).weak_convexity if problem.contact_points else ()
         softens = any(np.any(alpha) for alpha in alphas)
         return math.nan if self.advance.discrete.ranks.largest(float(softens))[0] else math.inf

@@ -188,11 +188,7 @@ class AugmentedLagrangianNewton(Solver):
         stiffness = (np.repeat(problem.contact.weights, d) / steps.ravel())[free]
 
         def out_of_balance(v: Array, lam: Array) -> tuple[Array, Array]:
-            first = (
-                problem.linear.load
-                - problem.linear.stiffness @ v
-                - problem.contact_force(np.where(system.active, lam, 0.0))
-            )
+            first = problem.load - problem.stiffness @ v - problem.contact_force(np.where(system.active, lam, 0.0))
             r = problem.local(v)
             second = r - problem.law.prox(r + steps * lam, tau)
             return first, stiffness * second.ravel()[free]
@@ -203,9 +199,7 @@ class AugmentedLagrangianNewton(Solver):
         stay = sp.eye_array(free.size) - pull
         # The law's rows are multiplied by W/tau and the unknown is tau dlambda: every entry is a stiffness.
         scale = sp.diags_array(stiffness)
-        matrix = sp.csc_array(
-            sp.block_array([[problem.linear.stiffness, B.T @ scale], [scale @ stay @ B, -(scale @ pull)]])
-        )
+        matrix = sp.csc_array(sp.block_array([[problem.stiffness, B.T @ scale], [scale @ stay @ B, -(scale @ pull)]]))
         rhs = np.concatenate([first, -second])
         try:
             step = spla.splu(matrix, permc_spec="MMD_AT_PLUS_A").solve(rhs)

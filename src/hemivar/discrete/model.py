@@ -1,0 +1,93 @@
+"""What stays of a discrete problem whatever load, gap and law: the body, where it may touch, its statement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hemivar.basics.arguments import expect
+from hemivar.basics.portable import Portable
+from hemivar.discrete.bulk import Bulk, Quadratic
+from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.space import Field, Space
+from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.mechanics.scalar import Statement
+
+__all__ = ["Model", "quadratic"]
+
+_ARRAYS = "DiscreteProblem.of_arrays(stiffness, load, trace, weights, gap, law) takes plain arrays"
+
+
+@dataclass(frozen=True, eq=False)
+class Model(Portable):
+    """The part of a discrete problem that factors, levels and constants belong to.
+
+    Its identity is what a :class:`hemivar.systems.Workspace` knows it by: problems that share a model share what has
+    been paid for it.
+
+    Parameters
+    ----------
+    bulk : Bulk
+        Stored energy of the body; :class:`Quadratic` where it is linear.
+    contact : ContactPoints
+        The contact points.
+    space : Space or None
+        The fields that the unknowns describe.
+    origin : ContactProblem, ScalarProblem or None
+        What was discretised; the same on a coarser mesh serves multigrid.
+
+    Raises
+    ------
+    ProblemError
+        Bulk, contact points and space do not fit one another.
+    """
+
+    bulk: Bulk
+    contact: ContactPoints
+    space: Space | None = None
+    origin: Statement | None = None
+
+    def __post_init__(self) -> None:
+        expect(self.bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
+        expect(self.contact, ContactPoints, "the contact of a discrete problem", _ARRAYS)
+        n = self.bulk.unknowns
+        if self.contact.unknowns != n:
+            raise ProblemError(f"trace has {self.contact.unknowns} columns; it needs one per unknown, {n}")
+        if self.space is not None and self.space.unknowns != n:
+            raise ProblemError(f"space has {self.space.unknowns} unknowns but the bulk has {n}; they must agree")
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return self.bulk.unknowns
+
+    @property
+    def field(self) -> Field | None:
+        """The first field of the space, the displacement of the body; None for a model made of arrays."""
+        return None if self.space is None else self.space.fields[0]
+
+    @property
+    def linear(self) -> Quadratic:
+        """The bulk of a linear body.
+
+        Raises
+        ------
+        ProblemError
+            The bulk is not quadratic.
+        """
+        return quadratic(self.bulk)
+
+
+def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:
+    """The bulk, if it is quadratic.
+
+    Raises
+    ------
+    ProblemError
+        It is not: what is asked for needs a linear body.
+    """
+    if not isinstance(bulk, Quadratic):
+        raise ProblemError(f"{what} needs a linear body; the bulk is a {type(bulk).__name__}: give a Quadratic")
+    return bulk
