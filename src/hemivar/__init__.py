@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.handed_on import hand_on
 
 __version__ = "0.1.0"
 
@@ -163,6 +164,25 @@ _EXPORTS = {
 }
 #: Rooms that are there as attributes, such as ``hemivar.report.plot_solution``.
 _ROOMS = ("files", "gallery", "report", "workflows")
+#: Methods that hand their value on to a function of a room above, loaded when they are called.
+_HANDED_ON = {
+    "Displayed._repr_html_": "report.notebook.html_of",
+    "Displayed.plot": "report.notebook.picture_of",
+    "Displayed.to_dataframe": "report.frames.frame_of",
+    "Solution.certify": "certify.certificate.certify",
+    "Solution.to_dict": "files.solution_record",
+    "Solution.to_json": "files.write_json",
+    "Solution.to_vtu": "files.write_vtu",
+    "Solution.plot": "report.solution_pictures.plot_body_or_points",
+    "Certificate.exact": "adapt.exact_certificate.distance_to_exact",
+    "History.write": "files.write_history",
+    "History.to_dict": "files.history_record",
+    "History.to_json": "files.write_history_json",
+    "History.to_dataframe": "files.history_frame",
+    "History.plot": "report.plot_march",
+    "History.animate": "report.animate",
+}
+hand_on(_HANDED_ON)
 _HOME = {name: module for module, names in _EXPORTS.items() for name in names}
 
 __all__ = ["__version__", *sorted(_HOME)]

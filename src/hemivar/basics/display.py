@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.handed_on import above
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,10 +28,8 @@ class Displayed:
     """
 
     def _repr_html_(self) -> str:
-        with IMPORTS:
-            from hemivar.report.notebook import html_of
-
-        return html_of(self)
+        html: str = above("Displayed._repr_html_")(self)
+        return html
 
     def plot(self) -> Figure:
         """A picture of it, which a notebook shows by itself; ``.savefig(path)`` writes it.
@@ -43,10 +41,8 @@ class Displayed:
         ProblemError
             There is nothing to draw.
         """
-        with IMPORTS:
-            from hemivar.report.notebook import picture_of
-
-        return picture_of(self)
+        figure: Figure = above("Displayed.plot")(self)
+        return figure
 
     def to_dataframe(self) -> DataFrame:
         """A pandas DataFrame of what it holds, a row for each of its parts.
@@ -56,10 +52,8 @@ class Displayed:
         ProblemError
             pandas is not installed.
         """
-        with IMPORTS:
-            from hemivar.report.frames import frame_of
-
-        return frame_of(self)
+        frame: DataFrame = above("Displayed.to_dataframe")(self)
+        return frame
 
 
 def brief(value: object) -> str:

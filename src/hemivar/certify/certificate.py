@@ -14,7 +14,7 @@ from hemivar.basics.arguments import expect, number
 from hemivar.basics.arrays import real_array
 from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
 from hemivar.basics.display import Displayed
-from hemivar.basics.first_use import IMPORTS
+from hemivar.basics.handed_on import above
 from hemivar.basics.types import Array, Record
 from hemivar.certify.bound import Point, equilibrium_multiplier, error_bound
 from hemivar.certify.distance_to_exact import DistanceToExact
@@ -275,10 +275,8 @@ def certify(
         found = _known(_certified(point, tolerance, kept if trace_constant else None, budget, exact))
     if not exact:
         return found
-    with IMPORTS:
-        from hemivar.adapt.exact_certificate import distance_to_exact
-
-    return replace(found, exact=distance_to_exact(problem, u, max_time=budget.left, workspace=kept))
+    distance: DistanceToExact = above("Certificate.exact")(problem, u, max_time=budget.left, workspace=kept)
+    return replace(found, exact=distance)
 
 
 _Classified = tuple[PointKind, bool | str | None, LocalStudy | None]

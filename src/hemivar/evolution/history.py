@@ -12,9 +12,10 @@ import numpy as np
 
 from hemivar.basics.arguments import number
 from hemivar.basics.display import Displayed, brief
-from hemivar.basics.first_use import IMPORTS, cached_property
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.handed_on import above
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, Record
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.moment import Moment
@@ -237,24 +238,18 @@ class History(Portable, Displayed):
     def write(self, path: str | Path) -> tuple[Path, ...]:
         """Write ``.pvd``, ``.xdmf`` (frames), ``.csv``, ``.parquet`` or ``.json`` (table), see
         :func:`hemivar.files.write_history`; returns the files."""
-        with IMPORTS:
-            from hemivar.files import write_history
+        written: tuple[Path, ...] = above("History.write")(self, path)
+        return written
 
-        return write_history(self, path)
-
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Record:
         """Plain numbers, lists and texts, see :func:`hemivar.files.history_record`."""
-        with IMPORTS:
-            from hemivar.files import history_record
-
-        return history_record(self)
+        record: Record = above("History.to_dict")(self)
+        return record
 
     def to_json(self, path: str | Path) -> Path:
         """Write :meth:`to_dict` to a file that ends in ``.json``; returns its path."""
-        with IMPORTS:
-            from hemivar.files import write_history_json
-
-        return write_history_json(self, path)
+        written: Path = above("History.to_json")(self, path)
+        return written
 
     def to_dataframe(self) -> DataFrame:
         """The table as a pandas DataFrame.
@@ -264,10 +259,8 @@ class History(Portable, Displayed):
         ProblemError
             pandas is not installed.
         """
-        with IMPORTS:
-            from hemivar.files import history_frame
-
-        return history_frame(self)
+        frame: DataFrame = above("History.to_dataframe")(self)
+        return frame
 
     def plot(
         self,
@@ -280,17 +273,13 @@ class History(Portable, Displayed):
         force over a displacement; ``"map"`` states and pressure along a boundary over time; ``"steps"`` steps,
         residuals and margins; ``"columns"`` any others.
         """
-        with IMPORTS:
-            from hemivar.report import plot_march
-
-        return plot_march(self, kind, **options)
+        figure: Figure = above("History.plot")(self, kind, **options)
+        return figure
 
     def animate(self, path: str | Path, **options: Any) -> Path:
         """Write the frames as a film, ``.gif`` or ``.mp4``, see :func:`hemivar.report.animate`."""
-        with IMPORTS:
-            from hemivar.report import animate
-
-        return animate(self, path, **options)
+        written: Path = above("History.animate")(self, path, **options)
+        return written
 
 
 _OWN = ("time", "step", "solver_steps", "residual", "margin", "largest_step", "jumped")

@@ -100,3 +100,12 @@ def _draw(
         own = plot_solution(solution, scale=scale, unit=unit, stress_unit=stress_unit, colour=colour)  # type: ignore[arg-type]
     panel.imshow(imread(io.BytesIO(png(own)), format="png"))
     panel.set_axis_off()
+
+
+def plot_body_or_points(
+    solution: Solution, *, scale: float | Literal["auto"], title: str | None, unit: str, stress_unit: str
+) -> Figure:
+    """The deformed body; the contact points of a problem without a mesh."""
+    if solution.problem.field is None:
+        return plot_contact(solution, title=title, unit=unit, stress_unit=stress_unit)
+    return plot_solution(solution, scale=scale, title=title, unit=unit, stress_unit=stress_unit)

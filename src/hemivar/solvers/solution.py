@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hemivar.basics.display import Displayed
-from hemivar.basics.first_use import IMPORTS, cached_property
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.handed_on import above
 from hemivar.basics.pandas_frame import data_frame
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, Record
@@ -153,10 +154,7 @@ class Solution(ContactValues, Portable, Displayed):
         exact: bool = False,
     ) -> Certificate:
         """What is known about this solution, see :func:`hemivar.certify`."""
-        with IMPORTS:
-            from hemivar.certify import certify
-
-        return certify(
+        found: Certificate = above("Solution.certify")(
             self,
             tolerance=tolerance,
             trace_constant=trace_constant,
@@ -164,6 +162,7 @@ class Solution(ContactValues, Portable, Displayed):
             workspace=workspace,
             exact=exact,
         )
+        return found
 
     def __repr__(self) -> str:
         problem, r = self.problem, self.local
@@ -227,24 +226,18 @@ class Solution(ContactValues, Portable, Displayed):
 
     def to_dict(self) -> Record:
         """Plain numbers, lists and strings, see :func:`hemivar.files.solution_record`."""
-        with IMPORTS:
-            from hemivar.files import solution_record
-
-        return solution_record(self)
+        record: Record = above("Solution.to_dict")(self)
+        return record
 
     def to_json(self, path: str | Path) -> Path:
         """Write :meth:`to_dict` to a file; returns its path.  :func:`hemivar.files.read_solution` reads it back."""
-        with IMPORTS:
-            from hemivar.files import write_json
-
-        return write_json(self, path)
+        written: Path = above("Solution.to_json")(self, path)
+        return written
 
     def to_vtu(self, path: str | Path) -> Path:
         """Write the body, and beside it its contact boundaries, for ParaView, see :func:`hemivar.files.write_vtu`."""
-        with IMPORTS:
-            from hemivar.files import write_vtu
-
-        return write_vtu(self, path)[0]
+        written: tuple[Path, ...] = above("Solution.to_vtu")(self, path)
+        return written[0]
 
     def plot(
         self, *, scale: float | Literal["auto"] = 1.0, title: str | None = None, unit: str = "", stress_unit: str = ""
@@ -253,12 +246,8 @@ class Solution(ContactValues, Portable, Displayed):
 
         Of a problem without a mesh it is that of the contact points, :func:`hemivar.report.plot_contact`.
         """
-        with IMPORTS:
-            from hemivar.report import plot_contact, plot_solution
-
-        if self.problem.field is None:
-            return plot_contact(self, title=title, unit=unit, stress_unit=stress_unit)
-        return plot_solution(self, scale=scale, title=title, unit=unit, stress_unit=stress_unit)
+        figure: Figure = above("Solution.plot")(self, scale=scale, title=title, unit=unit, stress_unit=stress_unit)
+        return figure
 
     def raise_for_status(self) -> Solution:
         """This solution, or an error with the remedy if the solve did not converge."""
