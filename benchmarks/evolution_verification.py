@@ -30,9 +30,9 @@ from common import machine
 import hemivar as hv
 from hemivar import gallery
 from hemivar.evolution import Evolution, History, March, Save, Scheme, march, marching
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.solvers import Controls
 
 Array = np.ndarray
@@ -381,7 +381,7 @@ def d17(steps: Sequence[float] = (1 / 16, 1 / 32, 1 / 64), n: int = 8) -> list[R
         best = runs[steps[-1] / 4.0]
 
         def off(step: float, runs: dict[float, History] = runs, best: History = best) -> float:
-            gone = runs[step].moment.body.place - best.moment.body.place
+            gone = runs[step].moment.body.displacement - best.moment.body.displacement
             return math.sqrt(2.0 * best.discrete.stiffness.energy(gone) / (2.0 * best.moment.ledger.elastic))
 
         rows.append(series("D17", f"arch, {name}: against a fourth of the finest step", 0.0, off, steps))
@@ -424,7 +424,7 @@ def d18(stops: Sequence[int] = (1, 7, 15)) -> list[Row]:
             begun.close()
             again = march(bumpy(), 0.5, checkpoint=kept, resume=True, **options)
         same = [np.array_equal(again[name], whole[name], equal_nan=True) for name in whole.columns]
-        same.append(np.array_equal(again.moment.body.place, whole.moment.body.place))
+        same.append(np.array_equal(again.moment.body.displacement, whole.moment.body.displacement))
         worst += float(not all(same))
     return [
         row("D18", f"restarts after {', '.join(map(str, stops))} steps that are not bit for bit the same", 0.0, worst)
@@ -433,14 +433,14 @@ def d18(stops: Sequence[int] = (1, 7, 15)) -> list[Row]:
 
 def d19() -> list[Row]:
     """Steps that are taken and forgotten."""
-    advance = Advance(discretize_evolution(bumpy()), hv.GeneralizedAlpha(0.8), None, Controls())
+    advance = TimeStepper.of(discretize_evolution(bumpy()), hv.GeneralizedAlpha(0.8), None, Controls())
     moment = initial_moment(advance)
     first = advance.take(moment, 0.1).moment
     for step in (0.4, 0.05, 0.013):
         advance.take(moment, step)
     again = advance.take(moment, 0.1).moment
     off = max(
-        float(np.abs(again.body.place - first.body.place).max()),
+        float(np.abs(again.body.displacement - first.body.displacement).max()),
         float(np.abs(again.multiplier - first.multiplier).max()),
         *(abs(again.ledger.record()[name] - value) for name, value in first.ledger.record().items()),
     )

@@ -110,7 +110,7 @@ def end_of(history: hv.History) -> dict[str, Any]:
     """Where a march ends, and what happened on its way: what does not depend on single adaptive steps."""
     moment = history.moment
     return {
-        "place": moment.body.place, "velocity": moment.body.velocity, "multiplier": moment.multiplier,
+        "place": moment.body.displacement, "velocity": moment.body.velocity, "multiplier": moment.multiplier,
         "ended": history.ended, "events": [type(event).__name__ for event in history.events],
     }  # fmt: skip
 

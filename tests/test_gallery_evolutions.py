@@ -25,7 +25,7 @@ def sound(history: History, single: bool = True) -> None:
 def distance(one: History, other: History) -> float:
     """In the energy norm."""
     stiffness = one.discrete.stiffness
-    return math.sqrt(2.0 * stiffness.energy(one.moment.body.place - other.moment.body.place))
+    return math.sqrt(2.0 * stiffness.energy(one.moment.body.displacement - other.moment.body.displacement))
 
 
 @pytest.mark.parametrize("data", list(SCREWED_ARCH_DATA))
@@ -34,9 +34,9 @@ def test_the_screwed_arch(data: str) -> None:
     sound(history, data != "friction")  # a bound of 300 u_nu couples too strongly for so long a step
     assert 0.0 < history["penetration"][-1] < 0.1
     assert history.time_error.norm == ""  # no theorem: the bound of friction depends on the solution
-    pressed = SCREWED_ARCH_DATA[data].stiffness * np.maximum(history.moment.local.place[:, 0], 0.0)
+    pressed = SCREWED_ARCH_DATA[data].stiffness * np.maximum(history.moment.local.displacement[:, 0], 0.0)
     assert history.moment.multiplier[:, 0] == pytest.approx(pressed, abs=1e-7 * pressed.max())
-    bound = SCREWED_ARCH_DATA[data].friction * np.maximum(history.moment.local.place[:, 0], 0.0)
+    bound = SCREWED_ARCH_DATA[data].friction * np.maximum(history.moment.local.displacement[:, 0], 0.0)
     assert (np.abs(history.moment.multiplier[:, 1]) <= bound * (1.0 + 1e-6) + 1e-9).all()
 
 
@@ -95,7 +95,7 @@ def test_the_beam_comes_to_rest_where_statics_says() -> None:
     evolution = viscoelastic_beam(False)
     history = march(evolution, 40.0, step=0.5)
     static = hv.solve(hv.discretize(evolution.problem)).raise_for_status()
-    at_rest = history.moment.body.place - static.unknowns
+    at_rest = history.moment.body.displacement - static.unknowns
     scale = history.discrete.stiffness.energy(static.unknowns)
     assert history.discrete.stiffness.energy(at_rest) < 1e-12 * scale
 

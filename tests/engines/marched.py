@@ -62,10 +62,10 @@ with all_or_none(ranks):
         assert isinstance(discrete, EvolutionOnRanks)
         body, contact = discrete.body, discrete.problem.contact
         assert contact.points is not None
-        place, velocity = discrete.full(moment.body.place), discrete.full(moment.body.velocity)
+        place, velocity = discrete.full(moment.body.displacement), discrete.full(moment.body.velocity)
         own = body.owned
         nodes = np.hstack([pieces[-1].mesh.points[own], place[own], velocity[own]])
-        marks = np.hstack([contact.boundary[:, None], contact.points, moment.local.place, moment.multiplier])
+        marks = np.hstack([contact.boundary[:, None], contact.points, moment.local.displacement, moment.multiplier])
         nodes, marks = (np.concatenate(ranks.mpi.allgather(part)) for part in (nodes, marks))
         said[name] = {
             "nodes": nodes.tolist(),

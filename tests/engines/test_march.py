@@ -60,7 +60,7 @@ def test_the_march_is_the_serial_one(name: str, ranks: int) -> None:
     discrete, moment = serial.discrete, serial.moment
     mesh, contact = discrete.field.mesh, discrete.problem.contact
     assert contact.points is not None
-    place, velocity = discrete.full(moment.body.place), discrete.full(moment.body.velocity)
+    place, velocity = discrete.full(moment.body.displacement), discrete.full(moment.body.velocity)
     dim = mesh.dim
     nodes = _sorted(np.array(said["nodes"]), dim)
     wanted = _sorted(np.hstack([mesh.points, place, velocity]), dim)
@@ -69,7 +69,7 @@ def test_the_march_is_the_serial_one(name: str, ranks: int) -> None:
     _agree(nodes[:, 2 * dim :], wanted[:, 2 * dim :], "velocity")
     marks = _sorted(np.array(said["contact"]), 1 + dim)
     wanted = _sorted(
-        np.hstack([contact.boundary[:, None], contact.points, moment.local.place, moment.multiplier]), 1 + dim
+        np.hstack([contact.boundary[:, None], contact.points, moment.local.displacement, moment.multiplier]), 1 + dim
     )
     np.testing.assert_allclose(marks[:, : 1 + dim], wanted[:, : 1 + dim], atol=1e-12)
     _agree(marks[:, 1 + dim : 1 + 2 * dim], wanted[:, 1 + dim : 1 + 2 * dim], "penetration and slip")

@@ -9,9 +9,11 @@ import pytest
 
 import hemivar as hv
 from hemivar.evolution import Evolution, History, Scheme, march
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.stage import Stage
+from hemivar.evolution.stage_solver import StageSolution, StageSolver
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.solvers import Controls, Solution, Status
 
 
@@ -68,15 +70,17 @@ def test_what_the_residual_allows_is_no_alarm(rtol: float) -> None:
 def test_a_solution_that_is_wrong_does_not_close(off: float, status: Status, monkeypatch: pytest.MonkeyPatch) -> None:
     """Said to be converged, and off by a part of its size."""
     discrete = discretize_evolution(column())
-    advance = Advance(discrete, hv.Newmark(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.Newmark(), None, Controls())
     first = advance.take(initial_moment(advance, 0.01), 0.01).moment
-    kept = Advance._solution
 
-    def wrong(self: Advance, *given: object) -> tuple[Solution, float]:
-        found, resistance = kept(self, *given)  # type: ignore[arg-type]
-        return dataclasses.replace(found, unknowns=found.unknowns * (1.0 + off)), resistance
+    class Wrong(StageSolver):
+        def solution(self, stage: Stage, initial: Solution | None, jump: hv.Jump) -> StageSolution:
+            found = super().solution(stage, initial, jump).solution
+            return StageSolution(dataclasses.replace(found, unknowns=found.unknowns * (1.0 + off)))
 
-    monkeypatch.setattr(Advance, "_solution", wrong)
+    right = advance.stages
+    stages = Wrong(discrete, right.bodies, right.solver, right.controls, right.workspace)
+    advance = dataclasses.replace(advance, stages=stages)
     taken = advance.take(first, 0.01)
     assert taken.status is status
     assert ("does not close" in taken.remedy) == (status is Status.INACCURATE)

@@ -15,10 +15,10 @@ import pytest
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Checkpoint, Frame, Row
+from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.heat_book import HeatBook, Warmth
-from hemivar.evolution.ledger import Ledger
 from hemivar.evolution.march_state import MarchState
-from hemivar.evolution.moment import Moment, Motion, Stretching
+from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.steps import Pace
 
 
@@ -34,20 +34,20 @@ class Numbers:
     def one(self) -> float:
         return float(self(1)[0])
 
-    def motion(self, *shape: int) -> Motion:
-        return Motion(self(*shape), self(*shape), self(*shape))
+    def motion(self, *shape: int) -> Kinematics:
+        return Kinematics(self(*shape), self(*shape), self(*shape))
 
     def all_of(self, kind: Any) -> Any:
         return kind(**{one.name: self.one() for one in fields(kind)})
 
 
-def state(heat: bool) -> MarchState:
+def state(heat: bool, last: LastStep | None = None) -> MarchState:
     """A march in its third step, of a body with two branches and memories on two boundaries."""
     some = Numbers()
 
-    def moment(**more: Any) -> Moment:
-        return Moment(
-            some.one(), 3, some.motion(7), some.motion(4, 2), some(4, 2), ledger=some.all_of(Ledger), **more
+    def moment(**more: Any) -> TimeState:
+        return TimeState(
+            some.one(), 3, some.motion(7), some.motion(4, 2), some(4, 2), ledger=some.all_of(EnergyBalance), **more
         )  # fmt: skip
 
     memory = {"bottom": {"0.opening": some(3), "1.depth": some(3)}, "right": {"slip": some(1), "opening": some(1)}}
@@ -65,7 +65,7 @@ def state(heat: bool) -> MarchState:
             branches=(some(7), some(7)),
             memory=memory,
             heat=warm,
-            stretching=Stretching(some.one(), some(7), some(4, 2)) if heat else None,
+            history=last,
         ),
         Pace(some.one(), -2, 1),
         tuple(
@@ -104,9 +104,16 @@ def same(one: Any, other: Any, where: str = "state") -> None:
         assert one == other, where
 
 
+@pytest.mark.parametrize("last", ["nothing", "force", "rates"])
 @pytest.mark.parametrize("heat", [False, True])
-def test_what_was_packed_is_unpacked(heat: bool) -> None:
-    kept, stream, written = Checkpoint(Path("run.ckpt")), io.BytesIO(), state(heat)
+def test_what_was_packed_is_unpacked(heat: bool, last: str) -> None:
+    some = Numbers()
+    history = {
+        "nothing": None,
+        "force": LastStep(some.one(), some(7), some(4, 2)),
+        "rates": LastStep(some.one(), None, some(4, 2), Rates(some(7), some(7)), Rates(some(4, 2), some(4, 2))),
+    }[last]
+    kept, stream, written = Checkpoint(Path("run.ckpt")), io.BytesIO(), state(heat, history)
     kept.pack(stream, written, "mine")
     same(written, kept.unpack(stream.getvalue(), "mine"))
     with pytest.raises(FileError, match="another evolution"):

@@ -10,10 +10,10 @@ import pytest
 
 import hemivar as hv
 from hemivar.evolution import Evolution, Midpoint, march
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.margin import Margins
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import FunctionLaw
 from hemivar.mechanics.thermal import Heat
 from hemivar.solvers import Controls
@@ -116,7 +116,7 @@ def test_friction_that_weakens_must_be_slower_than_the_body_is_viscous(weakening
 def test_the_largest_step_with_one_solution(alpha: float) -> None:
     """``alpha < kappa + c/tau``: tau below ``c/(alpha - kappa)``, found to a percent and not above; margins alike."""
     discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, alpha))))
-    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
     margins, first = Margins(advance), initial_moment(advance)
     exact = VISCOUS / (alpha - KAPPA)
     for tau in (0.01, 0.3 * exact):
@@ -132,7 +132,7 @@ def test_the_largest_step_beside_damping(tau: float) -> None:
     damped = hv.Contact(hv.Softening(24.0, 0.1, 36.0), damping=hv.Compliance(0.4))
     evolution = block(damped, 0.9, modulus=12.0)
     discrete = discretize_evolution(evolution)
-    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
     margins = Margins(advance)
     taken = advance.take(initial_moment(advance), tau)
     exact = 1.3 / 24.0
@@ -143,7 +143,7 @@ def test_the_largest_step_beside_damping(tau: float) -> None:
 def test_the_largest_step_of_a_long_way_off_is_no_infinite_one() -> None:
     """``alpha < kappa + c/tau``: a hundred million times the step is finite."""
     discrete = discretize_evolution(block(hv.Contact(hv.Softening(10.0, 0.1, 3.5))))
-    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
     exact = VISCOUS / (3.5 - KAPPA)
     found = Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-8 * exact))
     assert 0.985 * exact <= found <= exact * (1.0 + 1e-9)
@@ -158,7 +158,7 @@ def test_steps_of_any_length_or_none() -> None:
         (hv.Contact(hv.Softening(2.0, 0.1, 3.5)), None, 0.0),
     ):
         discrete = discretize_evolution(block(contact, viscous))
-        advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+        advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
         taken = advance.take(initial_moment(advance), 0.01)
         assert Margins(advance).largest_step(taken) == largest
 
@@ -168,7 +168,7 @@ def test_the_largest_step_of_a_mass() -> None:
     law, found = hv.Contact(hv.Softening(10.0, 0.1, 50.0)), []
     for density in (1.0, 4.0):
         discrete = discretize_evolution(block(law, None, density=density, inertia=True))
-        advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+        advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
         found.append(Margins(advance).largest_step(advance.take(initial_moment(advance), 1e-3)))
     assert found[1] / found[0] == pytest.approx(2.0, rel=0.03)
     assert 0.0 < found[0] < math.sqrt(1.0 / (50.0 - KAPPA))

@@ -16,16 +16,15 @@ from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.certify.smallness import smallness
 from hemivar.evolution import Evolution, march
-from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.march import March, marching
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.operators import Operator
-from hemivar.evolution.products import Products
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import Scheme
-from hemivar.evolution.stage import expected_multiplier, forces, left_over, reached_forces
+from hemivar.evolution.stage import expected_multiplier, forces, left_over, stage_state
+from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.linear import factorisation
 from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
 from hemivar.systems import elimination
@@ -115,13 +114,14 @@ def test_a_step_multiplies_by_each_matrix_once(law: str, others: bool, monkeypat
 def test_a_step_begins_with_the_forces_of_its_prediction(longer: float) -> None:
     advance, taken, _, _ = last(body("softening"), 12)
     stage = advance.take(taken[-1].moment, longer * STEP).stages[0]
-    parts = forces(advance.discrete, stage.rule, stage.before, stage.place, stage.decays, stage.gains, coasting=True)
+    parts = forces(advance.discrete, stage.operator, stage.before, stage.place, coasting=True)
     size = sum(np.abs(part) for part in parts.values()) + np.abs(stage.load)
     rest = stage.problem.load - (stage.load - sum(parts.values()))
     assert np.abs(rest).max() <= 1e-13 * size.max()
-    known = taken[-1].moment.stretching
+    known = taken[-1].moment.history
     assert known is not None
-    stretched = taken[-1].moment.body.place - taken[-1].before.body.place
+    assert known.force is not None
+    stretched = taken[-1].moment.body.displacement - taken[-1].before.body.displacement
     np.testing.assert_allclose(known.force, advance.discrete.stiffness.times(stretched), atol=1e-13 * size.max())
 
 
@@ -140,7 +140,7 @@ def test_pressure_and_friction_are_expected_to_go_on_as_they_did(monkeypatch: py
         return sum(next(run).row.solver_steps for _ in range(40))
 
     told = equations()
-    monkeypatch.setattr("hemivar.evolution.advance.expected_multiplier", lambda moment, _: moment.multiplier)
+    monkeypatch.setattr("hemivar.evolution.stage_solver.expected_multiplier", lambda moment, _: moment.multiplier)
     assert told < 0.9 * equations()
 
 
@@ -154,7 +154,7 @@ def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Sche
     assert isinstance(stated, hv.ContactProblem)
     soft = replace(stated.material, branches=[hv.Branch(lame=(2, 2), time=0.5)])
     discrete = discretize_evolution(Evolution(replace(stated, material=soft), inertia=scheme.takes_mass))
-    advance = Advance(discrete, scheme, hv.NonsmoothNewton(), hv.Controls())
+    advance = TimeStepper.of(discrete, scheme, hv.NonsmoothNewton(), hv.Controls())
     moment = initial_moment(advance)
     for _ in range(4):
         taken = advance.take(moment, STEP)
@@ -162,14 +162,12 @@ def test_what_forces_leave_of_the_load_is_what_the_stiffness_leaves(scheme: Sche
     random = np.random.default_rng(3)
     for stage, solution in zip(taken.stages, taken.solutions, strict=True):
         u = solution.unknowns + random.normal(scale=np.abs(solution.unknowns).max(), size=solution.unknowns.shape)
-        motion = stage.motion(stage.displacement(u), stage.before.body)
-        products = Products(discrete)
-        acts = reached_forces(discrete, stage, motion, products)
-        found = left_over(discrete, stage, motion, acts, products, 0.0)
+        reached = stage_state(discrete, stage, u)
+        found = left_over(discrete, stage, reached, 0.0)
         rest = stage.problem.out_of_balance(u)
         assert np.linalg.norm(found.force - rest) <= 1e-14 * found.size
         assert found.size <= 1e6 * np.linalg.norm(rest)  # else that would say nothing
-        rough = left_over(discrete, stage, motion, acts, products, math.inf).size
+        rough = left_over(discrete, stage, reached, math.inf).size
         assert found.size <= rough <= 30.0 * found.size
         direct = hv.residual(stage.problem, solution.unknowns, solution.multiplier)
         assert abs(solution.residual.equilibrium - direct.equilibrium) <= solution.residual.noise + direct.noise
@@ -239,9 +237,9 @@ def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
 def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     options = {"step": STEP, "save": NONE, "solver": hv.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
     quick = march(body(law), 20 * STEP, **options)
-    monkeypatch.setattr(Advance, "_nearby", lambda *_: None)
+    monkeypatch.setattr("hemivar.evolution.stage_solver.nearby_solution", lambda *_: None)
     searched = march(body(law), 20 * STEP, **options)
-    for name in ("place", "velocity"):
+    for name in ("displacement", "velocity"):
         one, other = getattr(quick.moment.body, name), getattr(searched.moment.body, name)
         np.testing.assert_allclose(one, other, atol=1e-8 * np.abs(other).max())
     lam = searched.moment.multiplier
@@ -267,7 +265,7 @@ def test_where_a_step_may_have_several_solutions_it_is_searched(monkeypatch: pyt
     def refused(*_: object) -> None:
         raise AssertionError("a step with several solutions was not searched")
 
-    monkeypatch.setattr("hemivar.evolution.advance.nearby_solution", refused)
+    monkeypatch.setattr("hemivar.evolution.stage_solver.nearby_solution", refused)
     law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 1),
@@ -279,9 +277,9 @@ def test_where_a_step_may_have_several_solutions_it_is_searched(monkeypatch: pyt
     assert (history["margin"][1:] < 0.0).all()
 
 
-def last(evolution: Evolution, steps: int) -> tuple[Advance, list[Taken], Margins, list[float]]:
+def last(evolution: Evolution, steps: int) -> tuple[TimeStepper, list[StepResult], Margins, list[float]]:
     """Steps of a march, with the largest steps that its margins have told."""
-    advance = Advance(discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
+    advance = TimeStepper.of(discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
     moment, taken, margins = initial_moment(advance), [], Margins(advance)
     told = []
     for _ in range(steps):
@@ -305,8 +303,8 @@ def test_the_margin_changes_its_sign_at_the_largest_step() -> None:
     before, largest = taken[-1].before, told[-1]
 
     def margin(step: float) -> float:
-        [(factors, law)] = advance.tried(before, step)
-        return smallness(advance.bodies.body(*factors).with_(law=law), trace_constant=False).margin
+        [(factors, law)] = advance.stage_laws(before, step)
+        return smallness(advance.stages.bodies.body(*factors).with_(law=law), trace_constant=False).margin
 
     assert 0.0 < largest < np.inf
     assert margin(largest) > 0.0 > margin(1.011 * largest)
@@ -314,19 +312,22 @@ def test_the_margin_changes_its_sign_at_the_largest_step() -> None:
 
 def test_margins_of_condensed_bodies_are_those_of_certificates() -> None:
     for evolution in (glued(), body("softening"), body("softening", 32)):
-        advance = Advance(discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
-        problem = advance.take(initial_moment(advance), STEP).stages[0].problem
-        assert advance.constant(problem) == pytest.approx(smallness(problem, trace_constant=False).constant, rel=1e-7)
+        advance = TimeStepper.of(
+            discretize_evolution(evolution), hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls()
+        )
+        stage = advance.take(initial_moment(advance), STEP).stages[0]
+        problem = stage.problem
+        assert advance.stages.constant(stage, problem.law) == pytest.approx(
+            smallness(problem, trace_constant=False).constant, rel=1e-7
+        )
 
 
 def test_forces_of_a_coasting_body_lack_nothing() -> None:
     discrete = discretize_evolution(body("survey"))
-    advance = Advance(discrete, hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
+    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), hv.NonsmoothNewton(), hv.Controls())
     taken = advance.take(initial_moment(advance), STEP)
     stage = advance.take(taken.moment, STEP).stages[0]
-    whole, less = (
-        forces(discrete, stage.rule, stage.before, stage.place, (), (), coasting) for coasting in (False, True)
-    )
+    whole, less = (forces(discrete, stage.operator, stage.before, stage.place, coasting) for coasting in (False, True))
     assert "inertial" not in less
     size = float(np.abs(discrete.mass.times(taken.moment.body.velocity / STEP)).max())  # type: ignore[union-attr]
     np.testing.assert_allclose(whole["inertial"], np.zeros_like(stage.place), atol=1e-12 * size)

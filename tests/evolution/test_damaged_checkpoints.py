@@ -121,7 +121,7 @@ def test_content_that_changed_does_not_match_its_digest(tmp_path: Path, written:
     with zipfile.ZipFile(stream, "w") as out:
         for part in archive.infolist():
             data = bytearray(archive.read(part))
-            if part.filename == "body.place.npy":
+            if part.filename == "body.displacement.npy":
                 data[-1] ^= 1
             out.writestr(part.filename, bytes(data))
     with pytest.raises(FileError, match="does not match its digest"):
@@ -164,13 +164,13 @@ FORGED: dict[str, Callable[[Head, Arrays], None]] = {
     "farthest is nan": put("farthest", "nan"),
     "bound is negative": put("bound", (-1.0).hex()),
     "heat that is none": put("heat", {"time": "0x0p0"}),
-    "place is nan": entry("body.place", np.nan),
-    "place is shorter": entry("body.place", lambda a: a[:-1]),
-    "place is longer": entry("body.place", lambda a: np.append(a, 0.0)),
-    "place is a table": entry("body.place", lambda a: a[:, None]),
+    "place is nan": entry("body.displacement", np.nan),
+    "place is shorter": entry("body.displacement", lambda a: a[:-1]),
+    "place is longer": entry("body.displacement", lambda a: np.append(a, 0.0)),
+    "place is a table": entry("body.displacement", lambda a: a[:, None]),
     "velocity is inf": entry("body.velocity", np.inf),
     "velocity is a number": entry("body.velocity", lambda a: np.array(1.0)),
-    "local of another shape": entry("local.place", lambda a: a.T),
+    "local of another shape": entry("local.displacement", lambda a: a.T),
     "multiplier is nan": entry("multiplier", np.nan),
     "branch is shorter": entry("branch.0", lambda a: a[1:]),
     "branch is missing": lambda head, arrays: arrays.pop("branch.0"),

@@ -10,7 +10,7 @@ import pytest
 import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
-from hemivar.evolution import Evolution, Newmark, advance, march
+from hemivar.evolution import Evolution, Newmark, march, stage_solver
 from hemivar.evolution.expectation import expected_contact
 from hemivar.evolution.history import History
 from hemivar.evolution.stage import Stage
@@ -60,13 +60,13 @@ def held(body: Body, x: Array) -> Array:
 
 def ends(told: Told, history: History) -> list[Array]:
     """Displacements at the end of each stage."""
-    return [stage.before.body.place for stage, _, _ in told.stages[1:]] + [history.moment.body.place]
+    return [stage.before.body.displacement for stage, _, _ in told.stages[1:]] + [history.moment.body.displacement]
 
 
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch) -> Told:
     found = Told()
-    monkeypatch.setattr(advance, "expected_contact", found)
+    monkeypatch.setattr(stage_solver, "expected_contact", found)
     return found
 
 
@@ -99,12 +99,12 @@ def test_most_points_that_change_their_piece_are_foreseen_and_fewer_equations_so
     assert changed >= 20
     assert wrong < 0.5 * changed
 
-    monkeypatch.setattr(advance, "expected_contact", lambda stage, body: None)
+    monkeypatch.setattr(stage_solver, "expected_contact", lambda stage, body: None)
     alone = marched(survey(32), 24)
     spared = [sum(row.solver_steps for row in one.rows) for one in (history, alone)]
     assert spared[0] < spared[1]
-    size = np.abs(alone.moment.body.place).max()
-    np.testing.assert_allclose(history.moment.body.place, alone.moment.body.place, atol=1e-8 * size)
+    size = np.abs(alone.moment.body.displacement).max()
+    np.testing.assert_allclose(history.moment.body.displacement, alone.moment.body.displacement, atol=1e-8 * size)
 
 
 def test_what_was_expected_wrongly_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,11 +114,11 @@ def test_what_was_expected_wrongly_changes_no_answer(monkeypatch: pytest.MonkeyP
         return None if start is None else body.moved(0.0 * start, body.fixed - 0.1 - body.local(start))
 
     usual = marched(survey(16), 10)
-    monkeypatch.setattr(advance, "expected_contact", contrary)
+    monkeypatch.setattr(stage_solver, "expected_contact", contrary)
     other = marched(survey(16), 10)
     assert all(row.residual <= 5e-10 for row in other.rows[1:])
-    size = np.abs(usual.moment.body.place).max()
-    np.testing.assert_allclose(other.moment.body.place, usual.moment.body.place, atol=1e-8 * size)
+    size = np.abs(usual.moment.body.displacement).max()
+    np.testing.assert_allclose(other.moment.body.displacement, usual.moment.body.displacement, atol=1e-8 * size)
 
 
 def test_nothing_is_expected_where_accelerations_swing(told: Told) -> None:

@@ -128,19 +128,19 @@ def test_a_step_is_a_function_of_the_moment() -> None:
     """A step that is forgotten leaves nothing behind."""
     from hemivar.evolution.discrete import discretize_evolution
     from hemivar.evolution.initial import initial_moment
-    from hemivar.evolution.thermal_advance import advance_of
+    from hemivar.evolution.thermal_stepper import stepper_of
 
     discrete = discretize_evolution(Evolution(body(), heat=RICH))
-    advance = advance_of(discrete, hv.ImplicitEuler(), None, hv.Controls())
+    advance = stepper_of(discrete, hv.ImplicitEuler(), None, hv.Controls())
     first = initial_moment(advance)
     one = advance.take(first, 0.1).moment
     two = advance.take(one, 0.1).moment
     advance.take(two, 0.3)
     again = advance.take(one, 0.1).moment
-    assert np.array_equal(two.body.place, again.body.place)
+    assert np.array_equal(two.body.displacement, again.body.displacement)
     assert two.heat is not None
     assert again.heat is not None
-    assert np.array_equal(two.heat.moment.body.place, again.heat.moment.body.place)
+    assert np.array_equal(two.heat.moment.body.displacement, again.heat.moment.body.displacement)
     assert two.ledger == again.ledger
     assert two.heat.book == again.heat.book
 

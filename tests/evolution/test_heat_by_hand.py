@@ -98,8 +98,8 @@ def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
     assert moment.heat is not None
     assert history["step"][1:] == pytest.approx(tau)
     assert history["rounds"].max() <= rounds  # as docs/thermal.md says
-    assert np.abs(moment.body.place[:n] - u).max() < 1e-7 * np.abs(u).max()
-    assert np.abs(moment.heat.moment.body.place[:m] - th).max() < 1e-7 * np.abs(th).max()
+    assert np.abs(moment.body.displacement[:n] - u).max() < 1e-7 * np.abs(u).max()
+    assert np.abs(moment.heat.moment.body.displacement[:m] - th).max() < 1e-7 * np.abs(th).max()
 
 
 def test_temperatures_of_supports_and_what_they_give() -> None:

@@ -99,7 +99,7 @@ def test_what_a_step_takes_from_the_energy_is_known(restitution: float, theta: f
     weights = discrete.problem.contact.weights
     for before, after in pairwise(moments):
         impulse = step * weights * after.multiplier[:, 0]
-        moved, gained = after.body.place - before.body.place, after.body.velocity - before.body.velocity
+        moved, gained = after.body.displacement - before.body.displacement, after.body.velocity - before.body.velocity
         lost = (1.0 - theta * (1.0 + restitution)) * float(impulse @ before.local.velocity[:, 0])
         lost += (theta - 0.5) * float(moved @ discrete.stiffness.times(moved) + gained @ discrete.mass.times(gained))
         taken.append(after.ledger.numerical - before.ledger.numerical)

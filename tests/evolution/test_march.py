@@ -15,9 +15,9 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
 from hemivar.evolution import Evolution, History, March, Save, Scheme, Touch, When, march, marching
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.formula import Formula, FormulaArray
 from hemivar.solvers import Controls
 from tests.evolution.messages import said_of
@@ -54,7 +54,7 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
     assert len(whole.events) == 1
     for name in whole.columns:
         np.testing.assert_array_equal(resumed[name], whole[name], err_msg=name)
-    np.testing.assert_array_equal(resumed.moment.body.place, whole.moment.body.place)
+    np.testing.assert_array_equal(resumed.moment.body.displacement, whole.moment.body.displacement)
     assert [frame.time for frame in resumed.frames] == [frame.time for frame in whole.frames]
     with pytest.raises(FileError, match="another evolution"):
         march(beam(load=-0.6), 0.6, checkpoint=kept, resume=True, **options)
@@ -90,13 +90,13 @@ def test_a_checkpoint_beyond_the_end_is_told(tmp_path: Path) -> None:
 
 def test_a_rejected_step_leaves_no_trace() -> None:
     discrete = discretize_evolution(beam())
-    advance = Advance(discrete, hv.GeneralizedAlpha(0.8), None, Controls())
+    advance = TimeStepper.of(discrete, hv.GeneralizedAlpha(0.8), None, Controls())
     moment = initial_moment(advance)
     first = advance.take(moment, 0.1).moment
     for step in (0.4, 0.05, 0.013):
         advance.take(moment, step)
     again = advance.take(moment, 0.1).moment
-    np.testing.assert_array_equal(again.body.place, first.body.place)
+    np.testing.assert_array_equal(again.body.displacement, first.body.displacement)
     np.testing.assert_array_equal(again.multiplier, first.multiplier)
     assert again.ledger == first.ledger
 
@@ -331,7 +331,7 @@ try:
     steps.close()
 except StopIteration as end:
     history = end.value
-    print(taken, float(history.time_error.bound).hex(), history.moment.body.place.tobytes().hex())
+    print(taken, float(history.time_error.bound).hex(), history.moment.body.displacement.tobytes().hex())
 except FileError as error:
     print(error)
 """
@@ -448,6 +448,6 @@ def test_a_march_goes_on_to_a_later_end_beyond_kinks_and_stops(tmp_path: Path) -
     assert resumed.finished
     assert {1.2, 1.3} <= set(resumed.times)
     assert np.array_equal(resumed.times, once.times)
-    assert np.array_equal(resumed.moment.body.place, once.moment.body.place)
+    assert np.array_equal(resumed.moment.body.displacement, once.moment.body.displacement)
     with pytest.raises(FileError, match="another evolution"):
         march(Evolution(problem), 2.0, checkpoint=kept, resume=True, step=0.25, stops=(0.7, 1.3))

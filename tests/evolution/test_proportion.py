@@ -108,7 +108,7 @@ def test_steps_are_those_with_a_product_of_its_own(
     known = marched()
     monkeypatch.setattr(DiscreteEvolution, "damping_time", None)
     alone = marched()
-    for name in ("place", "velocity"):
+    for name in ("displacement", "velocity"):
         one, other = getattr(known.moment.body, name), getattr(alone.moment.body, name)
         np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
     for name in ("viscous", "elastic", "numerical"):

@@ -9,14 +9,14 @@ import pytest
 
 from hemivar.basics.types import Array
 from hemivar.evolution import SDIRK2, GeneralizedAlpha, ImplicitEuler, Midpoint, MoreauJean, Newmark, Scheme
-from hemivar.evolution.schemes import Linear, Rule
+from hemivar.evolution.schemes import RateFormula, Rule
 
 TAU = 0.37
 OLD = np.array([0.3, -0.7, 1.9])  # place, velocity and acceleration at the beginning
 NEW = np.array([0.8, 0.45, -1.1])  # and some at the end
 
 
-def told(rule: Linear, difference: float, v: float, w: float) -> float:
+def told(rule: RateFormula, difference: float, v: float, w: float) -> float:
     return rule.difference * difference + rule.velocity * v + rule.acceleration * w
 
 

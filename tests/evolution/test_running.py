@@ -14,13 +14,13 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution import AdaptiveStep, Evolution, FixedStep, History, March, Mass, Save, march, marching
-from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.march import Tools
-from hemivar.evolution.moment import Moment
 from hemivar.evolution.schemes import Scheme
+from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_error import step_error
+from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Controls, Status
 from tests.evolution.messages import said_of
 
@@ -40,13 +40,13 @@ def block(**more: Any) -> Evolution:
     return Evolution(hv.ContactProblem(**given | more), **options)
 
 
-class Stubborn(Advance):
+class Stubborn(TimeStepper):
     """Steps longer than 0.03 that end between 0.25 and 0.35 fail."""
 
     most = 0.03
     status = Status.STALLED
 
-    def take(self, before: Moment, step: float, *rest: Any, **more: Any) -> Taken:
+    def take(self, before: TimeState, step: float, *rest: Any, **more: Any) -> StepResult:
         taken = super().take(before, step, *rest, **more)
         if step <= self.most or not 0.25 < taken.moment.time < 0.35:
             return taken
@@ -61,8 +61,8 @@ class Interrupted(Never):
     status = Status.INTERRUPTED
 
 
-def through(plan: March, kind: type[Advance]) -> History:
-    steps = marching(block(), plan, tools=Tools(advance=kind))
+def through(plan: March, kind: type[TimeStepper]) -> History:
+    steps = marching(block(), plan, tools=Tools(advance=kind.of))
     while True:
         try:
             next(steps)
@@ -176,14 +176,14 @@ def test_stops_are_met_once() -> None:
 def test_the_estimate_of_an_error_is_the_error() -> None:
     """Of implicit Euler ``tau^2 u''/2`` in the energy norm, and the largest displacement since the start."""
     discrete = discretize_evolution(block())
-    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
     moment, tau = initial_moment(advance), 1e-4
-    origin = moment.body.place
+    origin = moment.body.displacement
     for _ in range(3):
         before, taken = moment, advance.take(moment, tau)
         moment = taken.moment
     found = step_error(advance, taken, origin)
-    u0, u1 = (np.abs(one.body.place).max() for one in (before, moment))
+    u0, u1 = (np.abs(one.body.displacement).max() for one in (before, moment))
     exact = 1.0 / KAPPA + (u0 - 1.0 / KAPPA) * math.exp(-KAPPA / VISCOUS * tau)
     assert found.energy == pytest.approx(math.sqrt(KAPPA) * abs(exact - u1), rel=2e-3)
     assert found.slid == pytest.approx(abs(exact - u1), rel=2e-3)
@@ -198,19 +198,19 @@ def test_the_estimate_of_an_error_is_the_error() -> None:
 def test_the_estimate_with_mass_is_half_the_distance_from_the_prediction() -> None:
     problem = block(material=hv.Material.lame(0.0, 1.5, density=2.0)).problem
     discrete = discretize_evolution(Evolution(problem, inertia=True))
-    advance = Advance(discrete, hv.Newmark(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.Newmark(), None, Controls())
     moment, tau = initial_moment(advance), 0.05
     for _ in range(3):
         before, taken = moment, advance.take(moment, tau)
         moment = taken.moment
     assert discrete.mass is not None
     K, M = discrete.stiffness.inner.toarray(), discrete.mass.inner.toarray()
-    u: Array = moment.body.place - before.body.place - tau * before.body.velocity
+    u: Array = moment.body.displacement - before.body.displacement - tau * before.body.velocity
     u = 0.5 * (u - 0.5 * tau**2 * before.body.acceleration)
     v = 0.5 * (moment.body.velocity - before.body.velocity - tau * before.body.acceleration)
     found = step_error(advance, taken, 0.0 * u)
     assert found.energy == pytest.approx(math.sqrt(u @ K @ u + v @ M @ v), rel=1e-9)
-    whole = moment.body.place @ K @ moment.body.place + moment.body.velocity @ M @ moment.body.velocity
+    whole = moment.body.displacement @ K @ moment.body.displacement + moment.body.velocity @ M @ moment.body.velocity
     assert found.size == pytest.approx(math.sqrt(whole), rel=1e-9)
 
 
@@ -228,20 +228,20 @@ def test_the_acceleration_at_the_start_balances_the_forces() -> None:
         velocity=lambda x: (1.0 - x[:, 1:]) * [0.2, -1.0],
     )  # fmt: skip
     discrete = discretize_evolution(evolution)
-    moment = initial_moment(Advance(discrete, hv.Newmark(), None, Controls()))
+    moment = initial_moment(TimeStepper.of(discrete, hv.Newmark(), None, Controls()))
     assert discrete.mass is not None
     assert discrete.viscosity is not None
     inertial = discrete.mass.times(moment.body.acceleration)
     lam = moment.multiplier
     assert lam[:, 0] == pytest.approx(5.0 * 0.05, rel=1e-9)
     pressed = discrete.problem.contact_force(lam)
-    inner = discrete.stiffness.times(moment.body.place) + discrete.viscosity.times(moment.body.velocity)
+    inner = discrete.stiffness.times(moment.body.displacement) + discrete.viscosity.times(moment.body.velocity)
     n = discrete.unknowns
     np.testing.assert_allclose((inertial + inner)[:n] + pressed, discrete.acting(0.0).load[:n], atol=1e-10)
     trace = np.asarray(discrete.problem.contact.trace @ moment.body.acceleration[:n]).reshape(lam.shape)
     np.testing.assert_allclose(moment.local.acceleration, trace, atol=1e-12)
     assert moment.local.velocity[:, 0] == pytest.approx(1.0)
-    assert moment.local.place[:, 0] == pytest.approx(0.05)
+    assert moment.local.displacement[:, 0] == pytest.approx(0.05)
     ledger = moment.ledger
     assert ledger.kinetic == pytest.approx(discrete.mass.energy(moment.body.velocity))
     assert ledger.contact == pytest.approx(2.5 * 0.05**2)
@@ -314,7 +314,7 @@ def test_a_body_on_which_nothing_acts_flies_on(scheme: Scheme, velocity: tuple[f
         assert history["kinetic"] == pytest.approx(0.5 * float(np.square(velocity).sum()), rel=1e-12)
 
 
-def set_out(path: Callable[[float], float]) -> Moment:
+def set_out(path: Callable[[float], float]) -> TimeState:
     """The first moment of a block whose top follows a path, over a foundation that sinks along it."""
 
     def along(x: Array, t: float) -> Array:
@@ -330,7 +330,7 @@ def set_out(path: Callable[[float], float]) -> Moment:
         contact={"bottom": hv.Contact(hv.Compliance(8.0), gap=below)},
     )
     still = Evolution(problem, inertia=True, displacement=(path(0.0), 0.0))
-    return initial_moment(Advance(discretize_evolution(still), hv.Newmark(), None, Controls()), 0.1)
+    return initial_moment(TimeStepper.of(discretize_evolution(still), hv.Newmark(), None, Controls()), 0.1)
 
 
 @pytest.mark.parametrize(

@@ -17,11 +17,11 @@ from scipy.linalg import null_space
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Checkpoint, Evolution, March, Scheme, march, marching
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.setting_out import speeds_jump
 from hemivar.evolution.setting_out_anew import set_out_anew
-from hemivar.evolution.thermal_advance import ThermalAdvance, advance_of
+from hemivar.evolution.stepper import TimeStepper
+from hemivar.evolution.thermal_stepper import ThermalStepper, stepper_of
 from hemivar.formula import Formula
 from hemivar.mechanics.thermal import Heat
 from hemivar.solvers import Controls
@@ -101,7 +101,7 @@ def test_where_speeds_jump_schemes_stay_of_their_order(scheme: Scheme) -> None:
         ledger, size = moment.ledger, np.abs(velocity).max()
         off.append(
             [
-                np.abs(moment.body.place[:n] - place).max() / np.abs(place).max(),
+                np.abs(moment.body.displacement[:n] - place).max() / np.abs(place).max(),
                 np.abs(moment.body.velocity[:n] - velocity).max() / size,
                 abs(ledger.moved - work) / abs(work),
             ]
@@ -122,7 +122,7 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     discrete = discretize_evolution(stated)
     contact, n = discrete.problem.contact, discrete.unknowns
     assert discrete.mass is not None
-    advance = advance_of(discrete, hv.Newmark(), None, Controls())
+    advance = stepper_of(discrete, hv.Newmark(), None, Controls())
     after = set_out_anew(advance, moment, 0.02)
     if name == "heat" and until != TOP:
         assert after is moment
@@ -130,11 +130,11 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
     body, local = after.body, after.local
     blow = discrete.mass.times(body.velocity - moment.body.velocity)[:n]
     assert np.abs(blow).max() < 1e-12
-    assert body.place is moment.body.place
+    assert body.displacement is moment.body.displacement
     load = discrete.acting(until).load
-    if isinstance(advance, ThermalAdvance):
+    if isinstance(advance, ThermalStepper):
         assert moment.heat is not None
-        load = load + advance.heat.load(advance.heat.temperature(moment.heat.moment.body.place))
+        load = load + advance.heat.load(advance.heat.temperature(moment.heat.moment.body.displacement))
     sinks = np.zeros_like(local.velocity)
     if name == "body":
         sinks[:, 0] = 0.02 * (until >= SINKS)
@@ -142,16 +142,16 @@ def test_after_a_blow_all_forces_balance(name: str, until: float) -> None:
         local.velocity, (contact.trace @ body.velocity[:n]).reshape(sinks.shape) - sinks, atol=1e-9
     )
     push = np.zeros_like(sinks)
-    push[:, 0] = SPRING * np.maximum(local.place[:, 0], 0.0)
+    push[:, 0] = SPRING * np.maximum(local.displacement[:, 0], 0.0)
     if name == "heat":
         push[:, 1] = BOUND * np.sign(local.velocity[:, 1])
-    left = load - discrete.stiffness.times(body.place) - discrete.mass.times(body.acceleration)
+    left = load - discrete.stiffness.times(body.displacement) - discrete.mass.times(body.acceleration)
     if discrete.viscosity is not None:
         left -= discrete.viscosity.times(body.velocity)
     for h, (_, branch) in zip(moment.branches, discrete.branches, strict=True):
         left -= branch.times(h)
     left = left[:n] - discrete.problem.contact_force(push)
-    assert np.abs(left).max() < 1e-9 * np.abs(discrete.stiffness.times(body.place)).max()
+    assert np.abs(left).max() < 1e-9 * np.abs(discrete.stiffness.times(body.displacement)).max()
     assert np.abs(body.acceleration[n:]).max() < 1e-6
 
 
@@ -163,7 +163,7 @@ def test_adaptive_steps_go_on_where_speeds_jump(scheme: Scheme) -> None:
     assert history.ended == "finished"
     assert all(one.startswith("rtol bounds the error of one step") for one in said_of(history))
     assert len(history.rows) < 2500
-    assert np.abs(history.moment.body.place[: place.size] - place).max() < 3e-3 * np.abs(place).max()
+    assert np.abs(history.moment.body.displacement[: place.size] - place).max() < 3e-3 * np.abs(place).max()
 
 
 SHAKES = "0.02*sin(6*t) + 0.02*abs(t - 0.5) - 0.01"
@@ -222,7 +222,7 @@ def test_a_foundation_that_holds_the_body_takes_it_along_at_once(scheme: Scheme,
         history = march(shaken(tilt), END, step=END / count, scheme=scheme)
         moment = history.moment
         back = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
-        found = [history.discrete.full(part) @ back for part in (moment.body.place, moment.body.velocity)]
+        found = [history.discrete.full(part) @ back for part in (moment.body.displacement, moment.body.velocity)]
         off.append(
             [np.abs(one - two).max() / np.abs(two).max() for one, two in zip(found, shaken_exactly(), strict=True)]
         )
@@ -261,7 +261,7 @@ def test_a_march_goes_on_from_a_kink_bit_for_bit(stated: Callable[[], Evolution]
     assert any(step.moment.time == TOP for step in steps)  # ends it there
     resumed = march(stated(), 0.6, step=0.05, scheme=hv.Newmark(), checkpoint=kept, resume=True)
     assert len(resumed.rows) == len(whole.rows)
-    for part in ("place", "velocity", "acceleration"):
+    for part in ("displacement", "velocity", "acceleration"):
         assert getattr(resumed.moment.body, part).tobytes() == getattr(whole.moment.body, part).tobytes()
     assert resumed.moment.ledger == whole.moment.ledger
     assert whole["kinetic"][-1] > 0.0
@@ -278,7 +278,7 @@ def test_paths_that_jump_themselves_are_left_alone() -> None:
             contact={"bottom": hv.Contact(hv.Compliance(SPRING))},
         )
         discrete = discretize_evolution(Evolution(problem, inertia=True))
-        found = speeds_jump(Advance(discrete, hv.Newmark(), None, Controls()), at, 0.01)
+        found = speeds_jump(TimeStepper.of(discrete, hv.Newmark(), None, Controls()), at, 0.01)
         return found is not None
 
     assert kinks("0.1*abs(t - 0.5)", 0.5)

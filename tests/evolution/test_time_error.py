@@ -169,7 +169,9 @@ def test_the_effectivity_of_one_degree_of_freedom(norm: str) -> None:
     count = 100
     history = march(evolution, 3.0, step=3.0 / count)
     assert history.time_error.norm == norm, history.time_error.why
-    size = math.sqrt(2.0 * getattr(history.discrete, norm).energy(history.moment.body.place))  # of the body at rest
+    size = math.sqrt(
+        2.0 * getattr(history.discrete, norm).energy(history.moment.body.displacement)
+    )  # of the body at rest
     exact = np.exp(-5.0 * history.times)
     error = size * np.abs((1.0 + 5.0 * 3.0 / count) ** -np.arange(count + 1) - exact)
     bound = history["time_error"]

@@ -9,9 +9,9 @@ from scipy.optimize import brentq
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import DiscreteProblem
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import (
     Adhesive,
     Compliance,
@@ -93,7 +93,7 @@ def random_steps(seed: int, steps: int = 4) -> tuple[int, int]:
     )
     evolution = hv.Evolution(problem, inertia=True, velocity=tuple(random.normal(size=2)))
     discrete = discretize_evolution(evolution)
-    advance = Advance(discrete, hv.ImplicitEuler(), None, Controls())
+    advance = TimeStepper.of(discrete, hv.ImplicitEuler(), None, Controls())
     moment, alone, other = initial_moment(advance), 0, 0
     for _ in range(steps):
         taken = advance.take(moment, float(random.choice([0.01, 0.1, 0.5])))

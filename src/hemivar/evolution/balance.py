@@ -13,10 +13,8 @@ import numpy as np
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.ledger import Ledger
-from hemivar.evolution.moment import Motion
-from hemivar.evolution.products import Products
-from hemivar.evolution.stage import Force, Stage, sizes_of
+from hemivar.evolution.energy_balance import EnergyBalance
+from hemivar.evolution.stage import Stage, StageState, rounding_size
 
 __all__ = ["allowed_work", "rounding_of"]
 
@@ -25,17 +23,15 @@ __all__ = ["allowed_work", "rounding_of"]
 _ENERGIES, _FORCES = 64.0 * float(np.finfo(float).eps), 1024.0 * float(np.finfo(float).eps)
 
 
-def rounding_of(ledger: Ledger) -> float:
+def rounding_of(ledger: EnergyBalance) -> float:
     """How far rounding may take the gap of a ledger, which is a sum of its entries."""
     return _ENERGIES * float(sum(map(abs, vars(ledger).values())))
 
 
 def allowed_work(
     discrete: DiscreteEvolution,
-    products: Products,
     stage: Stage,
-    reached: Motion,
-    forces: dict[str, Force],
+    reached: StageState,
     multiplier: Array,
     way: Array,
     rtol: float,
@@ -45,12 +41,9 @@ def allowed_work(
     Parameters
     ----------
     discrete : DiscreteEvolution
-    products : Products
     stage : Stage
-    reached : Motion
-        At the stage.
-    forces : mapping of name to Force
-        Of the body there.
+    reached : StageState
+        Where it leads.
     multiplier : array (m, c)
         Pressure and friction there.
     way : array (n + k,)
@@ -59,6 +52,6 @@ def allowed_work(
     """
     n = discrete.unknowns
     acting = norm(stage.load[:n]) + norm(discrete.problem.contact_force(multiplier))
-    acting += sum(abs(force.factor) * norm(force.vector[:n]) for force in forces.values())
-    rounding = products.size(sizes_of(discrete, stage, reached), 0.0)
+    acting += sum(abs(force.factor) * norm(force.vector[:n]) for force in reached.forces.values())
+    rounding = rounding_size(discrete, stage, reached.body, 0.0)
     return norm(way[:n]) * (rtol * acting + _FORCES * (acting + rounding))

@@ -9,11 +9,11 @@ import numpy as np
 
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import Jump
-from hemivar.evolution.ledger import Ledger
-from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.state import Kinematics, TimeState
+from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.mechanics.per_volume import at_place
 from hemivar.mechanics.scalar import ScalarProblem
@@ -35,7 +35,7 @@ def yields_at_once(discrete: DiscreteEvolution) -> bool:
     return discrete.viscosity is None or not _viscous_everywhere(discrete)
 
 
-def settled(advance: Advance, moment: Moment, step: float, jump: Jump, start: Acting, now: Acting) -> Taken:
+def settled(advance: TimeStepper, moment: TimeState, step: float, jump: Jump, start: Acting, now: Acting) -> StepResult:
     """The equilibrium with what acts now: parts without viscosity yield at once, branches and memories with them.
 
     A very short step of implicit Euler, in which viscosity resists whatever moves.  Where several equilibria exist it
@@ -43,8 +43,8 @@ def settled(advance: Advance, moment: Moment, step: float, jump: Jump, start: Ac
 
     Parameters
     ----------
-    advance : Advance
-    moment : Moment
+    advance : TimeStepper
+    moment : TimeState
         Of a body that :func:`yields_at_once`.
     step : float
         Length of the next step.
@@ -54,25 +54,25 @@ def settled(advance: Advance, moment: Moment, step: float, jump: Jump, start: Ac
     """
     chosen = jump if jump.follows or jump is Jump.GLOBAL else Jump.LOCAL
     taken = advance.at_once(moment, _AT_ONCE * step, start, now, chosen)
-    still = [np.zeros_like(place) for place in (taken.moment.body.place, taken.moment.local.place)]
+    still = [np.zeros_like(place) for place in (taken.moment.body.displacement, taken.moment.local.displacement)]
     rest = replace(
         taken.moment,
         index=moment.index,
-        body=Motion(taken.moment.body.place, still[0], still[0]),
-        local=Motion(taken.moment.local.place, still[1], still[1]),
-        stretching=None,
+        body=Kinematics(taken.moment.body.displacement, still[0], still[0]),
+        local=Kinematics(taken.moment.local.displacement, still[1], still[1]),
+        history=None,
     )
     return replace(taken, moment=rest)
 
 
-def begun(moment: Moment) -> Moment:
+def begun(moment: TimeState) -> TimeState:
     """A moment with which the balance of energy begins."""
     ledger = moment.ledger
     names = ("elastic", "branches", "contact", "kinetic")
-    return replace(moment, ledger=Ledger(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
+    return replace(moment, ledger=EnergyBalance(start=ledger.stored, **{name: getattr(ledger, name) for name in names}))
 
 
-def ramped(discrete: DiscreteEvolution, taken: Taken, start: Acting, now: Acting) -> Taken:
+def ramped(discrete: DiscreteEvolution, taken: StepResult, start: Acting, now: Acting) -> StepResult:
     """What :func:`settled` found, with the work of loads and supports that change quickly, but not at once.
 
     What acts after a jump does more work on the way than what grows to it; the difference is what implicit Euler loses.
@@ -81,14 +81,14 @@ def ramped(discrete: DiscreteEvolution, taken: Taken, start: Acting, now: Acting
     before, ledger = taken.before.ledger, taken.moment.ledger
     lost = ledger.numerical - before.numerical
     still = np.array_equal(start.prescribed, now.prescribed) and np.array_equal(start.offset, now.offset)
-    way = taken.moment.body.place - taken.before.body.place
+    way = taken.moment.body.displacement - taken.before.body.displacement
     half = float(discrete.vectors.total(0.5 * float((now.load - start.load) @ way))[0])
     work = half if discrete.vectors.largest(float(not still))[0] else lost
     ledger = replace(ledger, numerical=before.numerical, work=ledger.work - work, moved=ledger.moved - (lost - work))
     return replace(taken, moment=replace(taken.moment, ledger=ledger))
 
 
-def sunk_by_a_jump(advance: Advance, taken: Taken) -> tuple[float, float]:
+def sunk_by_a_jump(advance: TimeStepper, taken: StepResult) -> tuple[float, float]:
     """How far gaps jump towards the body in a step under a law of impact, and how deep points then are in the obstacle.
 
     Such a law is one of velocities, which no jump has; a gap jumps if it changes in the step by more than three times
@@ -96,8 +96,8 @@ def sunk_by_a_jump(advance: Advance, taken: Taken) -> tuple[float, float]:
 
     Parameters
     ----------
-    advance : Advance
-    taken : Taken
+    advance : TimeStepper
+    taken : StepResult
 
     Returns
     -------
@@ -108,20 +108,20 @@ def sunk_by_a_jump(advance: Advance, taken: Taken) -> tuple[float, float]:
     if taken.stages[0].rule.restitution is None or not discrete.evolution.problem.time_dependent & {"gap", "supports"}:
         return 0.0, 0.0
     start, end = taken.before.time, taken.moment.time
-    ends = [advance.acting(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
+    ends = [advance.data.at(time).offset[:, 0] for time in (max(start - step, discrete.evolution.start), start, end)]
     try:
-        ends.append(advance.acting(end + step).offset[:, 0])
+        ends.append(advance.data.at(end + step).offset[:, 0])
     except ProblemError:  # what depends on time makes no sense any more then
         ends.append(ends[-1])
     before, came, after = (early - late for early, late in itertools.pairwise(ends))
-    depth = taken.moment.local.place[:, 0]
+    depth = taken.moment.local.displacement[:, 0]
     jumps = (came > 3.0 * (np.abs(before) + np.abs(after))) & (depth > _TOUCHES * np.abs(ends[2]).max(initial=0.0))
     jump, deepest = (float(part[jumps].max(initial=0.0)) for part in (came, depth))
     jump, deepest = discrete.vectors.largest(jump, deepest).tolist()
     return jump, deepest
 
 
-def longest_without_swing(advance: Advance, taken: Taken) -> float:
+def longest_without_swing(advance: TimeStepper, taken: StepResult) -> float:
     """Length from which a step like this one, of a body without mass, ends beyond the equilibrium that it goes to.
 
     A scheme whose law holds in the middle of a step ends it twice as far as there.  Of the force F that is out of
@@ -130,8 +130,8 @@ def longest_without_swing(advance: Advance, taken: Taken) -> float:
 
     Parameters
     ----------
-    advance : Advance
-    taken : Taken
+    advance : TimeStepper
+    taken : StepResult
 
     Returns
     -------
@@ -141,8 +141,8 @@ def longest_without_swing(advance: Advance, taken: Taken) -> float:
     discrete, before, stage = advance.discrete, taken.before, taken.stages[0]
     if discrete.mass is not None or discrete.viscosity is None or stage.rule.reach <= 1.0:
         return np.inf
-    n, way = discrete.unknowns, taken.moment.body.place - before.body.place
-    force = advance.acting_after(before.time).load - discrete.stiffness.times(before.body.place)
+    n, way = discrete.unknowns, taken.moment.body.displacement - before.body.displacement
+    force = advance.data_from(before).after(before.time).load - discrete.stiffness.times(before.body.displacement)
     force[:n] -= discrete.problem.contact_force(before.multiplier)
     first, middle = discrete.vectors.total(
         float(force[:n] @ way[:n]), 2.0 * discrete.viscosity.energy(way) / taken.step

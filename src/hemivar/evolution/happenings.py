@@ -13,7 +13,7 @@ import numpy as np
 from hemivar.basics.arguments import expect
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.moment import Moment
+from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import seen_place
 
 __all__ = ["BondBroken", "Event", "MarginLost", "OnEvent", "Release", "Slip", "Touch", "When"]
@@ -52,13 +52,13 @@ class Event(ABC):
             raise ProblemError(f"event {self.name}: then = {self.then!r}; choose 'record' or 'stop'") from None
 
     @abstractmethod
-    def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
         """A number that rises through zero when it happens.
 
         Parameters
         ----------
         discrete : DiscreteEvolution
-        moment : Moment
+        moment : TimeState
         margin : float
             Smallness margin of the step that led to the moment.
         """
@@ -84,7 +84,7 @@ class Touch(Event):
 
     name: ClassVar[str] = "touch"
 
-    def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
         return _deepest(discrete, moment, self.points(discrete))
 
 
@@ -102,7 +102,7 @@ class Release(Event):
 
     name: ClassVar[str] = "release"
 
-    def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
         return -_deepest(discrete, moment, self.points(discrete))
 
 
@@ -124,7 +124,7 @@ class Slip(Event):
 
     rate: float = 0.0
 
-    def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
         speed = np.linalg.norm(moment.local.velocity[self.points(discrete), 1:], axis=1)
         fastest, size = discrete.vectors.largest(
             float(speed.max(initial=0.0)), float(np.abs(moment.body.velocity).max(initial=0.0))
@@ -150,7 +150,7 @@ class BondBroken(Event):
 
     below: float = 1e-3
 
-    def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
         bonds = [
             values
             for boundary, states in moment.memory.items()
@@ -175,7 +175,7 @@ class MarginLost(Event):
 
     name: ClassVar[str] = "margin lost"
 
-    def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
         return -1.0 if np.isnan(margin) else -margin
 
 
@@ -197,7 +197,7 @@ class When(Event):
 
     name: ClassVar[str] = "when"
 
-    function: Callable[[DiscreteEvolution, Moment], float] | None = None
+    function: Callable[[DiscreteEvolution, TimeState], float] | None = None
     label: str = "event"
 
     def __post_init__(self) -> None:
@@ -206,7 +206,7 @@ class When(Event):
             raise ProblemError("the event When needs a function of (discrete, moment) that returns a number")
         expect(self.label, str, "the label of an event", "give a text")
 
-    def level(self, discrete: DiscreteEvolution, moment: Moment, margin: float) -> float:
+    def level(self, discrete: DiscreteEvolution, moment: TimeState, margin: float) -> float:
         assert self.function is not None
         found = self.function(discrete, moment)
         try:
@@ -218,7 +218,7 @@ class When(Event):
         return value
 
 
-def _deepest(discrete: DiscreteEvolution, moment: Moment, points: np.ndarray) -> float:  # type: ignore[type-arg]
+def _deepest(discrete: DiscreteEvolution, moment: TimeState, points: np.ndarray) -> float:  # type: ignore[type-arg]
     """Largest penetration of some contact points, into what is left of a foundation that is worn or has crept."""
     place = seen_place(discrete, moment)
     return float(discrete.vectors.largest(float(place[points, 0].max(initial=-np.inf)))[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 from hemivar.basics.portable import Portable
-from hemivar.evolution.moment import Moment
+from hemivar.evolution.state import TimeState
 
 __all__ = ["HeatBook", "Warmth"]
 
@@ -61,7 +61,7 @@ class Warmth(Portable):
 
     Attributes
     ----------
-    moment : Moment
+    moment : TimeState
         Temperatures, of the evolution of heat alone.
     book : HeatBook
     rounds : int
@@ -70,7 +70,7 @@ class Warmth(Portable):
         What the last round left of the change of the one before; 0 where one was enough.
     """
 
-    moment: Moment
+    moment: TimeState
     book: HeatBook
     rounds: int = 0
     contraction: float = 0.0

@@ -18,7 +18,7 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, Record
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.moment import Moment
+from hemivar.evolution.state import TimeState
 from hemivar.evolution.time_error import TimeError
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ class History(Portable, Displayed):
         The first is the initial state.
     frames : tuple of Frame
         What was saved.
-    moment : Moment
+    moment : TimeState
         Where it ended.
     ended : str
         ``"finished"``, or what ended it before: the status of a step that could not be solved, ``"refused"`` where the
@@ -117,7 +117,7 @@ class History(Portable, Displayed):
     discrete: DiscreteEvolution
     rows: tuple[Row, ...]
     frames: tuple[Frame, ...]
-    moment: Moment
+    moment: TimeState
     ended: str = "finished"
     events: tuple[tuple[float, str], ...] = ()
     messages: tuple[str, ...] = ()

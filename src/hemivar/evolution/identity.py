@@ -9,14 +9,14 @@ import numpy as np
 
 from hemivar.basics.content import content
 from hemivar.basics.types import Array
-from hemivar.evolution.advance import Advance
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.steps import AdaptiveStep, FixedStep
 from hemivar.laws import ContactLaw
 
 __all__ = ["identity"]
 
 
-def identity(advance: Advance, *options: object) -> str:
+def identity(advance: TimeStepper, *options: object) -> str:
     """A digest of matrices, contact points, loads, laws, memories, method and options, for checkpoints.
 
     What was stated counts by its content: arrays by all their numbers, formulas by their text, functions by their
@@ -39,7 +39,7 @@ def identity(advance: Advance, *options: object) -> str:
     evolution = discrete.evolution
     add(evolution)
     for time in _looked_at(evolution.start, *options):
-        acting = advance.acting(time)
+        acting = advance.data.at(time)
         add(acting.load, acting.prescribed, acting.offset)
         if contact.count:
             add(*_law_at(acting.law, acting.offset))
@@ -47,7 +47,7 @@ def identity(advance: Advance, *options: object) -> str:
         add(evolution.initial(name))
     if advance.beside is not None:
         add(identity(advance.beside))
-    add(advance.scheme, advance.solver, advance.controls.rtol, advance.controls.atol, options)
+    add(advance.scheme, advance.stages.solver, advance.controls.rtol, advance.controls.atol, options)
     return digest.hexdigest()
 
 

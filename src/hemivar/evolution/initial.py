@@ -9,13 +9,14 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import Acting
-from hemivar.evolution.ledger import Ledger
-from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.schemes import ImplicitEuler
 from hemivar.evolution.setting_out import setting_out
+from hemivar.evolution.state import Kinematics, TimeState
+from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_laws import StepLaw, initial_memory, stage_law
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import Superpotential
 from hemivar.laws.neighbourhood import polar
 from hemivar.laws.superpotential import Interval
@@ -31,14 +32,14 @@ _SLIPS, _TOUCHES = 1e-6, 1e-12
 _BRIEF = 1e-3
 
 
-def initial_moment(advance: Advance, step: float | None = None) -> Moment:
+def initial_moment(advance: TimeStepper, step: float | None = None) -> TimeState:
     """Displacement and velocity as stated, the acceleration that the forces ask for, nothing remembered yet.
 
     Supports and gaps that move have the rates with which they set out, none where they jump.
 
     Parameters
     ----------
-    advance : Advance
+    advance : TimeStepper
     step : float, optional
         Length of the first step; without it supports and gaps count as being at rest.
 
@@ -48,7 +49,7 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
         The initial displacement contradicts supports or leaves the domain of a contact law.
     """
     discrete, evolution = advance.discrete, advance.discrete.evolution
-    acting = advance.acting(evolution.start)
+    acting = advance.data.at(evolution.start)
     stated = evolution.initial("displacement")
     place = discrete.restrict(stated, acting.prescribed)
     off = np.abs(discrete.full(place) - stated).max(initial=0.0)
@@ -75,11 +76,11 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
             "gap"
         )
     still = np.zeros_like(place)
-    moment = Moment(
+    moment = TimeState(
         evolution.start,
         0,
-        Motion(place, velocity, still),
-        Motion(local, rate, np.zeros_like(local)),
+        Kinematics(place, velocity, still),
+        Kinematics(local, rate, np.zeros_like(local)),
         np.zeros(local.shape),
         tuple(np.zeros_like(place) for _ in discrete.branches),
         initial_memory(discrete, acting.law, local),
@@ -87,23 +88,23 @@ def initial_moment(advance: Advance, step: float | None = None) -> Moment:
     law = _law_of_rates(advance, moment, acting, _AT_ONCE * (1.0 if step is None else step))
     moment = replace(moment, multiplier=_pressure(moment, law, local[:, 0]))
     if discrete.mass is not None:
-        moment = accelerated(advance, moment, advance.acting_after(evolution.start), moving, step)
-    energies = advance.energies(moment, law)
-    return advance.started(replace(moment, ledger=Ledger(start=sum(energies.values()), **energies)))
+        moment = accelerated(advance, moment, advance.data.after(evolution.start), moving, step)
+    found = energies(discrete, moment, law)
+    return advance.initialise(replace(moment, ledger=EnergyBalance(start=sum(found.values()), **found)))
 
 
 def accelerated(
-    advance: Advance, moment: Moment, acting: Acting, moving: tuple[Motion, Motion], step: float | None
-) -> Moment:
+    advance: TimeStepper, moment: TimeState, acting: Acting, moving: tuple[Kinematics, Kinematics], step: float | None
+) -> TimeState:
     """A moment with the acceleration that all forces make of where the body is and of how fast.
 
     Parameters
     ----------
-    advance : Advance
-    moment : Moment
+    advance : TimeStepper
+    moment : TimeState
     acting : Acting
         What acts then.
-    moving : pair of Motion
+    moving : pair of Kinematics
         Of prescribed displacements (k,) and of offsets of the contact points (m, c).
     step : float or None
         Length of the next step.
@@ -115,10 +116,12 @@ def accelerated(
     """
     contact, n, first = advance.discrete.problem.contact, advance.discrete.unknowns, 1.0 if step is None else step
     law = _law_of_rates(advance, moment, acting, _AT_ONCE * first)
-    sought = replace(moment, multiplier=_pressure(moment, law, moment.local.place[:, 0]))
+    sought = replace(moment, multiplier=_pressure(moment, law, moment.local.displacement[:, 0]))
     pressed = replace(sought, multiplier=_pressed(advance, sought, acting, moving, law, first))
     acceleration = _acceleration(advance, pressed, acting.load, moving[0].acceleration)
-    pushed = np.asarray(contact.trace @ acceleration[:n]).reshape(moment.local.place.shape) - moving[1].acceleration
+    pushed = (
+        np.asarray(contact.trace @ acceleration[:n]).reshape(moment.local.displacement.shape) - moving[1].acceleration
+    )
     return replace(
         moment,
         body=replace(moment.body, acceleration=acceleration),
@@ -126,10 +129,10 @@ def accelerated(
     )
 
 
-def _law_of_rates(advance: Advance, moment: Moment, acting: Acting, span: float) -> StepLaw:
+def _law_of_rates(advance: TimeStepper, moment: TimeState, acting: Acting, span: float) -> StepLaw:
     """The law of a step of implicit Euler so short that it sees the velocities at the start, and what is remembered."""
     guess = span * moment.local.velocity
-    guess[:, 0] = moment.local.place[:, 0]
+    guess[:, 0] = moment.local.displacement[:, 0]
     (rule,) = ImplicitEuler().rules(span)
     return stage_law(advance.discrete, acting, moment, rule, span, guess, moment.multiplier)
 
@@ -143,16 +146,21 @@ def _felt(law: StepLaw, penetration: Array) -> Iterator[tuple[IntArray | slice, 
             yield index, normal.subdifferential(np.clip(penetration[index], ends.lower, ends.upper))
 
 
-def _pressure(moment: Moment, law: StepLaw, penetration: Array) -> Array:
+def _pressure(moment: TimeState, law: StepLaw, penetration: Array) -> Array:
     """The least of these pressures (m, c)."""
-    lam = np.zeros(moment.local.place.shape)
+    lam = np.zeros(moment.local.displacement.shape)
     for index, felt in _felt(law, penetration):
         lam[index, 0] = np.clip(0.0, felt.lower, felt.upper)
     return lam
 
 
 def _pressed(
-    advance: Advance, moment: Moment, acting: Acting, moving: tuple[Motion, Motion], law: StepLaw, step: float
+    advance: TimeStepper,
+    moment: TimeState,
+    acting: Acting,
+    moving: tuple[Kinematics, Kinematics],
+    law: StepLaw,
+    step: float,
 ) -> Array:
     """The multiplier (m, c) at the start; schemes that hand accelerations on need the first one to be right.
 
@@ -160,10 +168,10 @@ def _pressed(
     rests on something rigid, it is that of a very short step of implicit Euler, unless the body is thrown
     against an obstacle, which answers by an impulse.
     """
-    vectors, place, rate = advance.discrete.vectors, moment.local.place, moment.local.velocity
+    vectors, place, rate = advance.discrete.vectors, moment.local.displacement, moment.local.velocity
     fast, far = vectors.largest(
         max(float(np.abs(velocity).max(initial=0.0)) for velocity in (moment.body.velocity, rate)),
-        max(float(np.abs(here).max(initial=0.0)) for here in (moment.body.place, place)),
+        max(float(np.abs(here).max(initial=0.0)) for here in (moment.body.displacement, place)),
     ).tolist()
     lam, held = _rubbed(moment, law, _SLIPS * fast, _AT_ONCE * step)
     # Where a support or another boundary has the component already, nothing is held.
@@ -177,13 +185,13 @@ def _pressed(
     span, soon = _BRIEF * step, acting
     if any(motion.velocity.any() or motion.acceleration.any() for motion in moving):
         # Where implicit Euler finds the accelerations that they have.
-        there = (motion.place + span * (motion.velocity + span * motion.acceleration) for motion in moving)
+        there = (motion.displacement + span * (motion.velocity + span * motion.acceleration) for motion in moving)
         soon = replace(acting, prescribed=next(there), offset=next(there))
     found = advance.at_once(moment, span, acting, soon)
     return np.where(held, found.moment.multiplier, lam) if found.status is Status.CONVERGED else lam
 
 
-def _rubbed(moment: Moment, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
+def _rubbed(moment: TimeState, law: StepLaw, slow: float, span: float) -> tuple[Array, BoolArray]:
     """The multiplier (m, c) at the start, from the velocity of the body, and where the velocity leaves it open.
 
     Points that are no faster than ``slow`` do not slip.
@@ -192,18 +200,18 @@ def _rubbed(moment: Moment, law: StepLaw, slow: float, span: float) -> tuple[Arr
     held = np.zeros(lam.shape, dtype=bool)
     if not lam.size:
         return lam, held
-    for index, stored in _felt(law, local.place[:, 0]):
+    for index, stored in _felt(law, local.displacement[:, 0]):
         held[index] |= (stored.upper > stored.lower)[:, None]
     guess = span * local.velocity
     if law.blocks:  # a damper of the foundation acts as soon as it is reached
-        lam = _pressure(moment, law, local.place[:, 0] + guess[:, 0])
+        lam = _pressure(moment, law, local.displacement[:, 0] + guess[:, 0])
     for block in law.blocks:
         if block.damping is not None:
             felt = block.damping.subdifferential(local.velocity[block.index, 0])
             lam[block.index, 0] += np.clip(0.0, felt.lower, felt.upper)
             held[block.index] |= (felt.upper > felt.lower)[:, None]
     if lam.shape[1] > 1:
-        guess[:, 0] = local.place[:, 0]
+        guess[:, 0] = local.displacement[:, 0]
         size, direction = polar(guess[:, 1:])
         pull = law.law.frozen(guess, lam).tangential.subdifferential(size)
         slips = size > span * slow
@@ -212,11 +220,11 @@ def _rubbed(moment: Moment, law: StepLaw, slow: float, span: float) -> tuple[Arr
     return lam, held
 
 
-def _acceleration(advance: Advance, moment: Moment, load: Array, held: Array) -> Array:
+def _acceleration(advance: TimeStepper, moment: TimeState, load: Array, held: Array) -> Array:
     """``M^-1`` of the forces that do not balance at the start, where moved supports (k,) have a given one."""
     discrete, n = advance.discrete, advance.discrete.unknowns
     assert discrete.mass is not None
-    force = load - discrete.stiffness.times(moment.body.place)
+    force = load - discrete.stiffness.times(moment.body.displacement)
     if discrete.viscosity is not None:
         force -= discrete.viscosity.times(moment.body.velocity)
     for h, (_, branch) in zip(moment.branches, discrete.branches, strict=True):

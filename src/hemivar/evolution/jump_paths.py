@@ -85,6 +85,7 @@ class Followed:
     leaps: tuple[Leap, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
 class JumpPaths:
     """Follows the equilibria of steps of an elastic body.
 
@@ -93,12 +94,14 @@ class JumpPaths:
     discrete : DiscreteEvolution
     bodies : Bodies
     workspace : Workspace
+    transient : Workspace
+        For the bodies of transients, which come and go.
     """
 
-    def __init__(self, discrete: DiscreteEvolution, bodies: Bodies, workspace: Workspace) -> None:
-        self.discrete, self.bodies, self.workspace = discrete, bodies, workspace
-        #: For the bodies of transients, which come and go.
-        self.transient = Workspace(4)
+    discrete: DiscreteEvolution
+    bodies: Bodies
+    workspace: Workspace
+    transient: Workspace
 
     def follow(self, stage: Stage, excess: float, jump: Jump, solver: Solver | None, controls: Controls) -> Followed:
         """The solution of a stage, at the end of the path from the moment before it.
@@ -128,7 +131,7 @@ class JumpPaths:
         # Under a part of the load, what is left of the balance is measured by the whole.
         whole = controls.rtol * float(np.linalg.norm(problem.load))
         fall = _Fall(self, chain, excess, jump, solver, replace(controls, atol=max(controls.atol, whole)))
-        start = before.local.place - stage.origin
+        start = before.local.displacement - stage.origin
         theta, segment = chain.nearest(start, before.multiplier)
         place, pressed = chain.local(theta, segment)
         line = LoadLine(problem, problem.with_(load=problem.contact_force(pressed), offset=-place))

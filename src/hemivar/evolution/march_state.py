@@ -15,15 +15,19 @@ from hemivar.basics.arguments import number
 from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.types import Array
 from hemivar.errors import FileError, ProblemError
+from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.heat_book import HeatBook, Warmth
 from hemivar.evolution.history import Frame, Row
-from hemivar.evolution.ledger import Ledger
-from hemivar.evolution.moment import Moment, Motion, Stretching
+from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
 from hemivar.evolution.steps import Pace
 
-__all__ = ["Checkpoint", "MarchState"]
+__all__ = ["MOTION", "RATES", "Checkpoint", "MarchState"]
 
-_FORMAT = 6
+#: What is kept of a motion; its products with the matrices are computed again, to the last bit. And of mean rates.
+MOTION = ("displacement", "velocity", "acceleration")
+RATES = ("velocity", "acceleration")
+
+_FORMAT = 7
 _LARGEST = 1 << 36
 
 
@@ -33,7 +37,7 @@ class MarchState:
 
     Attributes
     ----------
-    moment : Moment
+    moment : TimeState
     pace : Pace
     rows : tuple of Row
     frames : tuple of Frame
@@ -53,7 +57,7 @@ class MarchState:
         Whether loads were straight lines in every step so far, as the bound asks.
     """
 
-    moment: Moment
+    moment: TimeState
     pace: Pace
     rows: tuple[Row, ...]
     frames: tuple[Frame, ...]
@@ -108,20 +112,17 @@ class Checkpoint:
                 ]
             ),
         }
-        for name, motion in (("body", moment.body), ("local", moment.local)):
-            for part in ("place", "velocity", "acceleration"):
-                arrays[f"{name}.{part}"] = getattr(motion, part)
+        arrays |= _parts({"body": moment.body, "local": moment.local}, MOTION)
         for k, branch in enumerate(moment.branches):
             arrays[f"branch.{k}"] = branch
-        if moment.stretching is not None:
-            arrays["stretching.force"] = moment.stretching.force
-            arrays["stretching.multiplier"] = moment.stretching.multiplier
+        last = moment.history
+        if last is not None:
+            arrays |= _parts({"history": last}, ("force", "multiplier"))
+            arrays |= _parts({"history.body": last.body, "history.local": last.local}, RATES)
         if moment.heat is not None:
             warm = moment.heat.moment
             arrays["heat.multiplier"] = warm.multiplier
-            for name, motion in (("heat.body", warm.body), ("heat.local", warm.local)):
-                for part in ("place", "velocity", "acceleration"):
-                    arrays[f"{name}.{part}"] = getattr(motion, part)
+            arrays |= _parts({"heat.body": warm.body, "heat.local": warm.local}, MOTION)
         memory = []
         for number_, (boundary, states) in enumerate(moment.memory.items()):
             memory.append([boundary, list(states)])
@@ -140,7 +141,7 @@ class Checkpoint:
             "time": float(moment.time).hex(),
             "index": moment.index,
             "ledger": _hex(moment.ledger),
-            "stretching": None if moment.stretching is None else float(moment.stretching.step).hex(),
+            "history": None if last is None else float(last.step).hex(),
             "heat": None if moment.heat is None else _heat_head(moment.heat),
             "pace": [float(state.pace.step).hex(), state.pace.rung, state.pace.waiting],
             "columns": list(state.rows[0].values),
@@ -209,7 +210,13 @@ class Checkpoint:
         return FileError(f"{disk.shown(self.file)}: the checkpoint cannot be used ({why}); begin anew without resume")
 
 
-def _hex(ledger: Ledger | HeatBook) -> dict[str, str]:
+def _parts(of: Mapping[str, object], names: tuple[str, ...]) -> dict[str, Array]:
+    """Arrays by the names of what they are part of and their own, of those that are there."""
+    every = ((f"{name}.{part}", getattr(one, part, None)) for name, one in of.items() for part in names)
+    return {name: array for name, array in every if array is not None}
+
+
+def _hex(ledger: EnergyBalance | HeatBook) -> dict[str, str]:
     return {name: float(value).hex() for name, value in asdict(ledger).items()}
 
 
@@ -229,17 +236,22 @@ _FRAME = ("displacement", "velocity", "local", "multiplier", "rate")
 
 
 def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
-    def motion(name: str) -> Motion:
-        return Motion(arrays[f"{name}.place"], arrays[f"{name}.velocity"], arrays[f"{name}.acceleration"])
+    def motion(name: str) -> Kinematics:
+        return Kinematics(*(arrays[f"{name}.{part}"] for part in MOTION))
 
     def numbers(entries: Mapping[str, str]) -> dict[str, float]:
         return {name: float.fromhex(value) for name, value in entries.items()}
+
+    def rates(name: str) -> Rates | None:
+        found = (arrays.get(f"{name}.{part}") for part in RATES)
+        velocity, acceleration = found
+        return None if velocity is None or acceleration is None else Rates(velocity, acceleration)
 
     memory = {
         boundary: {name: arrays[f"memory.{k}.{name}"] for name in names}
         for k, (boundary, names) in enumerate(head["memory"])
     }
-    moment = Moment(
+    moment = TimeState(
         float.fromhex(head["time"]),
         head["index"],
         motion("body"),
@@ -247,16 +259,22 @@ def _state(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> MarchState:
         arrays["multiplier"],
         tuple(arrays[f"branch.{k}"] for k in range(head["branches"])),
         memory,
-        Ledger(**numbers(head["ledger"])),
-        stretching=None
-        if head["stretching"] is None
-        else Stretching(float.fromhex(head["stretching"]), arrays["stretching.force"], arrays["stretching.multiplier"]),
+        EnergyBalance(**numbers(head["ledger"])),
+        history=None
+        if head["history"] is None
+        else LastStep(
+            float.fromhex(head["history"]),
+            arrays.get("history.force"),
+            arrays["history.multiplier"],
+            rates("history.body"),
+            rates("history.local"),
+        ),
     )
     if head["heat"] is not None:
         warm = head["heat"]
-        flow = Moment(
+        flow = TimeState(
             float.fromhex(warm["time"]), warm["index"], motion("heat.body"), motion("heat.local"),
-            arrays["heat.multiplier"], ledger=Ledger(**numbers(warm["ledger"])),
+            arrays["heat.multiplier"], ledger=EnergyBalance(**numbers(warm["ledger"])),
         )  # fmt: skip
         book = HeatBook(**numbers(warm["book"]))
         moment = replace(moment, heat=Warmth(flow, book, warm["rounds"], float.fromhex(warm["contraction"])))

@@ -12,10 +12,10 @@ from hemivar.basics.types import Array
 from hemivar.certify.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.evolution.advance import Advance, Taken
-from hemivar.evolution.moment import Moment
 from hemivar.evolution.stage import Stage
+from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_laws import BlockLaw
+from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Solution
 from hemivar.systems.elimination import Elimination
 
@@ -36,7 +36,7 @@ class Margins:
     Where a law depends on the state, the margin is that of the solution at hand.
     """
 
-    def __init__(self, advance: Advance) -> None:
+    def __init__(self, advance: TimeStepper) -> None:
         self.advance = advance
         self._largest: tuple[bytes, float] = b"", math.nan
         self._last: tuple[object, float, float] = None, math.nan, math.nan
@@ -44,7 +44,7 @@ class Margins:
         self._matrices: OrderedDict[tuple[float, ...], Array | None] = OrderedDict()
         self._beside = None if advance.beside is None else Margins(advance.beside)
 
-    def margin(self, taken: Taken) -> float:
+    def margin(self, taken: StepResult) -> float:
         """Least margin of the stages of a step, and of heat."""
         own = min(self._of(stage, solution) for stage, solution in zip(taken.stages, taken.solutions, strict=True))
         return own if taken.heat is None or self._beside is None else min(own, self._beside.margin(taken.heat))
@@ -55,18 +55,18 @@ class Margins:
             return 1.0
         if problem.law.state_dependent:
             return self._at(problem, solution)
-        return 1.0 - self.advance.constant(problem)
+        return 1.0 - self.advance.stages.constant(stage, problem.law)
 
     def _at(self, problem: DiscreteProblem, solution: Solution) -> float:
         """That of a law that depends on the state; where friction does not weaken it is the same in all states."""
         stiffness, law = problem.stiffness, problem.law
         if self._known[0] is stiffness and self._known[1] is law and law.friction.profile.convex:
             return self._known[2]
-        found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.workspace)
+        found = margin_at(problem, solution.unknowns, solution.multiplier, self.advance.stages.workspace)
         self._known = stiffness, law, found
         return found
 
-    def largest_step(self, taken: Taken) -> float:
+    def largest_step(self, taken: StepResult) -> float:
         """Largest step with a positive margin, of motion and heat, to a percent; inf if any, nan where it is not looked
         for.
 
@@ -78,7 +78,7 @@ class Margins:
             return own
         return float(np.minimum(own, self._beside.largest_step(taken.heat)))  # nan if one of them is
 
-    def _largest_step(self, taken: Taken) -> float:
+    def _largest_step(self, taken: StepResult) -> float:
         problem = taken.stages[0].problem
         if problem.law is self._last[0] and taken.step == self._last[1]:
             return self._last[2]
@@ -87,7 +87,7 @@ class Margins:
             self._last = problem.law, taken.step, found
         return found
 
-    def _largest_of(self, taken: Taken, problem: DiscreteProblem) -> float:
+    def _largest_of(self, taken: StepResult, problem: DiscreteProblem) -> float:
         alphas = [np.asarray(alpha) for alpha in problem.law.frozen_at(-problem.offset).weak_convexity]
         blocks = taken.stages[0].law.blocks
         if not any(alpha.any() for alpha in alphas) and not any(_may_soften(block) for block in blocks):
@@ -98,13 +98,13 @@ class Margins:
         told = np.array([taken.step, taken.before.time if changes else 0.0])
         # Damping stiffens a law from where a point is on: by less in a longer step, from another place in the next one.
         varies = any(block.damping is not None or not block.memory.of_state for block in blocks)
-        damped = [taken.before.local.place[:, 0]] if varies else []
+        damped = [taken.before.local.displacement[:, 0]] if varies else []
         key = b"".join(alpha.tobytes() for alpha in (told, *alphas, *damped))
         if key != self._largest[0]:
             self._largest = key, self._sought(taken)
         return self._largest[1]
 
-    def _sought(self, taken: Taken) -> float:
+    def _sought(self, taken: StepResult) -> float:
         """The largest of the steps ``taken.step * 2^(k / 70)`` with a positive margin, which falls with the step.
 
         Looked for from the last answer outwards; what is found does not depend on that one.
@@ -134,12 +134,12 @@ class Margins:
             good, bad = (middle, bad) if positive(middle) else (good, middle)
         return math.ldexp(step * 2.0 ** (good % _PARTS / _PARTS), good // _PARTS)
 
-    def _positive(self, before: Moment, step: float) -> bool:
+    def _positive(self, before: TimeState, step: float) -> bool:
         """Whether a step of this length has a positive margin: whether the body condensed onto its contact points,
         less what the laws may soften, is positive definite."""
         contact = self.advance.discrete.problem.contact
         try:
-            tried = self.advance.tried(before, step)
+            tried = self.advance.stage_laws(before, step)
         except ProblemError:  # what depends on time makes no sense any more at the end of so long a step
             return False
         for factors, law in tried:
@@ -162,7 +162,7 @@ class Margins:
         """Stiffness (m d, m d) between the contact points of a body; None where it is not held."""
         if factors not in self._matrices:
             try:
-                found = Elimination.of(self.advance.bodies.body(*factors, keep=False)).matrix
+                found = Elimination.of(self.advance.stages.bodies.body(*factors, keep=False)).matrix
             except ProblemError:
                 found = None
             self._matrices[factors] = found

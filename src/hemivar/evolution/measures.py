@@ -8,13 +8,13 @@ import numpy as np
 
 from hemivar.basics.types import IntArray
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.moment import Moment
+from hemivar.evolution.state import TimeState
 from hemivar.solvers.boundary_result import friction_of
 
 __all__ = ["contact_forces"]
 
 
-def contact_forces(discrete: DiscreteEvolution, moment: Moment) -> dict[str, float]:
+def contact_forces(discrete: DiscreteEvolution, moment: TimeState) -> dict[str, float]:
     """Forces and measures of contact, over all and by boundary.
 
     ``normal_force`` is the resultant of the pressure; ``friction_force`` that of the friction of the foundation on the
@@ -30,7 +30,7 @@ def contact_forces(discrete: DiscreteEvolution, moment: Moment) -> dict[str, flo
     rubbed = friction_of(force)
     if rubbed.shape[1] > 1:  # the tangents of different points point in different directions
         rubbed = discrete.problem.contact.global_vectors(force * (np.arange(lam.shape[1]) > 0))
-    shut, depth = np.where(lam[:, 0] > 0.0, weights, 0.0), moment.local.place[:, 0]
+    shut, depth = np.where(lam[:, 0] > 0.0, weights, 0.0), moment.local.displacement[:, 0]
     add = np.add.reduce
     for _, index in parts:
         own += [add(force[index, 0]), *add(rubbed[index], axis=0), add(shut[index])]

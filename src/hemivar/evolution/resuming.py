@@ -9,26 +9,25 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.history import Frame, Row
-from hemivar.evolution.march_state import MarchState
-from hemivar.evolution.moment import Moment, Motion
+from hemivar.evolution.march_state import MOTION, RATES, MarchState
+from hemivar.evolution.state import Kinematics, LastStep, TimeState
 from hemivar.evolution.step_laws import initial_memory
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.steps import Stepping
 
 __all__ = ["misfit"]
 
-_PARTS = ("place", "velocity", "acceleration")
 _AT_CONTACT = ("local", "multiplier", "rate")
 
 
-def misfit(state: MarchState, advance: Advance, stepping: Stepping, columns: Sequence[str]) -> str:
+def misfit(state: MarchState, advance: TimeStepper, stepping: Stepping, columns: Sequence[str]) -> str:
     """What is wrong with a state that was read: shapes, numbers that are not finite, times and counters.
 
     Parameters
     ----------
     state : MarchState
-    advance : Advance
+    advance : TimeStepper
         Of the evolution that goes on.
     stepping : Stepping
     columns : sequence of str
@@ -42,21 +41,18 @@ def misfit(state: MarchState, advance: Advance, stepping: Stepping, columns: Seq
     return next(_wrong(state, advance, stepping, columns), "")
 
 
-def _wrong(state: MarchState, advance: Advance, stepping: Stepping, columns: Sequence[str]) -> Iterator[str]:
+def _wrong(state: MarchState, advance: TimeStepper, stepping: Stepping, columns: Sequence[str]) -> Iterator[str]:
     yield from _moment(state.moment, advance, "")
-    discrete, moment = advance.discrete, state.moment
+    moment = state.moment
     if moment.heat is not None and advance.beside is not None:
         yield from _moment(moment.heat.moment, advance.beside, "heat.")
         if not (_count(moment.heat.rounds) and math.isfinite(moment.heat.contraction)):
             yield "the rounds of its heat are no numbers"
     if (moment.heat is None) != (advance.beside is None):
         yield "it has heat where the evolution has none, or none where it has"
-    if moment.stretching is not None:
-        yield from _array("stretching.force", moment.stretching.force, (discrete.unknowns,))
-        yield from _array("stretching.multiplier", moment.stretching.multiplier, moment.multiplier.shape)
-        if not 0.0 < moment.stretching.step < math.inf:
-            yield f"the step of its stretching is {moment.stretching.step:g}"
-    yield from _array("origin", state.origin, moment.body.place.shape)
+    if moment.history is not None:
+        yield from _history(moment.history, moment, advance)
+    yield from _array("origin", state.origin, moment.body.displacement.shape)
     if not (stepping.knows(state.pace) and moment.time + state.pace.step > moment.time):
         yield f"its step, {state.pace.step:g}, is none of this control of steps"
     for name in ("largest", "farthest"):
@@ -75,10 +71,10 @@ def _wrong(state: MarchState, advance: Advance, stepping: Stepping, columns: Seq
     yield from _frames(state.frames, {row.time for row in state.rows}, advance, moment)
 
 
-def _moment(moment: Moment, advance: Advance, where: str) -> Iterator[str]:
+def _moment(moment: TimeState, advance: TimeStepper, where: str) -> Iterator[str]:
     """What is wrong with the state of a body, or of its heat."""
     discrete, evolution = advance.discrete, advance.discrete.evolution
-    acting = advance.acting(evolution.start)
+    acting = advance.data.at(evolution.start)
     whole, local = (discrete.unknowns + len(discrete.moved),), acting.offset.shape
     yield from _motion(f"{where}body", moment.body, whole)
     yield from _motion(f"{where}local", moment.local, local)
@@ -94,6 +90,22 @@ def _moment(moment: Moment, advance: Advance, where: str) -> Iterator[str]:
     yield from _memory(moment.memory, initial_memory(discrete, acting.law, np.zeros(local)))
 
 
+def _history(last: LastStep, moment: TimeState, advance: TimeStepper) -> Iterator[str]:
+    """What is wrong with what is known of the last step."""
+    if last.force is not None:
+        yield from _array("history.force", last.force, (advance.discrete.unknowns,))
+    yield from _array("history.multiplier", last.multiplier, moment.multiplier.shape)
+    if not 0.0 < last.step < math.inf:
+        yield f"the step before it is {last.step:g}"
+    for name, rates, shape in (
+        ("body", last.body, moment.body.velocity.shape), ("local", last.local, moment.multiplier.shape)
+    ):  # fmt: skip
+        if (rates is None) == advance.scheme.multistep:
+            yield "it lacks the rates of the last step, or has them where the scheme asks for none"
+        for part in () if rates is None else RATES:
+            yield from _array(f"history.{name}.{part}", getattr(rates, part), shape)
+
+
 def _memory(found: Mapping[str, Mapping[str, Array]], first: Mapping[str, Mapping[str, Array]]) -> Iterator[str]:
     if {name: set(states) for name, states in found.items()} != {name: set(states) for name, states in first.items()}:
         yield "its contact points remember other quantities"
@@ -103,7 +115,7 @@ def _memory(found: Mapping[str, Mapping[str, Array]], first: Mapping[str, Mappin
             yield from _array(f"{name} of {boundary}", found[boundary][name], np.shape(values))
 
 
-def _rows(rows: Sequence[Row], advance: Advance, moment: Moment, columns: Sequence[str]) -> Iterator[str]:
+def _rows(rows: Sequence[Row], advance: TimeStepper, moment: TimeState, columns: Sequence[str]) -> Iterator[str]:
     times = [row.time for row in rows]
     if not rows or times[0] != advance.discrete.evolution.start or times[-1] != moment.time:
         yield "its table does not begin and end with the evolution"
@@ -113,10 +125,10 @@ def _rows(rows: Sequence[Row], advance: Advance, moment: Moment, columns: Sequen
         yield "its table has other columns"
 
 
-def _frames(frames: Sequence[Frame], times: set[float], advance: Advance, moment: Moment) -> Iterator[str]:
+def _frames(frames: Sequence[Frame], times: set[float], advance: TimeStepper, moment: TimeState) -> Iterator[str]:
     if not frames:
         yield "it has no frames"
-    nodes, local = advance.discrete.full(moment.body.place).shape, moment.local.place.shape
+    nodes, local = advance.discrete.full(moment.body.displacement).shape, moment.local.displacement.shape
     before, remembered = -math.inf, {name for states in moment.memory.values() for name in states}
     for frame in frames:
         if frame.time not in times or frame.time <= before:
@@ -134,8 +146,8 @@ def _frames(frames: Sequence[Frame], times: set[float], advance: Advance, moment
             yield from _array("temperature of a frame", frame.temperature, nodes[:1])
 
 
-def _motion(name: str, motion: Motion, shape: tuple[int, ...]) -> Iterator[str]:
-    for part in _PARTS:
+def _motion(name: str, motion: Kinematics, shape: tuple[int, ...]) -> Iterator[str]:
+    for part in MOTION:
         yield from _array(f"{name}.{part}", getattr(motion, part), shape)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.stage import Stage
+from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Solution
 
 __all__ = ["crosses_ridge"]
@@ -17,7 +17,7 @@ _PARTS = 32
 _ROUNDED, _AT_END = 1e-13, 1e-9
 
 
-def crosses_ridge(advance: Advance, taken: Taken) -> bool:
+def crosses_ridge(advance: TimeStepper, taken: StepResult) -> bool:
     """Whether a body without viscosity and mass left its equilibrium at once in a step.
 
     While an equilibrium is stable and the body follows it, the energy of the step is convex along the way; between two
@@ -25,25 +25,27 @@ def crosses_ridge(advance: Advance, taken: Taken) -> bool:
 
     Parameters
     ----------
-    advance : Advance
-    taken : Taken
+    advance : TimeStepper
+    taken : StepResult
     """
-    if advance.resists:
+    if advance.stages.resists:
         return False
     stages = zip(taken.stages, taken.solutions, strict=True)
     return any(
-        advance.excess(stage.problem) >= 0.0 and _bends(_energies(advance, stage, solution))
+        advance.stages.excess(stage) >= 0.0 and _bends(_energies(advance, stage, solution))
         for stage, solution in stages
     )
 
 
-def _energies(advance: Advance, stage: Stage, solution: Solution) -> Array:
+def _energies(advance: TimeStepper, stage: Stage, solution: Solution) -> Array:
     """Energy of a stage on the straight way to its solution, but for a part that is linear in the way."""
     discrete, contact = advance.discrete, stage.problem.contact
     way = np.zeros(stage.place.size)
     way[: solution.unknowns.size] = solution.unknowns
     body = discrete.stiffness.energy(way)
-    body += sum(gain * part.energy(way) for gain, (_, part) in zip(stage.gains, discrete.branches, strict=True))
+    body += sum(
+        gain * part.energy(way) for gain, (_, part) in zip(stage.operator.gains, discrete.branches, strict=True)
+    )
     parts, pressed = np.linspace(0.0, 1.0, _PARTS + 1), np.zeros(_PARTS + 1)
     if contact.count:
         law = stage.problem.law.frozen(solution.local, solution.multiplier)

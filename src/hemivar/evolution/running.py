@@ -12,7 +12,6 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.disk import try_output
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.consistent import begun, longest_without_swing, ramped, settled, sunk_by_a_jump, yields_at_once
 from hemivar.evolution.descent import resistance_against
 from hemivar.evolution.discrete import Acting, DiscreteEvolution
@@ -26,16 +25,18 @@ from hemivar.evolution.kinks import kinks_in_time
 from hemivar.evolution.march_state import Checkpoint, MarchState
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.measures import contact_forces
-from hemivar.evolution.moment import Moment
 from hemivar.evolution.plan import March
 from hemivar.evolution.resuming import misfit
 from hemivar.evolution.ridge import crosses_ridge
 from hemivar.evolution.save import Frames, large_deformation, probed
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.setting_out_anew import set_out_anew
+from hemivar.evolution.state import TimeState
+from hemivar.evolution.step_end import energies
 from hemivar.evolution.step_error import step_error
+from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.evolution.steps import Pace
-from hemivar.evolution.thermal_advance import advance_of
+from hemivar.evolution.thermal_stepper import stepper_of
 from hemivar.evolution.time_error import TimeBound, bound_in_time
 from hemivar.mechanics.statement import Contact
 from hemivar.solvers import Controls, Solver, Status
@@ -61,6 +62,8 @@ _SINKS = "an obstacle jumps into the body"
 _FEW, _LATE = 5.0, 0.01
 #: Columns of the sums of errors of steps: in the energy norm, and at the contact points.
 _SUMMED = ("error_sum", "contact_error_sum")
+#: Ends of a solve that are none of the step.
+_OUTSIDE = (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
 #: How near to a stop what acts is looked at for jumps, as a part of the time before it or of the first step.
 _BESIDE = 1e-9
 #: Part of displacements by which a stated initial one may differ from the equilibrium that is found.
@@ -76,7 +79,7 @@ class Stepped:
     row : Row
     frame : Frame or None
         If one was saved.
-    moment : Moment
+    moment : TimeState
     done : float
         Part of the whole time that is behind.
     happened : tuple of str
@@ -89,7 +92,7 @@ class Stepped:
 
     row: Row
     frame: Frame | None
-    moment: Moment
+    moment: TimeState
     done: float
     happened: tuple[str, ...] = ()
     earlier: tuple[tuple[int, Frame], ...] = ()
@@ -103,18 +106,45 @@ class Tools:
     Attributes
     ----------
     advance : callable
-        Makes what takes steps of a discrete evolution, scheme, solver, controls and workspace.
+        Makes what takes steps of a discrete evolution, scheme, solver, controls, workspace, and the times at which what
+        acts may jump.
     margins, bound, identity : callables
         What tells margins, bounds of the error in time, and one evolution from another.
     probes : callable
         What measures displacements at points.
     """
 
-    advance: Callable[[DiscreteEvolution, Scheme, Solver | None, Controls, Workspace | None], Advance] = advance_of
-    margins: Callable[[Advance], Margins] = Margins
-    bound: Callable[[Advance], TimeBound] = bound_in_time
+    advance: Callable[
+        [DiscreteEvolution, Scheme, Solver | None, Controls, Workspace | None, Mapping[float, float]], TimeStepper
+    ] = stepper_of
+    margins: Callable[[TimeStepper], Margins] = Margins
+    bound: Callable[[TimeStepper], TimeBound] = bound_in_time
     identity: Callable[..., str] = identity
     probes: Callable[[DiscreteEvolution, Mapping[str, object]], Callable[[Array], dict[str, Array]]] = probed
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A step that was solved.
+
+    Attributes
+    ----------
+    taken : StepResult
+    pace : Pace
+        At which it was taken.
+    errors : pair of float
+        Relative, in the energy norm and at the contact points.
+    following : Pace
+        What comes next, if it stands; what to try in its place, if not.
+    unsolved : float
+        The shortest step that was tried in its place, and could not be solved; 0 if none was.
+    """
+
+    taken: StepResult
+    pace: Pace
+    errors: tuple[float, float]
+    following: Pace
+    unsolved: float = 0.0
 
 
 class Run:
@@ -138,24 +168,25 @@ class Run:
                 "unit"
             )
         self.probes = tools.probes(discrete, plan.save.probes)
-        self.advance = tools.advance(discrete, plan.scheme, plan.solver, plan.controls, workspace)
+        stops = {self.start: _BESIDE * self.pace.step} | {
+            stop: _BESIDE * (stop - self.start) for stop in plan.stops if stop > self.start
+        }
+        self.stops = frozenset(stops)
+        self.advance = tools.advance(discrete, plan.scheme, plan.solver, plan.controls, workspace, stops)
         self.margins = tools.margins(self.advance)
         self.bound = tools.bound(self.advance)
         stated = discrete.evolution.problem, discrete.evolution.heat
         kinks, self.doubts = kinks_in_time(stated, self.start, plan.until)
         self.doubts += _rings(discrete, plan.scheme)
         self.ends = _ends(plan, self.start, kinks)
-        self.advance.stops = {self.start: _BESIDE * self.pace.step} | {
-            stop: _BESIDE * (stop - self.start) for stop in plan.stops if stop > self.start
-        }
         self.yields = yields_at_once(discrete)
-        self.unsettled: Taken | None = None
+        self.unsettled: StepResult | None = None
         self.identity = ""
         if plan.checkpoint is not None:
             if discrete.vectors.alone and isinstance(plan.checkpoint, Checkpoint):
                 try_output(plan.checkpoint.file)  # before anything is computed in vain
             self.identity = tools.identity(self.advance, self.stepping, plan.stops, plan.save, plan.events, plan.jump)
-        self.moment: Moment
+        self.moment: TimeState
         self.errors = (0.0, 0.0)  # of the last step, relative
         self.levels: dict[int, float] = {}
         self.told = False
@@ -177,7 +208,7 @@ class Run:
             self.rows = [self._row(None)]
             self.events: list[tuple[float, str]] = []
             self.largest = self.farthest = 0.0
-            self.origin = self.moment.body.place
+            self.origin = self.moment.body.displacement
         else:
             self.moment, self.pace = state.moment, state.pace
             self.largest, self.farthest, self.origin = state.largest, state.farthest, state.origin
@@ -199,88 +230,118 @@ class Run:
         if wrong:
             raise kept.unfit(why or "the part of another process makes no sense")
 
-    def step(self) -> tuple[Taken | None, tuple[str, ...], bool]:
+    def step(self) -> tuple[StepResult | None, tuple[str, ...], bool]:
         """The next step that stands, the events at its end and whether one of them ends the march.
 
         Without a step, the reason in the place of the events.
         """
         goal = next(end for end in self.ends if end > self.moment.time)
-        whole = True
-        rejected: tuple[Taken, Pace, tuple[float, float]] | None = None  # solved, but not as exact as was asked for
-        unsolved = 0.0  # the shortest step that was tried instead
-        begin = self.moment
-        if begin.time in self.ends or not begin.index:
-            length, _ = _fitted(self.pace.step, begin.time, goal)
-            begin = set_out_anew(self.advance, self._settled(begin, length), length)
+        begin = self._beginning(goal)
         if self.unsettled is not None:
             return None, (self.unsettled.status.value,), True
+        tried = self._tried(begin, goal)
+        if isinstance(tried, Status):
+            return None, (tried.value,), True
+        self.pace, self.errors = tried.pace, tried.errors
+        if self.plan.jump is Jump.STOP and not self.advance.stages.resists and self.margins.margin(tried.taken) <= 0.0:
+            where = f"at t = {tried.taken.moment.time:g} a step may have several solutions"
+            self.tell(f"{where}; the march stops before it, as asked")
+            return None, ("margin lost",), True
+        self._tell_of_misses(tried)
+        taken, happened, stop = self._located(tried.taken)
+        if taken.step >= self.pace.step * (1.0 - 1e-6):
+            self.pace = tried.following
+        return taken, happened, stop
+
+    def _beginning(self, goal: float) -> TimeState:
+        """The state that the next step begins with: another than the last where what acts may have a kink or jump."""
+        begin = self.moment
+        if begin.time not in self.ends and begin.index:
+            return begin
+        length, _ = _fitted(self.pace.step, begin.time, goal)
+        begin = set_out_anew(self.advance, self._settled(begin, length), length)
+        return replace(begin, history=None) if self.plan.scheme.multistep else begin
+
+    def _tried(self, begin: TimeState, goal: float) -> _Tried | Status:
+        """The first of ever shorter steps that can be solved and is exact enough; else why there is none."""
+        rejected: _Tried | None = None  # solved, but not as exact as was asked for
         while True:
             length, reached = _fitted(self.pace.step, self.moment.time, goal)
             taken = self.advance.take(begin, length, reached, Jump(self.plan.jump))
-            if taken.status is not Status.CONVERGED:
-                if taken.status is Status.MAX_TIME:
-                    check_time()  # of the march; else it is the time that one solve may take
-                outside = taken.status in (Status.INTERRUPTED, Status.MAX_TIME, Status.OUT_OF_MEMORY)
-                lost = taken.status is Status.NOT_CARRIED  # by what acts at the end of the step, however short it is
-                smaller = None if outside or lost else self.stepping.smaller(self.pace)
-                while smaller is not None and smaller.step >= length:  # as long a step was tried
-                    smaller = self.stepping.smaller(smaller)
-                if smaller is not None:
-                    self.pace, whole = smaller, True
-                    continue
-                if outside or rejected is None:
-                    if taken.status is not Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
-                        remedy = taken.remedy
-                        if length < _SHORT * self.pace.step:
-                            remedy = (
-                                f"a step of {length:.3g} among others of {self.pace.step:.3g} asks for forces that "
-                                "displacements do not tell; move the stop, the kink of a load or the end that makes it"
-                            )
-                        when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
-                        self.tell(f"the step {when} could not be solved: {remedy}")
-                    return None, (taken.status.value,), True
-                taken, self.pace, self.errors = rejected  # none of those tried that are shorter can be solved
-                unsolved = length
-                following, error = self.pace, max(self.errors)
-            else:
-                error = None
-                if self.stepping.estimates:
-                    found = step_error(self.advance, taken, self.origin, self._after_kink)
-                    self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
-                    self.errors = found.relative(self.largest, self.farthest)
-                    error = max(self.errors)
-                stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
-                if not stands:
-                    rejected, self.pace = (taken, self.pace, self.errors), following
-                    continue
-            if self.plan.jump is Jump.STOP and not self.advance.resists and self.margins.margin(taken) <= 0.0:
-                where = f"at t = {taken.moment.time:g} a step may have several solutions"
-                self.tell(f"{where}; the march stops before it, as asked")
-                return None, ("margin lost",), True
-            if self.stepping.missed(error) and not any(message.startswith(_MISSED) for message in self.messages):
-                why, remedy = "which cannot be shorter", "allow shorter steps or take"
-                if rejected is not None and taken is rejected[0]:
-                    why, remedy = f"and those tried that are shorter, down to {unsolved:.3g}, cannot be solved", "take"
-                self.tell(
-                    f"{_MISSED} first in the step to t = {taken.moment.time:g}, {why}: its error is about {error:.2g} "
-                    f"of the whole; {remedy} a larger rtol; where a load or a support jumps and nothing slows the body "
-                    "down, or the body jumps, no step is short enough: name the time of a load's jump as a stop, and "
-                    "take implicit-euler"
-                )
-            taken, happened, stop = self._located(taken)
-            if whole and taken.step >= self.pace.step * (1.0 - 1e-6):
-                self.pace = following
-            return taken, happened, stop
+            if taken.status is Status.CONVERGED:
+                stands, tried = self._judged(taken)
+                if stands:
+                    return tried
+                rejected, self.pace = tried, tried.following
+                continue
+            if taken.status is Status.MAX_TIME:
+                check_time()  # of the march; else it is the time that one solve may take
+            smaller = self._shorter(taken.status, length)
+            if smaller is not None:
+                self.pace = smaller
+            elif rejected is None or taken.status in _OUTSIDE:
+                self._tell_of_failure(taken, length, reached)
+                return taken.status
+            else:  # none of those tried that are shorter can be solved
+                return replace(rejected, following=rejected.pace, unsolved=length)
 
-    def _begun(self, moment: Moment) -> Moment:
+    def _judged(self, taken: StepResult) -> tuple[bool, _Tried]:
+        """Whether a step that is solved stands."""
+        errors = self.errors
+        if self.stepping.estimates:
+            found = step_error(self.advance, taken, self.origin, self._after_kink)
+            self.largest, self.farthest = max(self.largest, found.size), max(self.farthest, found.way)
+            errors = found.relative(self.largest, self.farthest)
+        error = max(errors) if self.stepping.estimates else None
+        stands, following = self.stepping.after(self.pace, error, self.plan.scheme.order)
+        return stands, _Tried(taken, self.pace, errors, following)
+
+    def _shorter(self, status: Status, length: float) -> Pace | None:
+        """What to try in place of a step that could not be solved."""
+        if status in _OUTSIDE or status is Status.NOT_CARRIED:  # by what acts at its end, however short it is
+            return None
+        smaller = self.stepping.smaller(self.pace)
+        while smaller is not None and smaller.step >= length:  # as long a step was tried
+            smaller = self.stepping.smaller(smaller)
+        return smaller
+
+    def _tell_of_failure(self, taken: StepResult, length: float, reached: float) -> None:
+        """Say which step could not be solved, and why."""
+        if taken.status is Status.INTERRUPTED:  # which is none of the evolution: it may be resumed
+            return
+        remedy = taken.remedy
+        if length < _SHORT * self.pace.step:
+            remedy = (
+                f"a step of {length:.3g} among others of {self.pace.step:.3g} asks for forces that displacements do "
+                "not tell; move the stop, the kink of a load or the end that makes it"
+            )
+        when = f"from t = {self.moment.time:.10g} to {reached:.10g}"
+        self.tell(f"the step {when} could not be solved: {remedy}")
+
+    def _tell_of_misses(self, tried: _Tried) -> None:
+        """Say that a step is not as exact as was asked for."""
+        error = max(tried.errors) if self.stepping.estimates else None
+        if not self.stepping.missed(error) or any(message.startswith(_MISSED) for message in self.messages):
+            return
+        why, remedy = "which cannot be shorter", "allow shorter steps or take"
+        if tried.unsolved:
+            why, remedy = f"and those tried that are shorter, down to {tried.unsolved:.3g}, cannot be solved", "take"
+        self.tell(
+            f"{_MISSED} first in the step to t = {tried.taken.moment.time:g}, {why}: its error is about {error:.2g} "
+            f"of the whole; {remedy} a larger rtol; where a load or a support jumps and nothing slows the body down, "
+            "or the body jumps, no step is short enough: name the time of a load's jump as a stop, and take "
+            "implicit-euler"
+        )
+
+    def _begun(self, moment: TimeState) -> TimeState:
         """The moment at the start: a body without mass is in equilibrium with what acts, and the balance begins so."""
         if not self.yields:
             return moment
-        now = self.advance.acting(moment.time)
+        now = self.advance.data_from(moment).at(moment.time)
         taken = self._yielded(moment, self.pace.step, now, now)
         if taken is None:
             return moment
-        stated, found = moment.body.place, taken.moment.body.place
+        stated, found = moment.body.displacement, taken.moment.body.displacement
         off, far = self.discrete.vectors.largest(
             float(np.abs(found - stated).max(initial=0.0)), float(np.abs(found).max(initial=0.0))
         ).tolist()
@@ -292,15 +353,15 @@ class Run:
             )
         return begun(taken.moment)
 
-    def _settled(self, moment: Moment, step: float) -> Moment:
+    def _settled(self, moment: TimeState, step: float) -> TimeState:
         """A moment at which a load jumps, with a body without mass in the equilibrium that follows."""
-        now = self.advance.acting_on(moment)
-        if not (self.yields and self.advance.jumps_at(moment.time)):
+        data = self.advance.data_from(moment)
+        if not (self.yields and data.jumps_at(moment.time)):
             return moment
-        taken = self._yielded(moment, step, self.advance.acting_before(moment.time), now)
+        taken = self._yielded(moment, step, data.before(moment.time), data.after(moment.time))
         return moment if taken is None else taken.moment
 
-    def _yielded(self, moment: Moment, step: float, start: Acting, now: Acting) -> Taken | None:
+    def _yielded(self, moment: TimeState, step: float, start: Acting, now: Acting) -> StepResult | None:
         """The equilibrium with what acts now; None, and no further step, if it is not found."""
         taken = settled(self.advance, moment, step, Jump(self.plan.jump), start, now)
         if taken.status is not Status.CONVERGED:
@@ -323,7 +384,7 @@ class Run:
         """Whether the next step is the first or the second after a stop or a kink."""
         return any(row.time in self.ends for row in self.rows[-2:])
 
-    def accept(self, taken: Taken, happened: tuple[str, ...]) -> Stepped:
+    def accept(self, taken: StepResult, happened: tuple[str, ...]) -> Stepped:
         """Book a step."""
         margin = self.margins.margin(taken)
         jumped = bool(taken.leaps) if Jump(self.plan.jump).follows else crosses_ridge(self.advance, taken)
@@ -331,9 +392,9 @@ class Run:
             taken = self._booked(taken)
         if jumped:
             self._tell_of_jump(taken, margin)
-        if self.plan.jump is Jump.VISCOUS and not self.advance.resists:
+        if self.plan.jump is Jump.VISCOUS and not self.advance.stages.resists:
             self._tell_of_lag(taken)
-        if not taken.before.index or taken.before.time in self.advance.stops:
+        if not taken.before.index or taken.before.time in self.stops:
             longest = longest_without_swing(self.advance, taken)
             if longest < taken.step:
                 self.tell(
@@ -360,7 +421,7 @@ class Run:
         done = (self.moment.time - self.start) / (self.plan.until - self.start)
         return Stepped(self.rows[-1], frame, self.moment, done, happened, earlier)
 
-    def _tell_of_jump(self, taken: Taken, margin: float) -> None:
+    def _tell_of_jump(self, taken: StepResult, margin: float) -> None:
         """Say that the body jumped from one equilibrium to another."""
         if any(message.startswith("the body jumped") for message in self.messages):
             return
@@ -375,9 +436,9 @@ class Run:
                 "was before it: displacements ring after a jump; take implicit-euler or sdirk2"
             )
 
-    def _tell_of_lag(self, taken: Taken) -> None:
+    def _tell_of_lag(self, taken: StepResult) -> None:
         """Say that a body lags behind what acts on it, for it is resisted as many steps long as the resistance says."""
-        excess = max(self.advance.excess(stage.problem) for stage in taken.stages)
+        excess = max(self.advance.stages.excess(stage) for stage in taken.stages)
         if excess < 0.0 or any(message.startswith(_LAGS) for message in self.messages):
             return
         steps = resistance_against(excess)
@@ -389,10 +450,10 @@ class Run:
                 "jump = 'arc-length'"
             )
 
-    def _booked(self, taken: Taken) -> Taken:
+    def _booked(self, taken: StepResult) -> StepResult:
         """A step in which the body jumped: what it lost, beside what a law that changed took from what was stored."""
         before, ledger = taken.before, taken.moment.ledger
-        weakened = before.ledger.contact - self.advance.energies(before, taken.stages[-1].law)["contact"]
+        weakened = before.ledger.contact - energies(self.discrete, before, taken.stages[-1].law)["contact"]
         lost = max(ledger.numerical - before.ledger.numerical - weakened, 0.0)
         ledger = replace(ledger, numerical=ledger.numerical - lost, jumps=ledger.jumps + lost)
         return replace(taken, moment=replace(taken.moment, ledger=ledger))
@@ -444,15 +505,15 @@ class Run:
 
     # ---- events ----------------------------------------------------------------------------------------------
 
-    def _levels(self, moment: Moment, margin: float) -> dict[int, float]:
+    def _levels(self, moment: TimeState, margin: float) -> dict[int, float]:
         return {k: event.level(self.discrete, moment, margin) for k, event in enumerate(self.plan.events)}
 
-    def _located(self, taken: Taken) -> tuple[Taken, tuple[str, ...], bool]:
+    def _located(self, taken: StepResult) -> tuple[StepResult, tuple[str, ...], bool]:
         """The step, ended where the first event happens."""
         if not self.plan.events:
             return taken, (), False
 
-        def risen(trial: Taken) -> list[int]:
+        def risen(trial: StepResult) -> list[int]:
             levels = self._levels(trial.moment, self.margins.margin(trial))
             return [k for k, level in levels.items() if level > 0.0 and not self.levels[k] > 0.0]
 
@@ -475,15 +536,15 @@ class Run:
 
     # ---- the table -------------------------------------------------------------------------------------------
 
-    def _row(self, taken: Taken | None, margin: float = math.nan, jumped: bool = False) -> Row:
+    def _row(self, taken: StepResult | None, margin: float = math.nan, jumped: bool = False) -> Row:
         moment = self.moment
         values: dict[str, float] = contact_forces(self.discrete, moment)
-        for name, moved in self.probes(moment.body.place).items():
+        for name, moved in self.probes(moment.body.displacement).items():
             ends = ("u",) if moved.size == 1 else ("u_x", "u_y", "u_z")
             for end, value in zip(ends, moved, strict=False):
                 values[f"{name}.{end}"] = float(value)
         values.update(moment.ledger.record())
-        values.update(self.advance.told(moment))
+        values.update(self.advance.extra_columns(moment))
         if self.stepping.estimates:
             for name, error in zip(_SUMMED, (0.0, 0.0) if taken is None else self.errors, strict=True):
                 values[name] = error if taken is None else self.rows[-1].values[name] + error

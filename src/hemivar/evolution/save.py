@@ -16,7 +16,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
-from hemivar.evolution.moment import Moment
+from hemivar.evolution.state import TimeState
 from hemivar.fem import Deformation, deformation
 from hemivar.fem.elements import barycentric_gradients, shape_values
 from hemivar.mechanics.statement import ContactProblem
@@ -80,7 +80,7 @@ class Frames:
         """Moments offered so far, and which of them are kept."""
         return self._count, self._stride
 
-    def offer(self, discrete: DiscreteEvolution, moment: Moment, last: bool = False) -> Frame | None:
+    def offer(self, discrete: DiscreteEvolution, moment: TimeState, last: bool = False) -> Frame | None:
         """Keep a moment if it is due; the frame, if so."""
         every = self.save.every
         if every is None:
@@ -101,7 +101,7 @@ class Frames:
         return frame
 
 
-def frame_of(discrete: DiscreteEvolution, moment: Moment) -> Frame:
+def frame_of(discrete: DiscreteEvolution, moment: TimeState) -> Frame:
     """The body at a moment."""
     memory: dict[str, Array] = {}
     m = moment.multiplier.shape[0]
@@ -112,15 +112,15 @@ def frame_of(discrete: DiscreteEvolution, moment: Moment) -> Frame:
             whole[index_of[name]] = values
     return Frame(
         moment.time,
-        discrete.full(moment.body.place),
+        discrete.full(moment.body.displacement),
         discrete.full(moment.body.velocity),
-        moment.local.place,
+        moment.local.displacement,
         moment.multiplier,
         moment.local.velocity,
         memory,
         None
         if discrete.heat is None or moment.heat is None
-        else discrete.heat.temperature(moment.heat.moment.body.place),
+        else discrete.heat.temperature(moment.heat.moment.body.displacement),
     )
 
 

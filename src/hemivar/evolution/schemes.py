@@ -12,22 +12,29 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
 
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
+
+if TYPE_CHECKING:
+    from hemivar.evolution.state import Kinematics, Rates
 
 __all__ = [
     "SCHEMES",
     "SDIRK2",
     "GeneralizedAlpha",
     "ImplicitEuler",
-    "Linear",
     "Midpoint",
     "MoreauJean",
     "Newmark",
+    "RateFormula",
     "Rule",
     "Scheme",
 ]
@@ -38,17 +45,58 @@ _ROUNDED = 1e-14
 
 
 @dataclass(frozen=True)
-class Linear:
-    """``difference * (u - u_n) + velocity * v + acceleration * w``, the values at the beginning of the step.
+class RateFormula:
+    """``difference * (u - u_n) + velocity * v + acceleration * w + mean_velocity * dv + mean_acceleration * dw``.
+
+    v and w are velocity and acceleration at the beginning of the step, dv and dw the mean rates of displacement and
+    velocity over the step before it.
 
     Attributes
     ----------
-    difference, velocity, acceleration : float
+    difference, velocity, acceleration, mean_velocity, mean_acceleration : float
     """
 
     difference: float
     velocity: float = 0.0
     acceleration: float = 0.0
+    mean_velocity: float = 0.0
+    mean_acceleration: float = 0.0
+
+    @cached_property
+    def of_difference(self) -> bool:
+        """Whether it is a multiple of the difference alone."""
+        return not any((self.velocity, self.acceleration, self.mean_velocity, self.mean_acceleration))
+
+    @cached_property
+    def of_velocity(self) -> bool:
+        """Whether all that it takes over from the beginning of the step is a multiple of the velocity, or nothing."""
+        return not any((self.acceleration, self.mean_velocity, self.mean_acceleration))
+
+    def of(self, difference: Array, motion: Kinematics, last: Rates | None) -> Array:
+        """What it makes of a difference, of what was at the beginning of the step, and of the rates before it."""
+        out = self.difference * difference
+        for factor, rate in self._terms(motion, last):
+            out += factor * rate
+        return out
+
+    def carried(self, motion: Kinematics, last: Rates | None) -> Array:
+        """The part that does not depend on the difference."""
+        out: Array | None = None
+        for factor, rate in self._terms(motion, last):
+            out = factor * rate if out is None else out + factor * rate
+        return np.zeros_like(motion.displacement) if out is None else out
+
+    def _terms(self, motion: Kinematics, last: Rates | None) -> Iterator[tuple[float, Array]]:
+        if self.velocity:
+            yield self.velocity, motion.velocity
+        if self.acceleration:
+            yield self.acceleration, motion.acceleration
+        if self.mean_velocity:
+            assert last is not None
+            yield self.mean_velocity, last.velocity
+        if self.mean_acceleration:
+            assert last is not None
+            yield self.mean_acceleration, last.acceleration
 
 
 @dataclass(frozen=True)
@@ -59,14 +107,14 @@ class Rule:
     ----------
     at : float
         Time of the stage as a part of the step: loads and laws hold there.
-    rate, acceleration : Linear
+    rate, acceleration : RateFormula
         v* and w* of the unknown u* of the stage.
     reach : float
         ``u_{n+1} - u_n = reach (u* - u_n)``, along a straight line in time.
     share : float
         Part of the step that this stage answers for: it adds ``share * step * v*`` where stages are several; 1 where
         there is one.
-    new_velocity, new_acceleration : Linear
+    new_velocity, new_acceleration : RateFormula
         v and w at the end, of the difference ``u_{n+1} - u_n``.
     restitution : float or None
         If given, obstacles are rigid, and contact is a law of the velocity at the end: Newton's law of impact.
@@ -75,11 +123,11 @@ class Rule:
     """
 
     at: float
-    rate: Linear
-    acceleration: Linear
+    rate: RateFormula
+    acceleration: RateFormula
     reach: float
-    new_velocity: Linear
-    new_acceleration: Linear
+    new_velocity: RateFormula
+    new_acceleration: RateFormula
     share: float = 1.0
     restitution: float | None = None
     conserving: bool = False
@@ -94,7 +142,7 @@ class Rule:
     def backward(self) -> float | None:
         """The number c with ``v* = a (u* - u_n)`` and ``w* = c (v* - v)``; None where the scheme is another."""
         a, b = self.rate, self.acceleration
-        if a.velocity or a.acceleration or b.acceleration or not (a.difference and b.difference):
+        if not (a.of_difference and b.of_velocity and a.difference and b.difference):
             return None
         ratio = b.difference / a.difference
         return ratio if abs(b.velocity + ratio) <= _ROUNDED * ratio else None
@@ -110,6 +158,8 @@ class Scheme(ABC):
     #: Whether it needs a mass, and whether it can have one.
     needs_mass: ClassVar[bool] = False
     takes_mass: ClassVar[bool] = True
+    #: Whether a step goes on from the rates of the step before it.
+    multistep: ClassVar[bool] = False
     #: Whether contact is a law of impact, one of velocities.
     is_impact_law: ClassVar[bool] = False
     #: Whether a step of an elastic body is one equilibrium, at its end, which the one before leads to.
@@ -125,12 +175,19 @@ class Scheme(ABC):
         return False
 
     @abstractmethod
-    def rules(self, step: float) -> tuple[Rule, ...]:
-        """The stages of a step of a given length, in their order."""
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+        """The stages of a step of a given length, in their order.
 
-    def massless_rules(self, step: float) -> tuple[Rule, ...]:
+        Parameters
+        ----------
+        step : float
+        last : float or None
+            Length of the step before it; None if it begins anew. Schemes of one step do not ask.
+        """
+
+    def massless_rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
         """The same of a body without mass, whose velocity at the end of a step no step needs: it is only told."""
-        return self.rules(step)
+        return self.rules(step, last)
 
     def uses_initial_acceleration(self, step: float) -> bool:
         """Whether a step needs the acceleration of its beginning."""
@@ -154,9 +211,9 @@ class ImplicitEuler(Scheme):
     ends_at_equilibrium: ClassVar[bool] = True
     supports_time_bound: ClassVar[bool] = True
 
-    def rules(self, step: float) -> tuple[Rule, ...]:
-        rate = Linear(1.0 / step)
-        acceleration = Linear(1.0 / step**2, -1.0 / step)
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+        rate = RateFormula(1.0 / step)
+        acceleration = RateFormula(1.0 / step**2, -1.0 / step)
         return (Rule(1.0, rate, acceleration, 1.0, rate, acceleration),)
 
 
@@ -184,20 +241,20 @@ class Midpoint(Scheme):
     def averages_laws(self) -> bool:
         return self.conserving
 
-    def rules(self, step: float) -> tuple[Rule, ...]:
-        rate = Linear(2.0 / step)
-        acceleration = Linear(4.0 / step**2, -2.0 / step)
-        velocity = Linear(2.0 / step, -1.0)
-        end = Linear(2.0 / step**2, -2.0 / step)
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+        rate = RateFormula(2.0 / step)
+        acceleration = RateFormula(4.0 / step**2, -2.0 / step)
+        velocity = RateFormula(2.0 / step, -1.0)
+        end = RateFormula(2.0 / step**2, -2.0 / step)
         return (Rule(0.5, rate, acceleration, 2.0, velocity, end, conserving=self.conserving),)
 
-    def massless_rules(self, step: float) -> tuple[Rule, ...]:
+    def massless_rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
         # 2 (u_{n+1} - u_n)/tau - v would hand on for ever what v is off, as it is at the start, where nobody states it.
         # Extrapolated from the middle instead, by the mean of the slope since the beginning and of the last one, it is
         # exact where the velocity is a straight line, and what v and w are off is forgotten in two steps.
         (rule,) = self.rules(step)
-        velocity = Linear(1.5 / step, -0.5, 0.25 * step)
-        return (replace(rule, new_velocity=velocity, new_acceleration=Linear(1.0 / step**2, -1.0 / step, 0.5)),)
+        velocity = RateFormula(1.5 / step, -0.5, 0.25 * step)
+        return (replace(rule, new_velocity=velocity, new_acceleration=RateFormula(1.0 / step**2, -1.0 / step, 0.5)),)
 
 
 @dataclass(frozen=True)
@@ -227,7 +284,7 @@ class Newmark(Scheme):
                 f"Newmark(beta={beta:g}, gamma={gamma:g}) is not stable; take gamma >= 1/2 and beta >= gamma/2"
             )
 
-    def rules(self, step: float) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
         velocity, acceleration = _newmark(self.beta, self.gamma, step)
         return (Rule(1.0, velocity, acceleration, 1.0, velocity, acceleration),)
 
@@ -253,15 +310,15 @@ class GeneralizedAlpha(Scheme):
         if not 0.0 <= number(self.rho, "rho of GeneralizedAlpha") <= 1.0:
             raise ProblemError(f"GeneralizedAlpha(rho={self.rho:g}): rho must lie in [0, 1]")
 
-    def rules(self, step: float) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
         rho = self.rho
         am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         gamma = 0.5 - am + af
         v, w = _newmark(0.25 * (1.0 - am + af) ** 2, gamma, step)
         # u_{n+1} - u_n = (u* - u_n)/(1 - af), so that the difference keeps its factor in v*.
-        rate = Linear(v.difference, (1.0 - af) * v.velocity + af, (1.0 - af) * v.acceleration)
+        rate = RateFormula(v.difference, (1.0 - af) * v.velocity + af, (1.0 - af) * v.acceleration)
         whole = (1.0 - am) / (1.0 - af)
-        acceleration = Linear(whole * w.difference, (1.0 - am) * w.velocity, (1.0 - am) * w.acceleration + am)
+        acceleration = RateFormula(whole * w.difference, (1.0 - am) * w.velocity, (1.0 - am) * w.acceleration + am)
         return (Rule(1.0 - af, rate, acceleration, 1.0 / (1.0 - af), v, w),)
 
 
@@ -272,14 +329,14 @@ class SDIRK2(Scheme):
     name: ClassVar[str] = "sdirk2"
     takes_mass: ClassVar[bool] = False
 
-    def rules(self, step: float) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
         gamma = 1.0 - 1.0 / math.sqrt(2.0)
-        nothing = Linear(0.0)
-        first = Linear(1.0 / (gamma * step))
+        nothing = RateFormula(0.0)
+        first = RateFormula(1.0 / (gamma * step))
         # The velocity that the second stage finds is that of the first.
-        second = Linear(1.0 / (gamma * step), -(1.0 - gamma) / gamma)
+        second = RateFormula(1.0 / (gamma * step), -(1.0 - gamma) / gamma)
         span = (1.0 - gamma) * step  # from one stage to the other
-        slope = Linear(second.difference / span, (second.velocity - 1.0) / span)
+        slope = RateFormula(second.difference / span, (second.velocity - 1.0) / span)
         return (
             Rule(gamma, first, nothing, 1.0 / gamma, first, nothing, 1.0 - gamma),
             Rule(1.0, second, nothing, 1.0, second, slope, gamma),
@@ -321,26 +378,26 @@ class MoreauJean(Scheme):
                 f"1/2 <= theta <= 1/(1 + restitution) = {1.0 / (1.0 + restitution):.3g}"
             )
 
-    def rules(self, step: float) -> tuple[Rule, ...]:
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
         span = self.theta * step
         return (
             Rule(
                 self.theta,
-                Linear(1.0 / span),
-                Linear(1.0 / span**2, -1.0 / span),
+                RateFormula(1.0 / span),
+                RateFormula(1.0 / span**2, -1.0 / span),
                 1.0 / self.theta,
-                Linear(1.0 / span, 1.0 - 1.0 / self.theta),
-                Linear(1.0 / (span * step), -1.0 / span),
+                RateFormula(1.0 / span, 1.0 - 1.0 / self.theta),
+                RateFormula(1.0 / (span * step), -1.0 / span),
                 restitution=self.restitution,
             ),
         )
 
 
-def _newmark(beta: float, gamma: float, step: float) -> tuple[Linear, Linear]:
+def _newmark(beta: float, gamma: float, step: float) -> tuple[RateFormula, RateFormula]:
     """Velocity and acceleration at the end of a step."""
     return (
-        Linear(gamma / (beta * step), 1.0 - gamma / beta, step * (1.0 - gamma / (2.0 * beta))),
-        Linear(1.0 / (beta * step**2), -1.0 / (beta * step), 1.0 - 1.0 / (2.0 * beta)),
+        RateFormula(gamma / (beta * step), 1.0 - gamma / beta, step * (1.0 - gamma / (2.0 * beta))),
+        RateFormula(1.0 / (beta * step**2), -1.0 / (beta * step), 1.0 - 1.0 / (2.0 * beta)),
     )
 
 

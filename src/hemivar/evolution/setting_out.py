@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.evolution.advance import Advance
-from hemivar.evolution.moment import Motion
+from hemivar.evolution.state import Kinematics
+from hemivar.evolution.stepper import TimeStepper
 
 __all__ = ["Kinked", "setting_out", "speeds_jump"]
 
@@ -24,37 +24,37 @@ _KINK = 1e-3
 _ROUNDED = 64.0 * float(np.finfo(float).eps)
 
 #: Motions of prescribed displacements (k,) and of offsets of the contact points (m, c).
-Moving = tuple[Motion, Motion]
+Moving = tuple[Kinematics, Kinematics]
 #: Which of them go on, at another speed or not; the others jump.
 Kinked = tuple[BoolArray, BoolArray]
 
 
-def setting_out(advance: Advance, time: float, step: float | None) -> Moving:
+def setting_out(advance: TimeStepper, time: float, step: float | None) -> Moving:
     """Motion of the prescribed displacements (k,) and of the offsets of the contact points (m, c) from a time on.
 
     Rates are none where a path jumps, and of a body without mass, which needs none.
 
     Parameters
     ----------
-    advance : Advance
+    advance : TimeStepper
     time : float
     step : float or None
         Length of the next step; None if paths count as being at rest.
     """
     if step is None or not _moves(advance):
-        now = advance.acting(time)
+        now = advance.data.at(time)
         return _still(now.prescribed), _still(now.offset)
     prescribed, offset = (path.rates()[0] for path in _paths(advance, time, _NEAR * step))
     return prescribed, offset
 
 
-def speeds_jump(advance: Advance, time: float, step: float) -> tuple[Moving, Kinked] | None:
+def speeds_jump(advance: TimeStepper, time: float, step: float) -> tuple[Moving, Kinked] | None:
     """Motion of supports and gaps after a time at which the speed of one jumps, and which of them have a rate at both
     sides; None if none jumps.
 
     Parameters
     ----------
-    advance : Advance
+    advance : TimeStepper
     time : float
     step : float
         Length of the next step.
@@ -62,7 +62,7 @@ def speeds_jump(advance: Advance, time: float, step: float) -> tuple[Moving, Kin
     if not _moves(advance):
         return None
     span, jumps = _NEAR * step, False
-    motions: list[Motion] = []
+    motions: list[Kinematics] = []
     smooth: list[BoolArray] = []
     for ahead, behind in zip(_paths(advance, time, span), _paths(advance, time, -span), strict=True):
         (after, goes_on), (before, came) = ahead.rates(), behind.rates()
@@ -78,7 +78,7 @@ def speeds_jump(advance: Advance, time: float, step: float) -> tuple[Moving, Kin
     return (motions[0], motions[1]), (smooth[0], smooth[1])
 
 
-def _moves(advance: Advance) -> bool:
+def _moves(advance: TimeStepper) -> bool:
     """Whether rates of supports and gaps matter, and there are some."""
     discrete = advance.discrete
     return discrete.mass is not None and bool(discrete.evolution.problem.time_dependent & {"supports", "gap"})
@@ -97,7 +97,7 @@ class _Path:
         """The largest of all these places."""
         return max(float(np.abs(place).max(initial=0.0)) for place in (self.place, *self.soon))
 
-    def rates(self) -> tuple[Motion, BoolArray]:
+    def rates(self) -> tuple[Kinematics, BoolArray]:
         """Its motion now, and where it has one: a place that jumps has no rate."""
         half, one, two = (there - self.place for there in self.soon)
         velocity = (4.0 * one - two) / (2.0 * self.span)
@@ -105,18 +105,18 @@ class _Path:
         # A path may set out at rest, so that its rate is nothing but rounding.
         bends = _BENDS * abs(self.span) * np.abs(acceleration)
         smooth = np.abs((4.0 * half - one) / self.span) <= _JUMPS * np.abs(velocity) + bends
-        return Motion(self.place, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0)), smooth
+        return Kinematics(self.place, np.where(smooth, velocity, 0.0), np.where(smooth, acceleration, 0.0)), smooth
 
 
-def _paths(advance: Advance, time: float, span: float) -> tuple[_Path, _Path]:
+def _paths(advance: TimeStepper, time: float, span: float) -> tuple[_Path, _Path]:
     """Those of prescribed displacements and of offsets."""
-    now = advance.acting(time)
-    soon = [advance.acting(time + part * span) for part in (0.5, 1.0, 2.0)]
+    now = advance.data.at(time)
+    soon = [advance.data.at(time + part * span) for part in (0.5, 1.0, 2.0)]
     return (
         _Path(now.prescribed, tuple(acting.prescribed for acting in soon), span),
         _Path(now.offset, tuple(acting.offset for acting in soon), span),
     )
 
 
-def _still(place: Array) -> Motion:
-    return Motion(place, np.zeros_like(place), np.zeros_like(place))
+def _still(place: Array) -> Kinematics:
+    return Kinematics(place, np.zeros_like(place), np.zeros_like(place))

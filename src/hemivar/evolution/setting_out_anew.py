@@ -8,11 +8,11 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.evolution_problem import Mass
 from hemivar.evolution.initial import accelerated
-from hemivar.evolution.moment import Moment
 from hemivar.evolution.setting_out import Kinked, Moving, setting_out, speeds_jump
+from hemivar.evolution.state import TimeState
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.linear.krylov import conjugate_gradients
 
 __all__ = ["set_out_anew"]
@@ -25,7 +25,7 @@ _LEFT, _STEPS = 1e-11, 500
 _MISSED = 1e-6
 
 
-def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
+def set_out_anew(advance: TimeStepper, moment: TimeState, step: float) -> TimeState:
     """The moment with the rates that supports and gaps have from then on, if the speed of one jumps there.
 
     Where a load jumps as well, or alone, it has the accelerations that follow, if the scheme hands them on.
@@ -37,8 +37,8 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
 
     Parameters
     ----------
-    advance : Advance
-    moment : Moment
+    advance : TimeStepper
+    moment : TimeState
         At the start, at a kink of what acts, or at a stop.
     step : float
         Length of the next step.
@@ -56,7 +56,7 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
         return _pushed_anew(advance, moment, step)
     (supports, gaps), (held, opened) = found
     n, contact = discrete.unknowns, discrete.problem.contact
-    acting = advance.acting_on(moment)
+    acting = advance.data_from(moment).after(moment.time)
     change = np.zeros_like(moment.body.velocity)
     change[n:] = np.where(held, supports.velocity - moment.body.velocity[n:], 0.0)
     glued = _glued(advance) & opened
@@ -74,9 +74,9 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
         )
     after = replace(
         moment,
-        body=replace(moment.body, velocity=velocity),
-        local=replace(moment.local, velocity=np.where(glued, 0.0, rate)),
-        stretching=None,
+        body=moment.body.at_velocity(velocity),
+        local=moment.local.at_velocity(np.where(glued, 0.0, rate)),
+        history=None,
     )
     after = accelerated(advance, after, acting, (supports, gaps), step)
     gained = 0.5 * float((velocity + moment.body.velocity) @ discrete.mass.times(change))
@@ -85,15 +85,15 @@ def set_out_anew(advance: Advance, moment: Moment, step: float) -> Moment:
     return replace(after, ledger=replace(moment.ledger, kinetic=kinetic, moved=moved))
 
 
-def _pushed_anew(advance: Advance, moment: Moment, step: float) -> Moment:
+def _pushed_anew(advance: TimeStepper, moment: TimeState, step: float) -> TimeState:
     """The moment with the accelerations of the load after it, if the load jumps there; velocities stay."""
-    if not (moment.index and advance.jumps_at(moment.time) and advance.scheme.uses_initial_acceleration(step)):
+    if not (moment.index and advance.data.jumps_at(moment.time) and advance.scheme.uses_initial_acceleration(step)):
         return moment
     moving = setting_out(advance, moment.time, step)
-    return accelerated(advance, moment, advance.acting_on(moment), moving, step)
+    return accelerated(advance, moment, advance.data_from(moment).after(moment.time), moving, step)
 
 
-def _at_the_start(advance: Advance, moment: Moment, step: float) -> tuple[Moving, Kinked] | None:
+def _at_the_start(advance: TimeStepper, moment: TimeState, step: float) -> tuple[Moving, Kinked] | None:
     """What supports and gaps do from the start on, if a foundation holds the body which moves at another rate."""
     fast = max(float(np.abs(speed).max(initial=0.0)) for speed in (moment.body.velocity, moment.local.velocity))
     off = float(np.abs(moment.local.velocity[_glued(advance)]).max(initial=0.0))
@@ -101,11 +101,11 @@ def _at_the_start(advance: Advance, moment: Moment, step: float) -> tuple[Moving
     if off <= _ROUNDED * fast:
         return None
     supports, gaps = setting_out(advance, moment.time, step)
-    nothing = np.zeros(supports.place.shape, dtype=bool)  # supports have their rates already
-    return (supports, gaps), (nothing, np.ones(gaps.place.shape, dtype=bool))
+    nothing = np.zeros(supports.displacement.shape, dtype=bool)  # supports have their rates already
+    return (supports, gaps), (nothing, np.ones(gaps.displacement.shape, dtype=bool))
 
 
-def _glued(advance: Advance) -> BoolArray:
+def _glued(advance: TimeStepper) -> BoolArray:
     """Which contact components (m, c) have a mass, a foundation that holds them both ways, and no support."""
     discrete = advance.discrete
     contact, ends = discrete.problem.contact, discrete.problem.law.normal.domain
@@ -120,7 +120,7 @@ def _glued(advance: Advance) -> BoolArray:
 class _Yielding:
     """Rates (m c,) that impulses (m c,) make of contact components which are glued, both with the roots of weights."""
 
-    advance: Advance
+    advance: TimeStepper
     glued: BoolArray
     roots: Array
 
@@ -130,7 +130,7 @@ class _Yielding:
         return np.asarray((np.where(self.glued, problem.contact.traced(pushed), 0.0) * self.roots).ravel())
 
 
-def _struck(advance: Advance, blow: Array, want: Array, glued: BoolArray) -> Array:
+def _struck(advance: TimeStepper, blow: Array, want: Array, glued: BoolArray) -> Array:
     """What an impulse on the unknowns (n,) changes of their velocity, where glued contact components (m, c) change
     theirs as they want."""
     discrete = advance.discrete
@@ -149,7 +149,7 @@ def _struck(advance: Advance, blow: Array, want: Array, glued: BoolArray) -> Arr
     return found + _by_mass(advance, problem.contact_force(pushes.solution.reshape(glued.shape) / roots))
 
 
-def _by_mass(advance: Advance, right: Array) -> Array:
+def _by_mass(advance: TimeStepper, right: Array) -> Array:
     """``M^-1`` of impulses (n,)."""
     mass = advance.discrete.mass
     assert mass is not None

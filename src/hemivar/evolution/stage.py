@@ -1,9 +1,9 @@
-"""A stage of a step: the static problem it is, and what its solution makes of the moment."""
+"""A stage of a step: the static problem it is, and what its solution makes of the state."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import blas
@@ -12,31 +12,28 @@ from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
-from hemivar.evolution.moment import Moment, Motion, Stretching
-from hemivar.evolution.products import Products
-from hemivar.evolution.schemes import Linear, Rule
+from hemivar.evolution.schemes import Rule
+from hemivar.evolution.state import Kinematics, Rates, TimeState
 from hemivar.evolution.step_laws import StepLaw
+from hemivar.evolution.step_operator import StepOperator
 from hemivar.solvers import Solution
 from hemivar.solvers.nearby import OutOfBalance
 
 __all__ = [
     "Force",
-    "Ground",
     "Stage",
+    "StageState",
     "allowed",
-    "apply",
-    "decay",
     "expected_multiplier",
-    "gain",
-    "ground_of",
+    "forces",
     "left_over",
+    "momentum",
     "posed_stage",
-    "reached_forces",
-    "stretching",
+    "rounding_size",
+    "stage_state",
+    "stiffness_force",
 ]
 
-#: Rounding of factors of a scheme.
-_ROUNDED = 1e-14
 #: Part of forces that cancel which counts as nothing.
 _NOTHING = 16.0 * float(np.finfo(float).eps)
 #: How much longer than the last one a step may be whose prediction takes over what the last one did to forces: their
@@ -50,12 +47,10 @@ class Stage:
 
     Attributes
     ----------
+    operator : StepOperator
     problem : DiscreteProblem
-    rule : Rule
-    step : float
-        Length of the whole step.
-    before : Moment
-        The moment that the stage starts from; its velocity is that of the stage before, if there is one.
+    before : TimeState
+        The state that the stage starts from; its velocity is that of the stage before, if there is one.
     place : array (n + k,)
         Prediction of the displacement, with the prescribed displacements as they are.
     offset : array (m, c)
@@ -66,29 +61,32 @@ class Stage:
     law : StepLaw
     load : array (n + k,)
         Forces at the stage.
-    decays : tuple of float
-        What is left at the stage of what each branch remembered.
-    gains : tuple of float
-        What each branch takes up of the difference ``u* - u_n``.
     still : bool
         Whether gaps do not change in the step.
     held : bool
         Whether no support moves, on any process.
     """
 
+    operator: StepOperator
     problem: DiscreteProblem
-    rule: Rule
-    step: float
-    before: Moment
+    before: TimeState
     place: Array
     offset: Array
     origin: Array
     law: StepLaw
     load: Array
-    decays: tuple[float, ...]
-    gains: tuple[float, ...]
     still: bool = False
     held: bool = False
+
+    @property
+    def rule(self) -> Rule:
+        """What the scheme says of it."""
+        return self.operator.rule
+
+    @property
+    def step(self) -> float:
+        """Length of the whole step."""
+        return self.operator.step
 
     def displacement(self, found: Array) -> Array:
         """``x*`` (n + k,) of unknowns (n,)."""
@@ -102,44 +100,22 @@ class Stage:
         """Penetration and slip relative to the foundation (m, c); the slip is the whole one."""
         return solution.local + self.origin
 
-    def motion(self, place: Array, motion: Motion) -> Motion:
-        """Place, velocity and acceleration at the stage of something that was in ``motion`` before."""
-        return self.moved(place, place - motion.place, motion)
+    def local_motion(self, local: Array) -> Kinematics:
+        """Penetration and slip at the stage with their rates."""
+        before = self.before
+        return self._moved(local, local - before.local.displacement, before.local, before.rates[1])
 
-    def moved(self, place: Array, difference: Array, motion: Motion) -> Motion:
-        """The same, where the difference is known."""
-        velocity, ratio = apply(self.rule.rate, difference, motion), self.rule.backward
+    def motion(self, displacement: Array, difference: Array) -> Kinematics:
+        """Displacement at the stage, by how much it differs from that before it, with its rates."""
+        return self._moved(displacement, difference, self.before.body, self.before.rates[0])
+
+    def _moved(self, place: Array, difference: Array, motion: Kinematics, last: Rates | None) -> Kinematics:
+        velocity, ratio = self.rule.rate.of(difference, motion, last), self.rule.backward
         if ratio is None:
-            return Motion(place, velocity, apply(self.rule.acceleration, difference, motion))
+            return Kinematics(place, velocity, self.rule.acceleration.of(difference, motion, last))
         acceleration = velocity - motion.velocity
         acceleration *= ratio
-        return Motion(place, velocity, acceleration)
-
-
-def apply(rule: Linear, difference: Array, motion: Motion) -> Array:
-    """A rate or an acceleration of a difference."""
-    out = rule.difference * difference
-    if rule.velocity:
-        out += rule.velocity * motion.velocity
-    if rule.acceleration:
-        out += rule.acceleration * motion.acceleration
-    return out
-
-
-def decay(time: float, span: float) -> float:
-    """Part of what a branch remembered that is left after a span of time."""
-    return float(np.exp(-span / time))
-
-
-def gain(time: float, span: float, rate: float) -> float:
-    """What a branch takes up over a span in which the displacement changes at ``rate`` times a difference."""
-    return float(-np.expm1(-span / time)) * time * rate
-
-
-def body_factors(discrete: DiscreteEvolution, rule: Rule, step: float) -> tuple[float, ...]:
-    """What viscosity, mass and every branch are multiplied with in the stiffness of a stage."""
-    gains = (gain(time, rule.at * step, rule.reach / step) for time, _ in discrete.branches)
-    return rule.rate.difference, rule.acceleration.difference, *gains
+        return Kinematics(place, velocity, acceleration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,64 +131,59 @@ class Force:
     vector: Array
     factor: float = 1.0
 
-    def on(self, way: Array) -> float:
+    def work(self, way: Array) -> float:
         """Its work on a way (n + k,)."""
         return self.factor * float(self.vector @ way)
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """What a stage takes from the rule and the length of its step alone, whatever the moment.
+class StageState:
+    """Where unknowns (n,) of a stage lead.
 
     Attributes
     ----------
-    rule : Rule
-    step : float
-    base : DiscreteProblem
-        The body, without load.
-    inertia : float
-        What the mass is multiplied with in its stiffness.
-    decays, gains : tuple of float
-        As in :class:`Stage`.
-    coast : Linear
-        Where the body would be without acceleration, from where it is; the velocity there is ``speed``.
-    speed : Linear
+    unknowns : array (n,)
+    way : array (n + k,)
+        ``u* - u_n``.
+    body : Kinematics
+        ``u*``, ``v*`` and ``w*``, with the products that its forces took.
+    forces : mapping of name to Force
+        ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones.
     """
 
-    rule: Rule
-    step: float
-    base: DiscreteProblem
-    inertia: float
-    decays: tuple[float, ...]
-    gains: tuple[float, ...]
-    coast: Linear
-    speed: Linear
+    unknowns: Array
+    way: Array
+    body: Kinematics
+    forces: dict[str, Force]
 
 
-def ground_of(discrete: DiscreteEvolution, bodies: Bodies, rule: Rule, step: float) -> Ground:
-    """What the stages of all steps of one length share."""
-    factors = body_factors(discrete, rule, step)
-    _, inert, *gains = factors
-    decays = tuple(decay(time, rule.at * step) for time, _ in discrete.branches)
-    coast, a = Linear(0.0), rule.rate
-    if discrete.mass is not None:
-        coast = Linear(0.0, -rule.acceleration.velocity / inert, -rule.acceleration.acceleration / inert)
-    velocity = a.difference * coast.velocity + a.velocity
-    kept = 1.0 if abs(velocity - 1.0) <= _ROUNDED else velocity
-    speed = Linear(0.0, kept, a.difference * coast.acceleration + a.acceleration)
-    return Ground(rule, step, bodies.body(*factors), inert, decays, tuple(gains), coast, speed)
+def stiffness_force(discrete: DiscreteEvolution, body: Kinematics) -> Array:
+    """``K u`` (n + k,)."""
+    known = body.stiffness_force
+    return discrete.stiffness.times(body.displacement) if known is None else known
+
+
+def viscous_force(discrete: DiscreteEvolution, body: Kinematics) -> Array:
+    """``C v`` (n + k,); there is a viscosity."""
+    assert discrete.viscosity is not None
+    return discrete.viscosity.times(body.velocity) if body.viscous_force is None else body.viscous_force
+
+
+def momentum(discrete: DiscreteEvolution, body: Kinematics) -> Array:
+    """``M v`` (n + k,); there is a mass."""
+    assert discrete.mass is not None
+    return discrete.mass.times(body.velocity) if body.momentum is None else body.momentum
 
 
 def posed_stage(
     discrete: DiscreteEvolution,
     bodies: Bodies,
-    before: Moment,
-    ground: Ground,
+    before: TimeState,
+    operator: StepOperator,
     at: Acting,
     end: Acting,
     start: Acting,
     step_law: StepLaw,
-    products: Products,
 ) -> Stage:
     """The static problem of a stage.
 
@@ -220,19 +191,18 @@ def posed_stage(
     ----------
     discrete : DiscreteEvolution
     bodies : Bodies
-    before : Moment
-    ground : Ground
-        Of its rule and the length of its step.
+    before : TimeState
+    operator : StepOperator
     at, end, start : Acting
         What acts at the time of the stage, at the end of the step and at its beginning.
     step_law : StepLaw
         The law of the step.
-    products : Products
     """
-    n, body, rule = discrete.unknowns, before.body, ground.rule
-    place = body.place
-    if ground.coast.velocity or ground.coast.acceleration:
-        moved = _combined(ground.coast, body)
+    n, body, rule, predictor = discrete.unknowns, before.body, operator.rule, operator.predictor
+    rates = before.rates
+    place = body.displacement
+    if not predictor.of_difference:
+        moved = predictor.carried(body, rates[0])
         moved += place
         place = moved
     elif place.size > n:
@@ -240,25 +210,24 @@ def posed_stage(
     # Prescribed displacements and offsets go straight from where they are to where they will be.
     offset = start.offset
     if place.size > n:
-        held_at = before.body.place[n:]
+        held_at = body.displacement[n:]
         place[n:] = held_at + (end.prescribed - held_at) / rule.reach
     if end.offset is not offset:
         offset = offset + (end.offset - offset) / rule.reach
     held = not discrete.vectors.largest(float(place.size - n))[0]  # what supports move may be pushed
     if held:
-        force = _left_of(at.load, discrete, before, ground, place, products)
+        force = _left_of(at.load, discrete, before, operator, place)
         if discrete.branches:
-            force -= _relaxing(discrete, before, place - body.place, ground.decays, ground.gains)
+            force -= _relaxing(discrete, before, place - body.displacement, operator)
     else:
-        force = at.load - sum(forces(discrete, rule, before, place, ground.decays, ground.gains).values())
-    a = rule.rate
-    origin = before.local.place.copy()
-    if a.velocity or a.acceleration:
-        origin -= apply(replace(a, difference=0.0), np.zeros_like(origin), before.local) / a.difference
+        force = at.load - sum(forces(discrete, operator, before, place).values())
+    origin = before.local.displacement.copy()
+    if not rule.rate.of_difference:
+        origin -= rule.rate.carried(before.local, rates[1]) / rule.rate.difference
     origin[:, 0] = 0.0
     if rule.restitution is not None:
-        origin[:, 0] = allowed(before.local, rule, ground.step)
-    contact = ground.base.contact
+        origin[:, 0] = allowed(before.local, rule, operator.step)
+    contact = operator.base.contact
     from_place = offset + origin
     if contact.count:
         from_place -= contact.traced(place[:n])
@@ -266,11 +235,9 @@ def posed_stage(
     alone = discrete.vectors.alone and not before.multiplier.any()
     if alone and _only_rounding(discrete, force, at.load[:n], place[:n], body.velocity[:n]):
         force = np.zeros(n)  # nothing is left that a residual could be held against
-    problem = bodies.posed(ground.base, force, from_place, step_law.law)
-    return Stage(
-        problem, rule, ground.step, before, place, offset, origin, step_law, at.load, ground.decays, ground.gains,
-        still=end.offset is start.offset, held=held,
-    )  # fmt: skip
+    problem = bodies.posed(operator.base, force, from_place, step_law.law)
+    still = end.offset is start.offset
+    return Stage(operator, problem, before, place, offset, origin, step_law, at.load, still=still, held=held)
 
 
 def _only_rounding(discrete: DiscreteEvolution, force: Array, load: Array, place: Array, velocity: Array) -> bool:
@@ -282,157 +249,153 @@ def _only_rounding(discrete: DiscreteEvolution, force: Array, load: Array, place
 
 
 def _left_of(
-    load: Array, discrete: DiscreteEvolution, before: Moment, ground: Ground, place: Array, products: Products
+    load: Array, discrete: DiscreteEvolution, before: TimeState, operator: StepOperator, place: Array
 ) -> Array:
     """What elastic and viscous forces of a prediction leave of a load, without products where the last step tells
     ``K v``."""
-    known, coast, speed = before.stretching, ground.coast, ground.speed
-    viscous = discrete.viscosity is not None and bool(speed.velocity or speed.acceleration)
-    goes_on = speed.velocity == 1.0 and not speed.acceleration
-    if known is None or coast.acceleration or not 0.0 < coast.velocity <= _LONGER * known.step:
-        force = load - products.stiffness(place)
+    last, body, predictor, rate = before.history, before.body, operator.predictor, operator.predictor_rate
+    viscous = discrete.viscosity is not None and not rate.of_difference
+    goes_on = rate.velocity == 1.0 and rate.of_velocity
+    stretched = None if last is None or not predictor.of_velocity else last.force
+    if last is None or stretched is None or not 0.0 < predictor.velocity <= _LONGER * last.step:
+        stays = place is body.displacement
+        force = load - (stiffness_force(discrete, body) if stays else discrete.stiffness.times(place))
     else:
-        time = coast.velocity
+        time = predictor.velocity
         if viscous and goes_on and discrete.damping_time is not None:
             time, viscous = time + discrete.damping_time, False
-        force = blas.daxpy(known.force, load - products.stiffness(before.body.place), a=-time / known.step)
-    if viscous:
-        force -= products.viscosity(before.body.velocity if goes_on else _combined(speed, before.body))
+        force = blas.daxpy(stretched, load - stiffness_force(discrete, body), a=-time / last.step)
+    if viscous and goes_on:
+        force -= viscous_force(discrete, body)
+    elif viscous:
+        assert discrete.viscosity is not None
+        force -= discrete.viscosity.times(rate.carried(body, before.rates[0]))
     return force
 
 
-def expected_multiplier(before: Moment, span: float) -> Array:
-    """The multiplier (m, c) a while after a moment, if it goes on to change as it did."""
-    known = before.stretching
+def expected_multiplier(before: TimeState, span: float) -> Array:
+    """The multiplier (m, c) a while after a state, if it goes on to change as it did."""
+    known = before.history
     if known is None or span > _LONGER * known.step:
         return before.multiplier
     return before.multiplier + (span / known.step) * known.multiplier
 
 
-def stretching(stage: Stage, reached: Motion, multiplier: Array, products: Products) -> Stretching | None:
-    """How forces have changed in a step that a stage ends, if the velocity is the mean one of the step."""
-    rate = stage.rule.rate
-    if rate.velocity or rate.acceleration or not stage.held or abs(rate.difference * stage.step - 1.0) > _ROUNDED:
-        return None
-    pulled = products.pull(reached.place, stage.before.body.place)
-    return Stretching(stage.step, pulled, multiplier - stage.before.multiplier)
-
-
-def left_over(
-    discrete: DiscreteEvolution,
-    stage: Stage,
-    reached: Motion,
-    acts: Mapping[str, Force],
-    products: Products,
-    enough: float,
-) -> OutOfBalance:
+def left_over(discrete: DiscreteEvolution, stage: Stage, reached: StageState, enough: float) -> OutOfBalance:
     """What the forces of a displacement that was reached leave of the load, at a stage at which no support moves.
 
     Parameters
     ----------
     discrete : DiscreteEvolution
     stage : Stage
-    reached : Motion
-    acts : mapping of name to Force
-        Its :func:`reached_forces`.
-    products : Products
+    reached : StageState
     enough : float
         Up to which the size may be estimated from above.
     """
-    rest = stage.load - acts["internal"].vector
-    for name, force in acts.items():
+    rest = stage.load - reached.forces["internal"].vector
+    for name, force in reached.forces.items():
         if name != "internal":
             rest = blas.daxpy(force.vector, rest, a=-force.factor)
-    size = products.norm(stage.load)
-    return OutOfBalance(rest, size + products.size(sizes_of(discrete, stage, reached), enough))
+    return OutOfBalance(rest, norm(stage.load) + rounding_size(discrete, stage, reached.body, enough))
 
 
-def sizes_of(discrete: DiscreteEvolution, stage: Stage, reached: Motion) -> list[tuple[float, Array, Array]]:
-    """What forces of a displacement that was reached are added up from: factors, sums of rows and vectors (n + k,).
+def rounding_size(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics, enough: float) -> float:
+    """How far rounding may take the forces of a displacement: sum of the norms of what they are added up from.
 
     Displacements are known up to their rounding, and so are differences of them that a scheme divides by its step.
+    More than that, and quicker, if this is not above ``enough``: the largest sums of rows times norms.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    stage : Stage
+    reached : Kinematics
+        At the stage.
+    enough : float
     """
+    parts = _summed(discrete, stage, reached)
+    more = sum(factor * float(sums.max(initial=0.0)) * norm(x) for factor, sums, x in parts)
+    return more if more <= enough else sum(factor * norm(sums * x) for factor, sums, x in parts)
+
+
+def _summed(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics) -> Sequence[tuple[float, Array, Array]]:
+    """What forces of a displacement are added up from: factors, sums of rows of matrices, and vectors (n,)."""
     before, rule, n = stage.before.body, stage.rule, discrete.unknowns
-
-    def inner(x: Array) -> Array:
-        return x if x.size == n else x[:n]
-
+    last = stage.before.rates[0]
     sums = stage.problem.linear.row_sums
-    parts = [(1.0, sums, inner(reached.place)), (1.0, sums, inner(before.place))]
-    if discrete.mass is not None:
-        push = discrete.mass.row_sums
-        parts.append((abs(rule.acceleration.velocity), push, inner(before.velocity)))
-        if rule.acceleration.acceleration:
-            parts.append((abs(rule.acceleration.acceleration), push, inner(before.acceleration)))
-    if discrete.viscosity is not None and rule.rate.velocity:
-        parts.append((abs(rule.rate.velocity), discrete.viscosity.row_sums, inner(before.velocity)))
+    parts = [(1.0, sums, reached.displacement), (1.0, sums, before.displacement)]
+    formulas = [(discrete.mass, rule.acceleration), (discrete.viscosity, rule.rate)]
+    for operator, formula in formulas:
+        if operator is not None:
+            if formula.velocity or operator is discrete.mass:
+                parts.append((abs(formula.velocity), operator.row_sums, before.velocity))
+            if formula.acceleration and operator is discrete.mass:
+                parts.append((abs(formula.acceleration), operator.row_sums, before.acceleration))
+            if last is not None:
+                parts.append((abs(formula.mean_velocity), operator.row_sums, last.velocity))
+                parts.append((abs(formula.mean_acceleration), operator.row_sums, last.acceleration))
     branches = zip(stage.before.branches, discrete.branches, strict=True)
-    return parts + [(1.0, part.row_sums, inner(h)) for h, (_, part) in branches]
+    parts += [(1.0, part.row_sums, h) for h, (_, part) in branches]
+    return [(factor, sums, x if x.size == n else x[:n]) for factor, sums, x in parts]
 
 
-def allowed(local: Motion, rule: Rule, step: float) -> Array:
+def allowed(local: Kinematics, rule: Rule, step: float) -> Array:
     """Penetration (m,) at the stage with which the velocity at the end is the one that the law of impact allows."""
     assert rule.restitution is not None
     theta = rule.at
     return np.asarray(
-        local.place[:, 0] + theta * step * (1.0 - theta * (1.0 + rule.restitution)) * local.velocity[:, 0]
+        local.displacement[:, 0] + theta * step * (1.0 - theta * (1.0 + rule.restitution)) * local.velocity[:, 0]
     )
 
 
 def forces(
-    discrete: DiscreteEvolution,
-    rule: Rule,
-    before: Moment,
-    place: Array,
-    decays: tuple[float, ...],
-    gains: tuple[float, ...],
-    coasting: bool = False,
+    discrete: DiscreteEvolution, operator: StepOperator, before: TimeState, place: Array, coasting: bool = False
 ) -> dict[str, Array]:
     """Forces (n + k,) of a displacement at a stage: ``internal``, ``viscous``, ``inertial`` and ``relaxing`` ones.
 
     ``coasting`` if the body is where it would be without acceleration: then none are inertial.
     """
-    difference = place - before.body.place
+    difference, rule = place - before.body.displacement, operator.rule
+    last = before.rates[0]
     found = {"internal": discrete.stiffness.times(place)}
     if discrete.viscosity is not None:
-        found["viscous"] = discrete.viscosity.times(apply(rule.rate, difference, before.body))
+        found["viscous"] = discrete.viscosity.times(rule.rate.of(difference, before.body, last))
     if discrete.mass is not None and not coasting:
-        found["inertial"] = discrete.mass.times(apply(rule.acceleration, difference, before.body))
+        found["inertial"] = discrete.mass.times(rule.acceleration.of(difference, before.body, last))
     if discrete.branches:
-        found["relaxing"] = _relaxing(discrete, before, difference, decays, gains)
+        found["relaxing"] = _relaxing(discrete, before, difference, operator)
     return found
 
 
-def reached_forces(discrete: DiscreteEvolution, stage: Stage, reached: Motion, products: Products) -> dict[str, Force]:
-    """:func:`forces` of the displacement x* (n + k,) that was reached, with its velocity and acceleration."""
+def stage_state(discrete: DiscreteEvolution, stage: Stage, unknowns: Array) -> StageState:
+    """Kinematics and forces of unknowns (n,) of a stage."""
     before, rule = stage.before.body, stage.rule
-    found = {"internal": Force(products.stiffness(reached.place))}
+    displacement = stage.displacement(unknowns)
+    way = displacement - before.displacement
+    body = stage.motion(displacement, way)
+    internal = discrete.stiffness.times(displacement)
+    found, viscous, pushed = {"internal": Force(internal)}, None, None
     time, ratio = discrete.damping_time, rule.backward
-    if time is not None and stage.held and not (rule.rate.velocity or rule.rate.acceleration):
-        found["viscous"] = Force(products.pull(reached.place, before.place), time * rule.rate.difference)
+    if time is not None and stage.held and rule.rate.of_difference:
+        found["viscous"] = Force(internal - stiffness_force(discrete, before), time * rule.rate.difference)
     elif discrete.viscosity is not None:
-        found["viscous"] = Force(products.viscosity(reached.velocity))
+        viscous = discrete.viscosity.times(body.velocity)
+        found["viscous"] = Force(viscous)
     if discrete.mass is not None and ratio is not None:  # products that the kinetic energy needs as well
-        found["inertial"] = Force(products.mass(reached.velocity) - products.mass(before.velocity), ratio)
+        pushed = discrete.mass.times(body.velocity)
+        found["inertial"] = Force(pushed - momentum(discrete, before), ratio)
     elif discrete.mass is not None:
-        found["inertial"] = Force(products.mass(reached.acceleration))
+        found["inertial"] = Force(discrete.mass.times(body.acceleration))
     if discrete.branches:
-        way = reached.place - before.place
-        found["relaxing"] = Force(_relaxing(discrete, stage.before, way, stage.decays, stage.gains))
-    return found
+        found["relaxing"] = Force(_relaxing(discrete, stage.before, way, stage.operator))
+    reached = Kinematics(
+        displacement, body.velocity, body.acceleration,
+        stiffness_force=internal, viscous_force=viscous, momentum=pushed,
+    )  # fmt: skip
+    return StageState(unknowns, way, reached, found)
 
 
-def _relaxing(
-    discrete: DiscreteEvolution, before: Moment, difference: Array, decays: tuple[float, ...], gains: tuple[float, ...]
-) -> Array:
+def _relaxing(discrete: DiscreteEvolution, before: TimeState, difference: Array, operator: StepOperator) -> Array:
     """Force of the branches (n + k,) at a stage."""
-    parts = zip(decays, gains, before.branches, discrete.branches, strict=True)
+    parts = zip(operator.decays, operator.gains, before.branches, discrete.branches, strict=True)
     return np.asarray(sum(branch.times(e * h + g * difference) for e, g, h, (_, branch) in parts))
-
-
-def _combined(rule: Linear, motion: Motion) -> Array:
-    """A multiple of the velocity and one of the acceleration."""
-    out = rule.velocity * motion.velocity
-    if rule.acceleration:
-        out += rule.acceleration * motion.acceleration
-    return out

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution.stepper import StepResult, TimeStepper
 
 __all__ = ["StepError", "step_error"]
 
@@ -51,13 +51,13 @@ class StepError:
         return self.energy / size if size > 0.0 else 0.0, self.slid / way if way > 0.0 else 0.0
 
 
-def step_error(advance: Advance, taken: Taken, origin: Array, after_kink: bool = False) -> StepError:
+def step_error(advance: TimeStepper, taken: StepResult, origin: Array, after_kink: bool = False) -> StepError:
     """The local error of a step.
 
     Parameters
     ----------
-    advance : Advance
-    taken : Taken
+    advance : TimeStepper
+    taken : StepResult
     origin : array (n + k,)
         Where the body was at the start.
     after_kink : bool
@@ -66,20 +66,20 @@ def step_error(advance: Advance, taken: Taken, origin: Array, after_kink: bool =
     discrete, step = advance.discrete, taken.step
     before, after = taken.before, taken.moment
     body, local = before.body, before.local
-    guess, guess_local = body.place + step * body.velocity, local.place + step * local.velocity
+    guess, guess_local = body.displacement + step * body.velocity, local.displacement + step * local.velocity
     if advance.scheme.order > 1:
         guess = guess + 0.5 * step**2 * body.acceleration
         guess_local = guess_local + 0.5 * step**2 * local.acceleration
-    square = 2.0 * discrete.stiffness.energy(0.5 * (after.body.place - guess))
+    square = 2.0 * discrete.stiffness.energy(0.5 * (after.body.displacement - guess))
     if discrete.mass is not None and not after_kink:
         fast = 0.5 * (after.body.velocity - body.velocity - step * body.acceleration)
         square += 2.0 * discrete.mass.energy(fast)
     weights = discrete.problem.contact.weights
-    off = 0.5 * (after.local.place - guess_local)
+    off = 0.5 * (after.local.displacement - guess_local)
     square, slid, whole = discrete.vectors.total(
         square, float(weights @ (off**2).sum(axis=1)), float(weights.sum())
     ).tolist()
-    (way,) = discrete.vectors.largest(float(np.abs(after.body.place - origin).max(initial=0.0))).tolist()
+    (way,) = discrete.vectors.largest(float(np.abs(after.body.displacement - origin).max(initial=0.0))).tolist()
     size = after.ledger.elastic + after.ledger.kinetic
     return StepError(
         math.sqrt(max(square, 0.0)),

@@ -10,15 +10,15 @@ import numpy as np
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete import Acting, DiscreteEvolution
-from hemivar.evolution.moment import Moment
 from hemivar.evolution.schemes import Rule, Scheme
+from hemivar.evolution.state import TimeState
 from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential
 from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
 from hemivar.mechanics.instants import told_of
 
-__all__ = ["BlockLaw", "Foundations", "StepLaw", "seen_place", "stage_law"]
+__all__ = ["BlockLaw", "StageLaws", "StepLaw", "seen_place", "stage_law"]
 
 #: Part of displacements by which a predicted gap may be open and count as closed: more than rounding.
 _TOUCHES = 1e-12
@@ -101,8 +101,10 @@ class _Foundation:
     given: ContactLaw
 
 
-class Foundations:
-    """Laws, memories and dampings at the contact points of each boundary; the last ones are known again.
+class StageLaws:
+    """Laws, memories and dampings at the contact points of each boundary, of stages of one kind and length.
+
+    The last ones are known again, which changes no answer.
 
     Parameters
     ----------
@@ -114,6 +116,13 @@ class Foundations:
         self._known: dict[str, _Foundation] = {}
         self._made: dict[str, tuple[_Foundation, float, Mapping[str, Array], ContactLaw]] = {}
         self._joined: tuple[list[tuple[ContactLaw, int]], ContactLaw] | None = None
+        self._plain: tuple[ContactLaw, StepLaw] | None = None
+
+    def plain(self, stated: ContactLaw, rate: float) -> StepLaw:
+        """The law of a stage where points remember nothing."""
+        if self._plain is None or self._plain[0] is not stated:
+            self._plain = stated, StepLaw(ContactLaw(stated.normal, friction_in_increments(stated.friction, rate)))
+        return self._plain[1]
 
     def of(self, name: str, index: IntArray, acting: Acting, rate: float) -> _Foundation:
         """Those of a boundary under the laws that act and a factor of the displacement in the rate."""
@@ -147,12 +156,12 @@ class Foundations:
 def stage_law(
     discrete: DiscreteEvolution,
     acting: Acting,
-    before: Moment,
+    before: TimeState,
     rule: Rule,
     step: float,
     guess: Array,
     guess_multiplier: Array,
-    known: Foundations | None = None,
+    known: StageLaws | None = None,
 ) -> StepLaw:
     """The law of a stage.
 
@@ -161,35 +170,35 @@ def stage_law(
     discrete : DiscreteEvolution
     acting : Acting
         At the time of the stage.
-    before : Moment
+    before : TimeState
     rule : Rule
     step : float
     guess, guess_multiplier : arrays (m, c)
         Of the stage: penetration, and slip since ``before``.
-    known : Foundations, optional
-        Of the evolution, where many stages follow.
+    known : StageLaws, optional
+        Of the stage, where many steps follow.
     """
     rate, stated = rule.rate.difference, acting.law
     contact = discrete.contacts
     plain = all(not contact[name].memory and contact[name].damping is None for name, _ in discrete.blocks)
     if rule.restitution is not None:
         return StepLaw(_impact(stated, before, step, rate))
+    foundations = StageLaws(discrete) if known is None else known
+    if plain and rule.conserving:
+        start = before.local.displacement[:, 0]
+        normal = affine(averaged(stated.normal, start), rule.reach, (1.0 - rule.reach) * start)
+        return StepLaw(ContactLaw(normal, friction_in_increments(stated.friction, rate)), storing=stated)
     if plain:
-        normal = stated.normal
-        if rule.conserving:
-            start = before.local.place[:, 0]
-            normal = affine(averaged(normal, start), rule.reach, (1.0 - rule.reach) * start)
-        law = ContactLaw(normal, friction_in_increments(stated.friction, rate))
-        return StepLaw(law, storing=stated if rule.conserving else None)
-    blocks = []
-    foundations = Foundations(discrete) if known is None else known
+        return foundations.plain(stated, rate)
+    blocks, carried = [], rule.rate.carried(before.local, before.rates[1])
     for name, index in discrete.blocks:
         if not index.size:
             continue
         found = foundations.of(name, index, acting, rate)
         memory, damping, base, given, motion = found.memory, found.damping, found.base, found.given, before.local
-        drift = rule.rate.velocity * motion.velocity[index] + rule.rate.acceleration * motion.acceleration[index]
-        local = LocalStep(rule.at * step, rate, motion.place[index], guess[index], guess_multiplier[index], drift)
+        local = LocalStep(
+            rule.at * step, rate, motion.displacement[index], guess[index], guess_multiplier[index], carried[index]
+        )
         state = before.memory.get(name, {})
         undamped = foundations.law(name, found, state, local)
         law = undamped if damping is None else law_of_step(base, memory, state, local, damping)
@@ -230,13 +239,15 @@ def refuse_unaveraged(discrete: DiscreteEvolution, scheme: Scheme) -> None:
     averaged(discrete.problem.law.normal, 0.0)
 
 
-def _impact(stated: ContactLaw, before: Moment, step: float, rate: float) -> ContactLaw:
+def _impact(stated: ContactLaw, before: TimeState, step: float, rate: float) -> ContactLaw:
     """Rigid where the gap is closed, as it is predicted for the middle of the step; nothing elsewhere."""
     local, friction = before.local, friction_in_increments(stated.friction, rate)
     ahead = 0.5 * step * local.velocity[:, 0]
     # What rests on the obstacle is as deep as the rounding of its place and its velocity says, and yet in contact.
-    sizes = np.abs(before.body.place).max(initial=0.0), np.abs(ahead).max(initial=0.0)
-    shut = local.place[:, 0] + ahead >= -_TOUCHES * (sum(sizes) + np.abs(local.place[:, 0]).max(initial=0.0))
+    sizes = np.abs(before.body.displacement).max(initial=0.0), np.abs(ahead).max(initial=0.0)
+    shut = local.displacement[:, 0] + ahead >= -_TOUCHES * (
+        sum(sizes) + np.abs(local.displacement[:, 0]).max(initial=0.0)
+    )
     parts: list[tuple[Superpotential, IntArray]] = [
         (law.at(None), np.flatnonzero(points))
         for law, points in ((Signorini(), shut), (NoContact(), ~shut))
@@ -257,12 +268,12 @@ def initial_memory(discrete: DiscreteEvolution, law: ContactLaw, local: Array) -
     return found
 
 
-def seen_place(discrete: DiscreteEvolution, moment: Moment) -> Array:
+def seen_place(discrete: DiscreteEvolution, moment: TimeState) -> Array:
     """Local displacements (m, c) that laws see: less what has been worn off, or what a foundation has crept."""
-    place = moment.local.place
+    place = moment.local.displacement
     for name, index in discrete.blocks:
         if name in moment.memory:
-            place = place.copy() if place is moment.local.place else place
+            place = place.copy() if place is moment.local.displacement else place
             place[index] = Chain(discrete.contacts[name].memory).seen(moment.memory[name], place[index])
     return place
 

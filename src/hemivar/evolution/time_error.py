@@ -49,10 +49,10 @@ from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
 from hemivar.certify.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
-from hemivar.evolution.advance import Advance, Taken
 from hemivar.evolution.discrete import DiscreteEvolution
-from hemivar.evolution.moment import Moment
 from hemivar.evolution.schemes import Scheme
+from hemivar.evolution.state import TimeState
+from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.laws import Bilateral, NoContact
 from hemivar.linear.definite import positive_pivots
@@ -109,7 +109,7 @@ class TimeBound:
 
     Parameters
     ----------
-    advance : Advance
+    advance : TimeStepper
     norm, why : str
         As in :class:`TimeError`.
     contraction : float
@@ -129,7 +129,7 @@ class TimeBound:
 
     def __init__(
         self,
-        advance: Advance,
+        advance: TimeStepper,
         norm: str,
         why: str,
         contraction: float = 0.0,
@@ -150,17 +150,17 @@ class TimeBound:
         """The bound so far."""
         return TimeError(self.norm, math.sqrt(self.square), self.why, bool(self.norm) and self.straight)
 
-    def add(self, taken: Taken) -> float:
+    def add(self, taken: StepResult) -> float:
         """Count a step; returns the square of the bound at its end."""
         if not self.norm:
             return self.square
         discrete, step = self.advance.discrete, taken.step
         n = discrete.unknowns
         advance = self.advance
-        begin = advance.acting_after(taken.before.time).load
-        end = advance.acting_before(taken.moment.time).load
+        begin = advance.data.after(taken.before.time).load
+        end = advance.data.before(taken.moment.time).load
         bent, bent_square = self._bent(taken, begin, end)
-        moved = (taken.moment.body.place - taken.before.body.place) / step
+        moved = (taken.moment.body.displacement - taken.before.body.displacement) / step
         if self.norm == "stiffness":
             rest = (discrete.stiffness.times(moved) - (end - begin) / step)[:n]
             force = math.sqrt(step**3 / 3.0 * self._dual(rest)) + math.sqrt(step * bent_square)
@@ -185,13 +185,13 @@ class TimeBound:
         self.square = (bound + step * bent) ** 2
         return self.square
 
-    def _bent(self, taken: Taken, begin: Array, end: Array) -> tuple[float, float]:
+    def _bent(self, taken: StepResult, begin: Array, end: Array) -> tuple[float, float]:
         """Means over a step, with the loads at its ends, of what the load leaves the straight line between them by in
         the norm of C^-1, and of its square."""
         discrete, start = self.advance.discrete, taken.before.time
         mean = square = 0.0
         for part, weight in () if begin is end else _RULE:
-            load = self.advance.acting(start + part * (taken.moment.time - start)).load
+            load = self.advance.data.at(start + part * (taken.moment.time - start)).load
             gap = load - (1.0 - part) * begin - part * end
             sizes = (float(np.abs(one).max(initial=0.0)) for one in (gap, load, begin, end))
             off, *size = discrete.vectors.largest(*sizes).tolist()
@@ -207,10 +207,10 @@ class TimeBound:
         (square,) = self.advance.discrete.vectors.total(float(force @ self._viscosity.solve(force)))
         return max(float(square), 0.0)
 
-    def _energy(self, moment: Moment, load: Array) -> float:
+    def _energy(self, moment: TimeState, load: Array) -> float:
         """E of a moment under a load."""
         ledger = moment.ledger
-        (work,) = self.advance.discrete.vectors.total(float(load @ moment.body.place))
+        (work,) = self.advance.discrete.vectors.total(float(load @ moment.body.displacement))
         return float(ledger.elastic + ledger.contact - work)
 
 
@@ -221,7 +221,7 @@ def _moment(power: int, x: float) -> float:
     return float(gammainc(power + 1, x)) * math.factorial(power) / x ** (power + 1)
 
 
-def bound_in_time(advance: Advance) -> TimeBound:
+def bound_in_time(advance: TimeStepper) -> TimeBound:
     """The bound that a theorem allows for an evolution, or why there is none."""
     discrete = advance.discrete
     why = _uncovered(discrete, advance.scheme)
@@ -239,7 +239,7 @@ def bound_in_time(advance: Advance) -> TimeBound:
     if factor is None and not (still and not stated.time_dependent):
         return TimeBound(advance, "", "the viscosity does not resist every motion of the body")
     if still:
-        known = advance.smallness(discrete.problem)
+        known = smallness(discrete.problem, trace_constant=False, workspace=advance.stages.workspace)
         if known.sampled:
             return TimeBound(advance, "", _SAMPLED)
         if not known.margin >= 0.0:

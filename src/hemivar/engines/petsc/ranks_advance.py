@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections import OrderedDict
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,82 +17,93 @@ from hemivar.engines.petsc.evolution import BodiesOnRanks, BulkOnRanks, Evolutio
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.solve import Saved, solve_distributed
 from hemivar.engines.petsc.step_body import StepBody
-from hemivar.evolution import Jump
-from hemivar.evolution.advance import Advance, Taken
+from hemivar.evolution import Jump, Scheme
+from hemivar.evolution.data_in_time import StatedData
 from hemivar.evolution.descent import CREEPS, TIGHT, Looks, bottom_of_pieces, resistance_against
+from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.margin import Margins
 from hemivar.evolution.stage import Stage
-from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Status
+from hemivar.evolution.stage_solver import StageSolution, StageSolver
+from hemivar.evolution.step_operator import StepOperators
+from hemivar.evolution.stepper import StepResult, TimeStepper
+from hemivar.laws import ContactLaw
+from hemivar.solvers import Controls, FixedPoint, NonsmoothMultigrid, Solution, Solver, Status
 from hemivar.solvers.base import State
+from hemivar.systems.workspace import Workspace
 
-__all__ = ["AdvanceOnRanks", "MarginsOnRanks"]
-
-#: Bodies and laws whose constants are kept.
-_CONSTANTS = 8
+__all__ = ["MarginsOnRanks", "StageSolverOnRanks", "stepper_on_ranks"]
 
 
-class AdvanceOnRanks(Advance):
-    """Takes steps whose stages are solved over ranks.
+def stepper_on_ranks(
+    discrete: DiscreteEvolution,
+    scheme: Scheme,
+    solver: Solver | None,
+    controls: Controls,
+    workspace: Workspace | None,
+    stops: Mapping[float, float],
+    *,
+    alarm: Alarm,
+) -> TimeStepper:
+    """What takes steps whose stages are solved over ranks; see :meth:`hemivar.evolution.stepper.TimeStepper.of`."""
+    assert isinstance(discrete, EvolutionOnRanks)
+    bodies = BodiesOnRanks(discrete)
+    stages = StageSolverOnRanks(discrete, bodies, solver, controls, Workspace.given(workspace), alarm=alarm)
+    return TimeStepper(discrete, scheme, stages, StepOperators(discrete, bodies, scheme), StatedData(discrete, stops))
+
+
+@dataclass(frozen=True, eq=False)
+class StageSolverOnRanks(StageSolver):
+    """Solves stages over ranks.
 
     Parameters
     ----------
-    *given
-        Those of :class:`hemivar.evolution.advance.Advance`.
     alarm : Alarm
+        Ends a solve before it is done.
     """
 
     discrete: EvolutionOnRanks
     bodies: BodiesOnRanks
+    alarm: Alarm = field(kw_only=True)
 
-    def __init__(self, *given: Any, alarm: Alarm) -> None:
-        super().__init__(*given)
-        self.bodies = BodiesOnRanks(self.discrete)
-        self.alarm = alarm
-        self._constants: OrderedDict[tuple[object, ...], tuple[object, float]] = OrderedDict()
-
-    def constant(self, problem: DiscreteProblem) -> float:
+    def constant(self, stage: Stage, law: ContactLaw) -> float:
         """The largest eigenvalue c of ``(B'W diag(alpha) B, K)`` as :func:`certify_on_ranks` finds it; nan if not."""
-        ranks, law = self.discrete.ranks, problem.law
+        ranks, problem = self.discrete.ranks, stage.problem
         alphas = [np.asarray(alpha) for alpha in law.weak_convexity] if problem.contact_points else []
         (softest,) = ranks.largest(max((float(alpha.max(initial=0.0)) for alpha in alphas), default=0.0)).tolist()
         if softest in (0.0, math.inf):
             return float(softest)
-        assert isinstance(problem.bulk, BulkOnRanks)
-        elastic, shape = problem.bulk.body.elastic, problem.contact.weights.shape
+        shape = problem.contact.weights.shape
         # Known again by the laws of all ranks: what one of them has seen may be another law on the next.
         own = hashlib.sha256(b"".join(np.broadcast_to(alpha, shape).tobytes() for alpha in alphas)).digest()
-        key = (id(elastic), *ranks.mpi.allgather(own))
-        if key not in self._constants:
+
+        def found() -> float:
             body = _body_of(problem)
             cycle = Multigrid(body)
             cycle.build(np.zeros(body.unknown.size, dtype=bool), np.zeros((*body.active.shape, body.dim)))
-            found = _margin(body, cycle, self.alarm) if body.supported else None
+            margin = _margin(body, cycle, self.alarm) if body.supported else None
             cycle.release()
-            # The stiffness is held, so that its identity stays its own.
-            self._constants[key] = elastic, math.nan if found is None else found.constant
-        self._constants.move_to_end(key)
-        while len(self._constants) > _CONSTANTS:
-            self._constants.popitem(last=False)
-        return self._constants[key][1]
+            return math.nan if margin is None else margin.constant
 
-    def excess(self, problem: DiscreteProblem) -> float:
-        if self.depends(problem):
+        return stage.operator.constants.once(tuple(ranks.mpi.allgather(own)), found)
+
+    def excess(self, stage: Stage) -> float:
+        if self.depends(stage.problem):
             return -1.0
-        return self.constant(problem) - 1.0
+        return self.constant(stage, stage.problem.law) - 1.0
 
     def depends(self, problem: DiscreteProblem) -> bool:
         """Whether a bound of the law depends on the solution, on any rank."""
         own = bool(problem.contact_points) and problem.law.state_dependent
         return bool(self.discrete.ranks.largest(float(own))[0])
 
-    def _solution(self, stage: Stage, initial: Solution | None, jump: Jump) -> tuple[Solution, float]:
+    def solution(self, stage: Stage, initial: Solution | None, jump: Jump) -> StageSolution:
         problem, controls = stage.problem, self._controls(stage)
         body = _body_of(problem)
         start = body.start(None if initial is None else initial.unknowns)
-        excess = self.excess(problem)
+        excess = self.excess(stage)
         if not 0.0 <= excess < math.inf:
-            return self._solved(problem, body, start, controls), 0.0
-        return self._downhill(problem, body, resistance_against(excess), start, controls), 0.0
+            return StageSolution(self._solved(problem, body, start, controls))
+        return StageSolution(self._downhill(problem, body, resistance_against(excess), start, controls))
 
     def _solved(self, problem: DiscreteProblem, body: StepBody, start: Array, controls: Controls) -> Solution:
         saved = Saved(State(start, body.multiplier(start)), ())
@@ -159,16 +169,14 @@ def _body_of(problem: DiscreteProblem) -> StepBody:
 class MarginsOnRanks(Margins):
     """Margins that all ranks find together."""
 
-    advance: AdvanceOnRanks
-
     def _of(self, stage: Stage, solution: Solution) -> float:
-        if self.advance.depends(stage.problem):
-            return math.nan
-        return 1.0 - self.advance.constant(stage.problem)
+        excess, stages = self.advance.stages.excess(stage), self.advance.stages
+        assert isinstance(stages, StageSolverOnRanks)
+        return math.nan if stages.depends(stage.problem) else -excess
 
-    def largest_step(self, taken: Taken) -> float:
+    def largest_step(self, taken: StepResult) -> float:
         """inf where the laws are convex, nan elsewhere."""
         problem = taken.stages[0].problem
         alphas = problem.law.frozen_at(-problem.offset).weak_convexity if problem.contact_points else ()
         softens = any(np.any(alpha) for alpha in alphas)
-        return math.nan if self.advance.discrete.ranks.largest(float(softens))[0] else math.inf
+        return math.nan if self.advance.discrete.vectors.largest(float(softens))[0] else math.inf

@@ -16,14 +16,14 @@ from hemivar.engines.petsc.evolution import EvolutionOnRanks, discretize_on_rank
 from hemivar.engines.petsc.march_checkpoint import CheckpointOnRanks
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
-from hemivar.engines.petsc.ranks_advance import AdvanceOnRanks, MarginsOnRanks
+from hemivar.engines.petsc.ranks_advance import MarginsOnRanks, stepper_on_ranks
 from hemivar.errors import MethodError
 from hemivar.evolution import Checkpoint, Evolution, History, Jump, March, Stepped
-from hemivar.evolution.advance import Advance
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.identity import identity
 from hemivar.evolution.march import Tools, marching, refuse_plan
 from hemivar.evolution.save import PROBED, nearest_cell, probe_outside, probe_point
+from hemivar.evolution.stepper import TimeStepper
 from hemivar.evolution.time_error import TimeBound
 from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid
@@ -67,7 +67,7 @@ def prepare_march(
     if isinstance(plan.checkpoint, Checkpoint):
         plan = replace(plan, checkpoint=CheckpointOnRanks(plan.checkpoint.file, plan.checkpoint.minutes, ranks=ranks))
 
-    advance = partial(AdvanceOnRanks, alarm=alarm)
+    advance = partial(stepper_on_ranks, alarm=alarm)
     return MarchOnRanks(discrete, plan, Tools(advance, MarginsOnRanks, _no_bound, _identity, _probed))
 
 
@@ -133,13 +133,13 @@ def _refuse(plan: March) -> None:
         )
 
 
-def _no_bound(advance: Advance) -> TimeBound:
+def _no_bound(advance: TimeStepper) -> TimeBound:
     return TimeBound(advance, "", "bounds of the error in time are not looked for over ranks")
 
 
-def _identity(advance: Advance, *options: object) -> str:
+def _identity(advance: TimeStepper, *options: object) -> str:
     """One digest of those of all ranks."""
-    assert isinstance(advance, AdvanceOnRanks)
+    assert isinstance(advance.discrete, EvolutionOnRanks)
     told = advance.discrete.ranks.mpi.allgather(identity(advance, *options))
     return hashlib.sha256("".join(told).encode()).hexdigest()
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Entry", "Ledger"]
+__all__ = ["EnergyBalance"]
 
 
 @dataclass(frozen=True)
-class Ledger:
+class EnergyBalance:
     """Energies of a moment, and work and losses up to it.
 
     ``work + moved + thermal = (elastic + branches + contact + kinetic) - (the same at the start) + viscous +
@@ -69,26 +69,12 @@ class Ledger:
             self.viscous + self.branch_loss + self.friction + self.damping + self.memory + self.numerical + self.jumps
         )
 
-    def closed(self) -> Ledger:
+    def closed(self) -> EnergyBalance:
         """The ledger with its gap computed from all else."""
         values = dict(vars(self))
         values["gap"] = self.work + self.moved + self.thermal - (self.stored - self.start) - self.lost
-        return Ledger(**values)
+        return EnergyBalance(**values)
 
     def record(self) -> dict[str, float]:
         """Numbers by name."""
         return {name: value for name, value in vars(self).items() if name not in ("start", "thermal")}
-
-
-@dataclass(frozen=True)
-class Entry:
-    """Work and losses of one step; names as in :class:`Ledger`."""
-
-    work: float
-    moved: float
-    viscous: float
-    branch_loss: float
-    friction: float
-    damping: float
-    memory: float
-    numerical: float

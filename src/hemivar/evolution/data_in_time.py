@@ -1,0 +1,123 @@
+"""What acts on a body over time, and at which times it jumps."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hemivar.basics.recent import Recent
+from hemivar.basics.types import Array
+from hemivar.evolution.discrete import Acting, DiscreteEvolution
+
+__all__ = ["ChangedData", "DataInTime", "StatedData"]
+
+#: Times whose loads are kept.
+_TIMES = 8
+#: Times at which data may jump that are kept.
+_SIDES = 64
+#: Part of the size of what is added up that is rounding.
+_ROUNDING = 16.0 * float(np.finfo(float).eps)
+
+
+class DataInTime(ABC):
+    """What acts on a body as a function of time."""
+
+    @abstractmethod
+    def at(self, time: float) -> Acting:
+        """What acts at a time."""
+
+    @abstractmethod
+    def sides(self, time: float) -> tuple[float, float]:
+        """Times at which what acts just before and just after a time is looked at: both the time itself but at jumps.
+
+        Loads, supports and gaps are looked at, laws are not.
+        """
+
+    def before(self, time: float) -> Acting:
+        """What acts just before a time: another than just after it where it jumps."""
+        return self.at(self.sides(time)[0])
+
+    def after(self, time: float) -> Acting:
+        """What acts just after a time."""
+        return self.at(self.sides(time)[1])
+
+    def jumps_at(self, time: float) -> bool:
+        """Whether what acts jumps at a time at which it is known that it may."""
+        before, after = self.sides(time)
+        return before != after
+
+
+@dataclass(frozen=True, eq=False)
+class StatedData(DataInTime):
+    """What was stated.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    stops : mapping of float to float
+        Times at which what acts may jump, and how near to them it is looked at.
+    """
+
+    discrete: DiscreteEvolution
+    stops: Mapping[float, float] = field(default_factory=dict)
+    _known: Recent[float, Acting] = field(default_factory=lambda: Recent(_TIMES), repr=False)
+    _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(_SIDES), repr=False)
+
+    def at(self, time: float) -> Acting:
+        evolution = self.discrete.evolution
+        key = time if evolution.problem.time_dependent else evolution.start
+        return self._known.once(key, lambda: self.discrete.acting(key))
+
+    def sides(self, time: float) -> tuple[float, float]:
+        near, evolution = self.stops.get(time), self.discrete.evolution
+        if near is None or not evolution.problem.time_dependent:
+            return time, time
+
+        def looked_at() -> tuple[float, float]:
+            first = time <= evolution.start  # nothing acts before it
+            times = [time if first else time - part * near for part in (2.0, 1.0)]
+            times += [time + part * near for part in (1.0, 2.0)]
+            jumps = _jumps(self.discrete, *(self.at(one) for one in times))
+            return (times[1], times[2]) if jumps else (time, time)
+
+        return self._sides.once(time, looked_at)
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedData(DataInTime):
+    """Data to which more is added, that jumps nowhere.
+
+    Parameters
+    ----------
+    stated : DataInTime
+    change : callable
+        Makes what acts of what was stated, and of the time.
+    """
+
+    stated: DataInTime
+    change: Callable[[Acting, float], Acting]
+
+    def at(self, time: float) -> Acting:
+        return self.change(self.stated.at(time), time)
+
+    def sides(self, time: float) -> tuple[float, float]:
+        return self.stated.sides(time)
+
+
+def _jumps(discrete: DiscreteEvolution, far: Acting, left: Acting, right: Acting, away: Acting) -> bool:
+    """Whether loads or places change between the two times in the middle by more than three times as much as beside
+    them, rounding aside."""
+
+    def change(one: Acting, other: Acting) -> Array:
+        pairs = (one.load - other.load, one.prescribed - other.prescribed, one.offset - other.offset)
+        return discrete.vectors.largest(*(float(np.abs(pair).max(initial=0.0)) for pair in pairs))
+
+    sizes = (np.maximum(np.abs(a), np.abs(b)) for a, b in (
+        (left.load, right.load), (left.prescribed, right.prescribed), (left.offset, right.offset)
+    ))  # fmt: skip
+    rounding = _ROUNDING * discrete.vectors.largest(*(float(size.max(initial=0.0)) for size in sizes))
+    beside = change(far, left) + change(right, away)
+    return bool((change(left, right) > 3.0 * beside + rounding).any())

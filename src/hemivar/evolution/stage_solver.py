@@ -1,0 +1,294 @@
+"""How a stage is solved, and whether it has one solution only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hemivar.basics.arrays import norm
+from hemivar.basics.types import Array
+from hemivar.branches import find_solutions
+from hemivar.certify.smallness import smallness
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import Residual
+from hemivar.errors import MethodError
+from hemivar.evolution.descent import TIGHT, downhill, slowed
+from hemivar.evolution.discrete import Bodies, DiscreteEvolution
+from hemivar.evolution.expectation import expected_contact
+from hemivar.evolution.jump_paths import JumpPaths
+from hemivar.evolution.jumps import Jump, Leap
+from hemivar.evolution.stage import Stage, StageState, expected_multiplier, left_over, stage_state
+from hemivar.laws import ContactLaw
+from hemivar.solvers import (
+    Controls,
+    NonsmoothMultigrid,
+    NonsmoothNewton,
+    SemismoothNewton,
+    Solution,
+    Solver,
+    Status,
+    solve,
+)
+from hemivar.solvers.nearby import OutOfBalance, nearby_solution
+from hemivar.systems.body_on_levels import set_up
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["StageSolution", "StageSolver"]
+
+#: Part of the tolerance of a step that cycles of multigrid leave.
+_SHARE = 0.9
+#: Part of the size of what is added up by which rounding may be taken for half of a tolerance.
+_ROUNDING = 16.0 * float(np.finfo(float).eps)
+#: Ends that a tolerance below what the arithmetic allows may have.
+_UNSETTLED = (Status.INACCURATE, Status.MAX_STEPS, Status.STALLED, Status.CYCLING)
+#: Part of load and contact forces to which the forces of a short step must be known.
+_KNOWN = 1e-5
+#: Steps of a method after which it is clear that rounding keeps it from its tolerance.
+_FEW = 30
+#: Contact components up to which small matrices are dense ones.
+_DENSE = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class StageSolution:
+    """What solves a stage.
+
+    Attributes
+    ----------
+    solution : Solution
+    resistance : float
+        Against which it was found, in units of the stiffness.
+    leaps : tuple of Leap
+        Jumps on the way, where the path of equilibria was followed.
+    reached : StageState or None
+        Where its unknowns lead, if that was asked on the way.
+    """
+
+    solution: Solution
+    resistance: float = 0.0
+    leaps: tuple[Leap, ...] = ()
+    reached: StageState | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StageSolver:
+    """Solves stages.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    bodies : Bodies
+    solver : Solver or None
+    controls : Controls
+    workspace : Workspace
+    """
+
+    discrete: DiscreteEvolution
+    bodies: Bodies
+    solver: Solver | None
+    controls: Controls
+    workspace: Workspace
+    #: For the bodies of transients, which come and go.
+    _transient: Workspace = field(default_factory=lambda: Workspace(4), repr=False)
+
+    @property
+    def resists(self) -> bool:
+        """Whether viscosity or a mass chooses among several solutions; branches, which yield at once, do not."""
+        return self.discrete.mass is not None or self.discrete.viscosity is not None
+
+    def size(self, stage: Stage) -> float:
+        """Size of the forces that act on a stage: its load, and the contact forces before it."""
+        contact, n, lam = self.discrete.problem.contact, stage.problem.unknowns, stage.before.multiplier
+        if self.discrete.vectors.alone:
+            return norm(stage.load[:n]) + norm(contact.pressed(contact.weights[:, None] * lam))
+        return float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
+
+    def excess(self, stage: Stage) -> float:
+        """``c - 1`` of a stage: how much stiffer the body must be to leave one solution; negative if it is.
+
+        Bounds that depend on the solution are taken as they are before the step.
+        """
+        problem = stage.problem
+        if not problem.contact_points:
+            return -1.0
+        law = problem.law
+        return self.constant(stage, law.frozen_at(-problem.offset) if law.state_dependent else law) - 1.0
+
+    def constant(self, stage: Stage, law: ContactLaw) -> float:
+        """The constant c of a stage with a law that depends on no state, ``1 - c`` being its margin.
+
+        Of a body that is condensed anyway it is the largest eigenvalue of a small matrix.
+        """
+        alphas = tuple(np.asarray(alpha) for alpha in law.weak_convexity)
+        if not any(alpha.any() for alpha in alphas):
+            return 0.0
+        condensed = self.condenses(stage.problem)
+        key = (bytes(condensed), *(alpha.tobytes() for alpha in alphas))
+
+        def found() -> float:
+            if condensed:
+                return self.workspace.condensed(stage.problem, many=True).body.softening(*alphas)
+            posed = stage.problem if law is stage.problem.law else stage.problem.with_(law=law)
+            return smallness(posed, trace_constant=False, workspace=self.workspace).constant
+
+        return stage.operator.constants.once(key, found)
+
+    def condenses(self, problem: DiscreteProblem) -> bool:
+        """Whether stages are solved on the body condensed onto its contact points, by the default method."""
+        return (
+            isinstance(self.solver, SemismoothNewton if problem.law.state_dependent else NonsmoothNewton)
+            and problem.contact_points > 0
+            and problem.offset.size <= _DENSE
+        )
+
+    def solution(self, stage: Stage, initial: Solution | None, jump: Jump) -> StageSolution:
+        """The solution of a stage.
+
+        Parameters
+        ----------
+        stage : Stage
+        initial : Solution or None
+            Of the same stage with a law that was not the right one yet.
+        jump : Jump
+            Which solution is taken where there may be several.
+        """
+        controls = self._controls(stage)
+        if jump.follows and not self.resists and (excess := self.excess(stage)) >= 0.0:
+            _refuse_without_energy(stage.problem, jump)
+            self._condense(stage.problem)
+            paths = JumpPaths(self.discrete, self.bodies, self.workspace, self._transient)
+            followed = paths.follow(stage, excess, jump, self.solver, controls)
+            return StageSolution(followed.solution, leaps=followed.leaps)
+        found = self._sought(stage, initial, jump, controls)
+        if found.solution.status in _UNSETTLED and controls.rtol > 0.0:
+            # In so short a step forces may not be known to the tolerance, for displacements are not; flows of heat that
+            # the rounding of temperatures hides change none.
+            known = _rounding(stage)
+            if _hides(known, controls) or (self.discrete.stores and known > controls.atol):
+                found = self._sought(stage, initial, jump, controls.within(known))
+            elif controls.atol == 0.0:  # nothing acts yet that they could be held against, as before a jump
+                again = self._sought(stage, initial, jump, controls.within(known / TIGHT))
+                found = again if again.solution.residual.relative <= _KNOWN else found
+        return found
+
+    def _controls(self, stage: Stage) -> Controls:
+        """Tolerances: a load that is left where all balances already is no measure."""
+        return self.controls.within(self.controls.rtol * self.size(stage))
+
+    def _condense(self, problem: DiscreteProblem) -> None:
+        """Condense a body as steps with one solution do: answers must not depend on which steps were taken before."""
+        if self.condenses(problem):
+            self.workspace.condensed(problem, many=True)
+
+    def _sought(self, stage: Stage, initial: Solution | None, jump: Jump, controls: Controls) -> StageSolution:
+        """The solution of a stage to a tolerance."""
+        problem, excess = stage.problem, self.excess(stage)
+        start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
+        if excess < 0.0:
+            at_rest = _at_rest(problem) if self.discrete.vectors.alone else None
+            near = self._nearby(stage, initial, controls) if at_rest is None else StageSolution(at_rest)
+            if near is not None:
+                return near
+            if _hides(_rounding(stage), controls):  # it is looked for again, to what is known
+                controls = replace(controls, max_steps=min(controls.max_steps or _FEW, _FEW))
+            method = _as_accurate(self.solver, controls)
+            if initial is None:
+                start, method = self._foreseen(stage, start, method)
+            return StageSolution(solve(problem, method, controls, initial=start, workspace=self.workspace))
+        self._condense(problem)
+        if jump is Jump.GLOBAL and not self.resists:
+            _refuse_without_energy(problem, jump)
+            found = find_solutions(problem, workspace=self.workspace)
+            if found.solutions:
+                return StageSolution(min(found.solutions, key=lambda solution: solution.energy))
+        slow = slowed(self.bodies, problem, excess)
+        if jump is Jump.VISCOUS and not self.resists:
+            if slow.contact is not None:
+                raise MethodError(
+                    "jump = 'viscous' takes a viscosity of the body, and the supports alone do not hold this one; take "
+                    "jump = 'local' or 'arc-length'"
+                )
+            crept = solve(slow.problem, self.solver, controls, initial=start, workspace=self.workspace)
+            return StageSolution(crept, slow.resistance)
+        return StageSolution(downhill(problem, slow, start, self.solver, controls, self.workspace))
+
+    def _foreseen(self, stage: Stage, start: Array, method: Solver | None) -> tuple[Array, Solver | None]:
+        """Where a method starts from, and how: multigrid with the contact points where they are expected."""
+        inert = self.discrete.mass is not None
+        if not inert or not isinstance(method, NonsmoothMultigrid) or method.refuse(stage.problem) is not None:
+            return start, method
+        expected = expected_contact(stage, set_up(stage.problem, self.workspace))
+        return (start, method) if expected is None else (expected, replace(method, settled=True))
+
+    def _nearby(self, stage: Stage, initial: Solution | None, controls: Controls) -> StageSolution | None:
+        """The one solution of a stage, if a few of Newton's equations lead to it from what is expected."""
+        if not self.condenses(stage.problem):
+            return None
+        base, reached = stage.before, None
+        system = self.workspace.condensed(stage.problem, many=True)
+        if initial is None:
+            span = stage.rule.at * stage.step
+            r = base.local.displacement + span * base.local.velocity - stage.origin
+            lam = expected_multiplier(base, span)
+        else:
+            r, lam = initial.local, initial.multiplier
+        enough = controls.atol / _ROUNDING
+
+        def left(unknowns: Array) -> OutOfBalance:
+            nonlocal reached
+            reached = stage_state(self.discrete, stage, unknowns)
+            return left_over(self.discrete, stage, reached, enough)
+
+        found = nearby_solution(system, r, lam, controls, stage.operator.newton, left if stage.held else None)
+        if found is None:
+            return None
+        return StageSolution(found, reached=reached if reached and reached.unknowns is found.unknowns else None)
+
+
+def _refuse_without_energy(problem: DiscreteProblem, jump: Jump) -> None:
+    """Refuse choices among equilibria by their energy, or along paths of its minimisers, where there is none.
+
+    Raises
+    ------
+    MethodError
+    """
+    if problem.law.state_dependent:
+        raise MethodError(
+            f"jump = '{jump}' asks for an energy, which a body has not whose friction has a bound that depends on the "
+            "solution, such as Coulomb's; take jump = 'local', 'viscous' or 'stop'"
+        )
+
+
+def _at_rest(problem: DiscreteProblem) -> Solution | None:
+    """The solution of a problem with one solution, if that is nought: nothing acts, and the foundation does not push.
+
+    No iteration would find so: it has nothing to hold a residual against.
+    """
+    if problem.load.any():
+        return None
+    r = -problem.offset
+    zero = np.zeros_like(r)
+    if r.size and problem.law.frozen(r, zero).distance(r, zero).any():
+        return None
+    unknowns, residual = np.zeros(problem.unknowns), Residual(0.0, 0.0, 0.0, 0.0)
+    return Solution(problem, unknowns, zero, Status.CONVERGED, residual, method="rest")
+
+
+def _rounding(stage: Stage) -> float:
+    """Forces that displacements make which are known to half a unit in their last place."""
+    sums, n = stage.problem.linear.row_sums, stage.problem.unknowns
+    size = norm(sums * stage.place[:n]) + float(sums.max(initial=0.0)) * norm(stage.offset)
+    return 0.5 * float(np.finfo(float).eps) * size
+
+
+def _hides(known: float, controls: Controls) -> bool:
+    """Whether forces are not known to the tolerance, and yet to enough of load and contact forces."""
+    return controls.rtol > 0.0 and controls.atol < known <= _KNOWN * controls.atol / controls.rtol
+
+
+def _as_accurate(solver: Solver | None, controls: Controls) -> Solver | None:
+    """Multigrid whose cycles end where the tolerance of the step does, and not that of what is left of its load."""
+    if not isinstance(solver, NonsmoothMultigrid) or solver.tolerance is not None:
+        return solver
+    return replace(solver, tolerance=_SHARE * controls.rtol, absolute=_SHARE * controls.atol)

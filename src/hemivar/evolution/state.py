@@ -1,0 +1,125 @@
+"""The state of an evolution at one time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array
+from hemivar.evolution.energy_balance import EnergyBalance
+
+if TYPE_CHECKING:
+    from hemivar.evolution.heat_book import Warmth
+
+__all__ = ["Kinematics", "LastStep", "Rates", "TimeState"]
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics(Portable):
+    """A displacement with its rate and its acceleration; arrays of one shape.
+
+    Attributes
+    ----------
+    displacement, velocity, acceleration : arrays
+    stiffness_force, viscous_force, momentum : arrays (n + k,) or None
+        ``K u``, ``C v`` and ``M v`` of the body where they are known; to the last bit what the product would be.
+    """
+
+    displacement: Array
+    velocity: Array
+    acceleration: Array
+    stiffness_force: Array | None = field(default=None, kw_only=True)
+    viscous_force: Array | None = field(default=None, kw_only=True)
+    momentum: Array | None = field(default=None, kw_only=True)
+
+    def at_velocity(self, velocity: Array) -> Kinematics:
+        """The same at another velocity."""
+        return Kinematics(self.displacement, velocity, self.acceleration, stiffness_force=self.stiffness_force)
+
+
+@dataclass(frozen=True, eq=False)
+class Rates(Portable):
+    """Mean rates of a displacement and of its velocity over a step; arrays of one shape.
+
+    Attributes
+    ----------
+    velocity, acceleration : arrays
+    """
+
+    velocity: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LastStep(Portable):
+    """What the last step did, which the next one goes on from.
+
+    Attributes
+    ----------
+    step : float
+        Its length.
+    force : array (n,) or None
+        ``K (u - u_before)`` where the velocity is the mean one of the step: ``step K v``.
+    multiplier : array (m, c)
+        Change of the multiplier; zero where it foretells nothing.
+    body, local : Rates or None
+        Mean rates of unknowns and prescribed displacements (n + k,) and at the contact points (m, c); of schemes with
+        several steps.
+    """
+
+    step: float
+    force: Array | None
+    multiplier: Array
+    body: Rates | None = None
+    local: Rates | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class TimeState(Portable):
+    """All that the future of an evolution depends on.  A step is a function from one state to the next.
+
+    Attributes
+    ----------
+    time : float
+    index : int
+        Steps taken so far.
+    body : Kinematics
+        Of unknowns and prescribed displacements, (n + k,).
+    local : Kinematics
+        Of penetration and slip of the contact points relative to their foundation, (m, c).
+    multiplier : array (m, c)
+        Force per area of the body on the foundation at the last stage: pressure (column 0), and minus the friction.
+    branches : tuple of arrays (n + k,)
+        Displacement that each branch of the material remembers.
+    memory : mapping
+        States of the memories of contact boundaries, by their names: arrays by name.
+    ledger : EnergyBalance
+        Energies, and all work and losses so far.
+    heat : Warmth or None
+        Temperatures and the balance of heat, of a body with heat.
+    history : LastStep or None
+        None where the next step begins anew: at the start, and where velocities jump.
+    """
+
+    time: float
+    index: int
+    body: Kinematics
+    local: Kinematics
+    multiplier: Array
+    branches: tuple[Array, ...] = ()
+    memory: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    ledger: EnergyBalance = field(default_factory=EnergyBalance)
+    heat: Warmth | None = None
+    history: LastStep | None = None
+
+    @property
+    def last_length(self) -> float | None:
+        """Length of the last step, where the next one goes on from it."""
+        return None if self.history is None else self.history.step
+
+    @property
+    def rates(self) -> tuple[Rates | None, Rates | None]:
+        """Mean rates of body and contact points in the last step, where they are known."""
+        return (None, None) if self.history is None else (self.history.body, self.history.local)

@@ -1,0 +1,314 @@
+"""The end of a step: the state that its stages lead to, and where the work went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar.basics.relaxation import squares_of_relaxation
+from hemivar.basics.types import Array, IntArray
+from hemivar.evolution.discrete import Acting, DiscreteEvolution
+from hemivar.evolution.energy_balance import EnergyBalance
+from hemivar.evolution.jumps import Leap
+from hemivar.evolution.operators import Operator
+from hemivar.evolution.schemes import Rule
+from hemivar.evolution.stage import Stage, StageState, momentum, stiffness_force
+from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState
+from hemivar.evolution.step_laws import BlockLaw, StepLaw
+from hemivar.evolution.step_operator import decay, gain
+from hemivar.laws.memory import LocalStep
+from hemivar.linear.vectors import Vectors
+from hemivar.solvers import Solution
+
+__all__ = ["SolvedStage", "end_of_step", "energies", "with_products"]
+
+#: Rounding of factors of a scheme.
+_ROUNDED = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedStage:
+    """A stage with its solution.
+
+    Attributes
+    ----------
+    stage : Stage
+    solution : Solution
+    reached : StageState
+    local : Kinematics
+        Penetration and slip at the stage, the slip whole.
+    own : array (m, c)
+        The multiplier without the laws of the rate of the penetration.
+    resistance : float
+        Against which it was found, in units of the stiffness.
+    leaps : tuple of Leap
+        Jumps on the way, where the path of equilibria was followed.
+    """
+
+    stage: Stage
+    solution: Solution
+    reached: StageState
+    local: Kinematics
+    own: Array
+    resistance: float = 0.0
+    leaps: tuple[Leap, ...] = ()
+
+    @property
+    def body(self) -> Kinematics:
+        """Displacement, velocity and acceleration at the stage."""
+        return self.reached.body
+
+
+@dataclass(frozen=True)
+class _StepWork:
+    """Work and losses of a stage or a step: of loads, moved supports, forces of the body, and the foundation."""
+
+    work: float = 0.0
+    moved: float = 0.0
+    internal: float = 0.0
+    viscous: float = 0.0
+    inertial: float = 0.0
+    relaxing: float = 0.0
+    normal: float = 0.0
+    friction: float = 0.0
+    damping: float = 0.0
+    jumps: float = 0.0
+    branch_loss: float = 0.0
+    memory: float = 0.0
+
+    def __add__(self, other: _StepWork) -> _StepWork:
+        return _StepWork(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    def total(self, vectors: Vectors) -> _StepWork:
+        """That of all processes."""
+        return _StepWork(*vectors.total(*vars(self).values()).tolist())
+
+
+def with_products(discrete: DiscreteEvolution, body: Kinematics) -> Kinematics:
+    """Kinematics of the body with ``K u``, and with ``M v`` where there is a mass."""
+    if body.stiffness_force is not None and (body.momentum is not None or discrete.mass is None):
+        return body
+    pushed = None if discrete.mass is None else momentum(discrete, body)
+    return replace(body, stiffness_force=stiffness_force(discrete, body), momentum=pushed)
+
+
+def end_of_step(
+    discrete: DiscreteEvolution, before: TimeState, solved: list[SolvedStage], step: float, time: float, end: Acting,
+    multistep: bool,
+) -> TimeState:  # fmt: skip
+    """The state at the end of a step, with its balance of energy.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    before : TimeState
+    solved : list of SolvedStage
+    step : float
+    time : float
+        At the end.
+    end : Acting
+        What acts there.
+    multistep : bool
+        Whether the next step asks for the mean rates of this one.
+    """
+    last = solved[-1]
+    stage, rule, n = last.stage, last.stage.rule, discrete.unknowns
+    ends = rule.ends and stage.before is before and stage.held  # the stage is the end
+    if ends:
+        body, local, difference = last.body, last.local, last.reached.way
+    else:
+        difference = rule.reach * (last.body.displacement - before.body.displacement)
+        place = last.body.displacement.copy() if rule.reach == 1.0 else before.body.displacement + difference
+        place[n:] = end.prescribed
+        slid = rule.reach * (last.local.displacement - before.local.displacement)
+        rates = before.rates
+        body, local = (
+            Kinematics(
+                there, rule.new_velocity.of(way, motion, rate), rule.new_acceleration.of(way, motion, rate)
+            )
+            for there, way, motion, rate in (
+                (place, difference, stage.before.body, rates[0]),
+                (before.local.displacement + slid, slid, stage.before.local, rates[1]),
+            )
+        )  # fmt: skip
+    body = with_products(discrete, body)
+    branches = tuple(
+        decay(period, step) * h + gain(period, step, 1.0 / step) * difference
+        for h, (period, _) in zip(before.branches, discrete.branches, strict=True)
+    )
+    memory = dict(before.memory)
+    for block in stage.law.blocks:
+        if block.name in memory:
+            since, own = _since(local.displacement, before, block.index), last.own[block.index]
+            memory[block.name] = block.memory.advance(
+                block.given, before.memory[block.name], _whole(block, rule, step), since, own
+            )
+    way = difference if ends else body.displacement - before.body.displacement
+    found = replace(
+        before, time=time, index=before.index + 1, body=body, local=local, multiplier=last.solution.multiplier,
+        branches=branches, memory=memory, history=None,
+    )  # fmt: skip
+    history = _last_step(discrete, before, found, solved, step, way, ends, multistep)
+    return replace(found, history=history, ledger=_balance(discrete, before, found, solved, step, way))
+
+
+def _last_step(
+    discrete: DiscreteEvolution, before: TimeState, found: TimeState, solved: list[SolvedStage], step: float,
+    way: Array, ends: bool, multistep: bool,
+) -> LastStep | None:  # fmt: skip
+    """What the next step goes on from, if it is known."""
+    rate, force = solved[-1].stage.rule.rate, None
+    change = found.multiplier - before.multiplier if ends else np.zeros_like(found.multiplier)
+    mean = rate.of_difference and abs(rate.difference * step - 1.0) <= _ROUNDED
+    if ends and mean and discrete.mass is not None and discrete.vectors.alone:
+        force = stiffness_force(discrete, found.body) - stiffness_force(discrete, before.body)
+    if not multistep:
+        return None if force is None else LastStep(step, force, change)
+    slid = found.local.displacement - before.local.displacement
+    # Of a body without mass nobody states the velocity at which it begins.
+    told = discrete.mass is not None or before.history is not None
+    body, local = (
+        Rates(one / step, (new.velocity - old.velocity) / step if told else new.acceleration)
+        for one, new, old in ((way, found.body, before.body), (slid, found.local, before.local))
+    )
+    return LastStep(step, force, change, body, local)
+
+
+def energies(discrete: DiscreteEvolution, state: TimeState, law: StepLaw) -> dict[str, float]:
+    """Energies of a state by name."""
+    x, v = state.body.displacement, state.body.velocity
+    weights = discrete.problem.contact.weights
+    contact = 0.0
+    if weights.size:
+        place = state.local.displacement
+        if law.blocks:
+            for block in law.blocks:
+                w, r = weights[block.index], place[block.index]
+                ends, remembered = block.base.normal.domain, state.memory.get(block.name, {})
+                seen = block.memory.seen(remembered, r)[:, 0]
+                beyond = seen - np.clip(seen, ends.lower, ends.upper)
+                r = np.column_stack([r[:, 0] - beyond, r[:, 1:]])
+                contact += float(w @ block.memory.stored(block.base, remembered, r))
+        else:
+            stored = law.stored.normal
+            ends = stored.domain
+            inside = np.minimum(np.maximum(place[:, 0], ends.lower), ends.upper)
+            value = stored.piece_value(stored.piece_of(inside), inside)
+            contact = float(weights @ (value if value.shape == weights.shape else np.full(weights.shape, value)))
+    own = {
+        "elastic": 0.5 * float(x @ stiffness_force(discrete, state.body)),
+        "kinetic": 0.0 if discrete.mass is None else 0.5 * float(v @ momentum(discrete, state.body)),
+        "branches": sum(part.energy(h) for h, (_, part) in zip(state.branches, discrete.branches, strict=True)),
+        "contact": contact,
+    }
+    return dict(zip(own, discrete.vectors.total(*own.values()).tolist(), strict=True))
+
+
+def _balance(
+    discrete: DiscreteEvolution, before: TimeState, found: TimeState, solved: list[SolvedStage], step: float, way: Array
+) -> EnergyBalance:
+    """The balance of energy at the end of a step that moves the body by ``way`` (n + k,)."""
+    old, stage, law = before.ledger, solved[-1].stage, solved[-1].stage.law
+    slid = found.local.displacement - before.local.displacement
+    ways = [(way, slid)]
+    if len(solved) > 1:
+        parts = [one.stage.rule.share * step for one in solved]
+        ways = [(part * one.body.velocity, part * one.local.velocity) for part, one in zip(parts, solved, strict=True)]
+    done = _StepWork(
+        branch_loss=sum(
+            _branch_loss(branch, h, way / step, period, step)
+            for h, (period, branch) in zip(before.branches, discrete.branches, strict=True)
+        ),
+        memory=sum(
+            _memory_loss(discrete, before, found, block, solved[-1].own, stage.rule, step)
+            for block in law.blocks
+            if block.name in before.memory
+        ),
+    )
+    for one, (du, dr) in zip(solved, ways, strict=True):
+        done += _work_of(discrete, one, du, dr)
+    done, now = done.total(discrete.vectors), energies(discrete, found, law)
+    body = done.internal - (now["elastic"] - old.elastic) + done.inertial - (now["kinetic"] - old.kinetic)
+    relaxing = done.relaxing - (now["branches"] - old.branches) - done.branch_loss
+    foundation = done.normal - (now["contact"] - old.contact) - done.damping - done.memory
+    at_once = sum(leap.lost for one in solved for leap in one.leaps)
+    return replace(
+        old,
+        work=old.work + done.work,
+        moved=old.moved + done.moved,
+        viscous=old.viscous + done.viscous,
+        branch_loss=old.branch_loss + done.branch_loss,
+        friction=old.friction + done.friction,
+        damping=old.damping + done.damping,
+        memory=old.memory + done.memory,
+        numerical=old.numerical + (body + relaxing + foundation) - at_once,
+        jumps=old.jumps + done.jumps + at_once,
+        **now,
+    ).closed()
+
+
+def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array) -> _StepWork:
+    """Work and losses of a stage on a way (n + k,) of the body and one (m, c) of the contact points."""
+    stage, n, lam = one.stage, discrete.unknowns, one.solution.multiplier
+    weights = discrete.problem.contact.weights[:, None]
+    forces, pressed = one.reached.forces, weights * lam
+    done = {name: force.work(du) for name, force in forces.items()}
+    moved = jumps = damping = 0.0
+    if one.resistance:  # the force that resisted
+        jumps = one.resistance * float(du[:n] @ (stage.problem.stiffness @ one.solution.unknowns))
+    if du.size > n:
+        moved = sum(force.factor * float(force.vector[n:] @ du[n:]) for force in forces.values())
+        moved -= float(stage.load[n:] @ du[n:])
+    if lam.size and not stage.still:
+        moved -= float((pressed * (discrete.problem.contact.traced(du[:n]) - dr)).sum())
+    if one.own is not lam:
+        damping = float(weights[:, 0] @ ((lam - one.own) * dr)[:, 0])
+    return _StepWork(
+        work=float(stage.load @ du),
+        moved=moved,
+        **done,
+        normal=float(pressed[:, 0] @ dr[:, 0]),
+        friction=float((pressed * dr)[:, 1:].sum()),
+        damping=damping,
+        jumps=jumps,
+    )
+
+
+def _memory_loss(
+    discrete: DiscreteEvolution, before: TimeState, found: TimeState, block: BlockLaw, own: Array, rule: Rule,
+    step: float,
+) -> float:  # fmt: skip
+    """What the memory of a boundary dissipates in a step."""
+    lost = block.memory.dissipated(
+        block.given,
+        before.memory[block.name],
+        found.memory[block.name],
+        _whole(block, rule, step),
+        _since(found.local.displacement, before, block.index),
+        own[block.index],
+    )
+    return float(discrete.problem.contact.weights[block.index] @ lost)
+
+
+def _since(place: Array, before: TimeState, index: IntArray) -> Array:
+    """Penetration at the end of a step, and slip since its beginning, of some contact points."""
+    here = place[index].copy()
+    here[:, 1:] -= before.local.displacement[index, 1:]
+    return here
+
+
+def _whole(block: BlockLaw, rule: Rule, step: float) -> LocalStep:
+    """The whole step as contact points see it whose law holds at a stage within it, along a straight line."""
+    if rule.at == 1.0:
+        return block.local
+    return LocalStep(step, 1.0 / step, block.local.before, at=1.0 / rule.reach)
+
+
+def _branch_loss(branch: Operator, h: Array, rate: Array, period: float, step: float) -> float:
+    """``int h'Kh / T`` over a step in which the displacement changes at a constant rate, exactly."""
+    kept, mixed, gone = squares_of_relaxation(step / period)
+    pull, push = branch.times(h), branch.times(rate)
+    return float(
+        kept * float(h @ pull) + 2.0 * mixed * period * float(h @ push) + gone * period**2 * float(rate @ push)
+    )

@@ -1,0 +1,337 @@
+"""A step: a pure function from one state to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar.basics.deadline import check_time
+from hemivar.basics.types import Array
+from hemivar.evolution.balance import allowed_work, rounding_of
+from hemivar.evolution.data_in_time import DataInTime, StatedData
+from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution
+from hemivar.evolution.jumps import Jump, Leap
+from hemivar.evolution.schemes import ImplicitEuler, Scheme
+from hemivar.evolution.stage import Stage, posed_stage, stage_state
+from hemivar.evolution.stage_solver import StageSolver
+from hemivar.evolution.state import Kinematics, TimeState
+from hemivar.evolution.step_end import SolvedStage, end_of_step, with_products
+from hemivar.evolution.step_laws import StepLaw, stage_law
+from hemivar.evolution.step_operator import StepOperator, StepOperators, body_factors, step_operator
+from hemivar.laws import ContactLaw
+from hemivar.solvers import Controls, Solution, Solver, Status
+from hemivar.solvers.choice import choose
+from hemivar.solvers.solve import suited
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["StepResult", "TimeStepper", "method_of"]
+
+#: Rounds of a law that depends on the solution of its own step, and when it stands.
+_ROUNDS = 60
+_STANDS = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class StepResult:
+    """A step that was taken.
+
+    Attributes
+    ----------
+    before, moment : TimeState
+    step : float
+    solutions : tuple of Solution
+        Of its stages.
+    stages : tuple of Stage
+    leaps : tuple of Leap
+        Jumps on the way, where the path of equilibria was followed.
+    heat : StepResult or None
+        The step of heat that belongs to it.
+    advice : str
+        Where the status says too little: what happened, and what to try.
+    """
+
+    before: TimeState
+    moment: TimeState
+    step: float
+    solutions: tuple[Solution, ...]
+    stages: tuple[Stage, ...]
+    leaps: tuple[Leap, ...] = ()
+    heat: StepResult | None = None
+    advice: str = ""
+
+    @property
+    def remedy(self) -> str:
+        """What happened in words, and what to try."""
+        return self.advice or self.status.remedy
+
+    @property
+    def status(self) -> Status:
+        """The first status that is not convergence, if there is one."""
+        return next((s.status for s in self.solutions if s.status is not Status.CONVERGED), Status.CONVERGED)
+
+    @property
+    def residual(self) -> float:
+        """Largest relative residual of the stages, and of heat."""
+        own = max(solution.residual.relative for solution in self.solutions)
+        return own if self.heat is None else max(own, self.heat.residual)
+
+
+@dataclass(frozen=True, eq=False)
+class TimeStepper:
+    """Takes steps of an evolution.  What its parts keep only saves work.
+
+    Parameters
+    ----------
+    discrete : DiscreteEvolution
+    scheme : Scheme
+    stages : StageSolver
+    operators : StepOperators
+    data : DataInTime
+    """
+
+    discrete: DiscreteEvolution
+    scheme: Scheme
+    stages: StageSolver
+    operators: StepOperators
+    data: DataInTime
+
+    @classmethod
+    def of(
+        cls,
+        discrete: DiscreteEvolution,
+        scheme: Scheme,
+        solver: Solver | None,
+        controls: Controls,
+        workspace: Workspace | None = None,
+        stops: Mapping[float, float] | None = None,
+    ) -> TimeStepper:
+        """What takes the steps of an evolution without heat.
+
+        Parameters
+        ----------
+        discrete : DiscreteEvolution
+        scheme : Scheme
+        solver : Solver or None
+            Of all steps; by default what suits the elastic body, so that it is the same in a march that is resumed.
+        controls : Controls
+        workspace : Workspace, optional
+        stops : mapping of float to float, optional
+            Times at which what acts may jump, and how near to them it is looked at.
+        """
+        bodies = Bodies(discrete)
+        method = method_of(discrete) if solver is None else solver
+        return cls(
+            discrete,
+            scheme,
+            StageSolver(discrete, bodies, method, controls, Workspace.given(workspace)),
+            StepOperators(discrete, bodies, scheme),
+            StatedData(discrete, stops or {}),
+        )
+
+    @property
+    def beside(self) -> TimeStepper | None:
+        """What takes the steps of heat."""
+        return None
+
+    @property
+    def controls(self) -> Controls:
+        """Tolerances of steps."""
+        return self.stages.controls
+
+    def data_from(self, state: TimeState) -> DataInTime:
+        """What acts on the body as it is seen from a state, whatever step was taken before."""
+        return self.data
+
+    def initialise(self, state: TimeState) -> TimeState:
+        """The state at the beginning with all else that it holds beside the motion."""
+        return state
+
+    def extra_columns(self, state: TimeState) -> dict[str, float]:
+        """What a row of the table says beside forces, probes and the balance of energy, by names of columns."""
+        return {}
+
+    def take(
+        self, before: TimeState, step: float, end_time: float | None = None, jump: Jump = Jump.LOCAL
+    ) -> StepResult:
+        """One step; the state before it stays as it is.
+
+        Parameters
+        ----------
+        before : TimeState
+        step : float
+        end_time : float, optional
+            Where it ends, if rounding of ``before.time + step`` matters.
+        jump : Jump
+            Which solution is taken where there may be several.
+        """
+        end = before.time + step if end_time is None else end_time
+        return self.take_under(self.data, before, step, end, jump)
+
+    def take_under(
+        self, data: DataInTime, before: TimeState, step: float, end_time: float, jump: Jump = Jump.LOCAL
+    ) -> StepResult:
+        """One step under other data than those of the evolution; see :meth:`take`."""
+        before = replace(before, body=with_products(self.discrete, before.body))
+        operators = self.operators.of(step, before.last_length)
+        start, end = data.before(before.time), data.before(end_time)
+        base = before
+        solved: list[SolvedStage] = []
+        if operators[0].rule.restitution is not None and end.offset is not start.offset:
+            base = self._along(before, (end.offset - start.offset) / step)
+        for operator in operators:
+            at = end if operator.rule.at == 1.0 else data.at(before.time + operator.rule.at * step)
+            solved.append(self._solved(self.stages, base, operator, at, end, start, jump))
+            if solved[-1].solution.status is not Status.CONVERGED:
+                break
+            if len(operators) > 1:
+                last = solved[-1]
+                local = before.local.at_velocity(last.local.velocity)
+                base = replace(before, body=before.body.at_velocity(last.body.velocity), local=local)
+        taken = self._ended(before, solved, step, end_time, end)
+        return self._balanced(taken, solved)
+
+    def _ended(self, before: TimeState, solved: list[SolvedStage], step: float, time: float, end: Acting) -> StepResult:
+        state = end_of_step(self.discrete, before, solved, step, time, end, self.scheme.multistep)
+        leaps = tuple(leap for one in solved for leap in one.leaps)
+        return StepResult(
+            before, state, step, tuple(one.solution for one in solved), tuple(one.stage for one in solved), leaps
+        )
+
+    def _balanced(self, taken: StepResult, solved: list[SolvedStage]) -> StepResult:
+        """A step, not solved if its balance of energy does not close to what the residual allows."""
+        before, state, rtol = taken.before, taken.moment, self.controls.rtol
+        gap, work = (abs(getattr(state.ledger, name) - getattr(before.ledger, name)) for name in ("gap", "work"))
+        least = max(rounding_of(state.ledger), rtol * work)  # no more than what is allowed
+        if gap <= least or taken.status is not Status.CONVERGED or not self.discrete.vectors.alone:
+            return taken
+        allowed = 0.0
+        for part in solved:
+            way = part.stage.rule.share * taken.step * part.body.velocity
+            if len(solved) == 1:
+                way = state.body.displacement - before.body.displacement
+            allowed += allowed_work(self.discrete, part.stage, part.reached, part.solution.multiplier, way, rtol)
+        if gap <= allowed:
+            return taken
+        off = replace(taken.solutions[-1], status=Status.INACCURATE)
+        advice = (
+            f"the balance of energy does not close: {gap:.3g} is left where the residual allows {allowed:.3g}; forces "
+            "cancel that are far larger than those that act, as where a part of the body has next to no mass"
+        )
+        if self.discrete.mass is not None:
+            advice += "; take implicit-euler, or give it a mass like that of the other parts"
+        return replace(taken, solutions=(*taken.solutions[:-1], off), advice=advice)
+
+    def _along(self, before: TimeState, rate: Array) -> TimeState:
+        """A state at which gaps begin to change at the rate (m, c) that they have in the whole step."""
+        traced = self.discrete.problem.contact.traced(before.body.velocity[: self.discrete.unknowns])
+        return replace(before, local=before.local.at_velocity(traced - rate))
+
+    def at_once(
+        self, before: TimeState, span: float, start: Acting, now: Acting, jump: Jump = Jump.LOCAL
+    ) -> StepResult:
+        """A short step of implicit Euler, after which the time is what it was.
+
+        Parameters
+        ----------
+        before : TimeState
+        span : float
+            Its length.
+        start, now : Acting
+            What acts at its beginning and at its end.
+        jump : Jump
+            Which solution is taken where there may be several.
+        """
+        (rule,) = ImplicitEuler().rules(span)
+        stages = self.stages
+        if stages.resists or self.discrete.branches:
+            stages = replace(stages, workspace=Workspace())  # its factors are given back
+        before = replace(before, body=with_products(self.discrete, before.body))
+        operator = step_operator(self.discrete, stages.bodies, rule, span)
+        solved = self._solved(stages, before, operator, now, now, start, jump)
+        return self._ended(before, [solved], span, before.time, now)
+
+    def stage_laws(self, before: TimeState, step: float) -> list[tuple[tuple[float, ...], ContactLaw]]:
+        """For each stage of a step, not solved: what makes its body, see :meth:`Bodies.body`, and its law.
+
+        The state before stands for what the stages would find.
+        """
+        found = []
+        guess = np.zeros(before.local.displacement.shape)
+        guess[:, 0] = before.local.displacement[:, 0]
+        data, timed = self.data_from(before), "law" in self.discrete.evolution.problem.time_dependent
+        for rule in self.operators.rules(step, before.last_length):
+            acting = data.at(before.time + (rule.at * step if timed else 0.0))
+            law = stage_law(self.discrete, acting, before, rule, step, guess, before.multiplier)
+            found.append((body_factors(self.discrete, rule, step), law.law))
+        return found
+
+    def _solved(
+        self,
+        stages: StageSolver,
+        base: TimeState,
+        operator: StepOperator,
+        at: Acting,
+        end: Acting,
+        start: Acting,
+        jump: Jump,
+    ) -> SolvedStage:
+        """A stage, its law being that of its own solution."""
+        discrete, vectors, rule = self.discrete, self.discrete.vectors, operator.rule
+        guess, multiplier = np.zeros(base.local.displacement.shape), base.multiplier
+        guess[:, 0] = base.local.displacement[:, 0]
+        initial: Solution | None = None
+        for _ in range(_ROUNDS):
+            check_time()
+            law = stage_law(discrete, at, base, rule, operator.step, guess, multiplier, operator.laws)
+            stage = posed_stage(discrete, stages.bodies, base, operator, at, end, start, law)
+            found = stages.solution(stage, initial, jump)
+            solution, local = found.solution, stage.local(found.solution)
+            point = stage.local_motion(local)
+            own = _undamped(law, point, solution.multiplier)
+            again = law.iterates and solution.status is Status.CONVERGED
+            if not (again if vectors.alone else vectors.largest(float(again))[0]):
+                break
+            slid = local.copy()
+            slid[:, 1:] -= base.local.displacement[:, 1:]
+            change, size, pressed, level = vectors.largest(
+                float(np.abs(slid - guess).max(initial=0.0)),
+                float(np.abs(local).max(initial=0.0)),
+                float(np.abs(own - multiplier).max(initial=0.0)),
+                float(np.abs(own).max(initial=0.0)),
+            ).tolist()
+            if change <= _STANDS * size and pressed <= _STANDS * level:
+                break
+            guess, multiplier, initial = slid, own, solution
+        else:
+            solution = replace(solution, status=Status.NOT_CONTRACTING)
+        off = solution.residual  # it is told against all that the tolerance was held against
+        told = replace(solution, residual=replace(off, scale=off.scale + stages.size(stage)))
+        reached = stage_state(discrete, stage, solution.unknowns) if found.reached is None else found.reached
+        return SolvedStage(stage, told, reached, point, own, found.resistance, found.leaps)
+
+
+def method_of(discrete: DiscreteEvolution) -> Solver | None:
+    """What suits the elastic body; None over ranks, whose engine has one."""
+    return suited(choose(discrete.problem)[0], discrete.problem) if discrete.vectors.alone else None
+
+
+def _undamped(law: StepLaw, point: Kinematics, multiplier: Array) -> Array:
+    """The multiplier (m, c) without what laws of the rate of the penetration exert: that of laws and memories.
+
+    Of the splits of the pressure between both the one nearest to the slope of the law of the rate.
+    """
+    own = multiplier
+    for block in law.blocks:
+        if block.damping is None:
+            continue
+        own = multiplier.copy() if own is multiplier else own
+        rate, lam = point.velocity[block.index, 0], multiplier[block.index, 0]
+        stored, felt = (
+            block.undamped.normal.subdifferential(point.displacement[block.index, 0]),
+            block.damping.subdifferential(rate),
+        )
+        slope = np.clip(block.damping.derivative(rate), felt.lower, felt.upper)
+        own[block.index, 0] -= np.clip(slope, lam - stored.upper, lam - stored.lower)
+    return own
