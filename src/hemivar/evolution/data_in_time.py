@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hemivar.basics.first_use import cached_property
 from hemivar.basics.recent import Recent
 from hemivar.basics.types import Array
 from hemivar.evolution.discrete import Acting, DiscreteEvolution
@@ -66,18 +67,21 @@ class StatedData(DataInTime):
     _known: Recent[float, Acting] = field(default_factory=lambda: Recent(_TIMES), repr=False)
     _sides: Recent[float, tuple[float, float]] = field(default_factory=lambda: Recent(_SIDES), repr=False)
 
+    @cached_property
+    def _steady(self) -> bool:
+        return not self.discrete.evolution.problem.time_dependent
+
     def at(self, time: float) -> Acting:
-        evolution = self.discrete.evolution
-        key = time if evolution.problem.time_dependent else evolution.start
+        key = self.discrete.evolution.start if self._steady else time
         return self._known.once(key, lambda: self.discrete.acting(key))
 
     def sides(self, time: float) -> tuple[float, float]:
-        near, evolution = self.stops.get(time), self.discrete.evolution
-        if near is None or not evolution.problem.time_dependent:
+        near = self.stops.get(time)
+        if near is None or self._steady:
             return time, time
 
         def looked_at() -> tuple[float, float]:
-            first = time <= evolution.start  # nothing acts before it
+            first = time <= self.discrete.evolution.start  # nothing acts before it
             times = [time if first else time - part * near for part in (2.0, 1.0)]
             times += [time + part * near for part in (1.0, 2.0)]
             jumps = _jumps(self.discrete, *(self.at(one) for one in times))

@@ -103,19 +103,20 @@ class Stage:
     def local_motion(self, local: Array) -> Kinematics:
         """Penetration and slip at the stage with their rates."""
         before = self.before
-        return self._moved(local, local - before.local.displacement, before.local, before.rates[1])
+        return Kinematics(local, *self._rates(local - before.local.displacement, before.local, before.rates[1]))
 
-    def motion(self, displacement: Array, difference: Array) -> Kinematics:
-        """Displacement at the stage, by how much it differs from that before it, with its rates."""
-        return self._moved(displacement, difference, self.before.body, self.before.rates[0])
+    def body_rates(self, way: Array) -> tuple[Array, Array]:
+        """Velocity and acceleration (n + k,) at the stage where the displacement differs by ``way`` from before."""
+        return self._rates(way, self.before.body, self.before.rates[0])
 
-    def _moved(self, place: Array, difference: Array, motion: Kinematics, last: Rates | None) -> Kinematics:
-        velocity, ratio = self.rule.rate.of(difference, motion, last), self.rule.backward
+    def _rates(self, way: Array, motion: Kinematics, last: Rates | None) -> tuple[Array, Array]:
+        rule = self.operator.rule
+        velocity, ratio = rule.rate.of(way, motion, last), rule.backward
         if ratio is None:
-            return Kinematics(place, velocity, self.rule.acceleration.of(difference, motion, last))
+            return velocity, rule.acceleration.of(way, motion, last)
         acceleration = velocity - motion.velocity
         acceleration *= ratio
-        return Kinematics(place, velocity, acceleration)
+        return velocity, acceleration
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +131,6 @@ class Force:
 
     vector: Array
     factor: float = 1.0
-
-    def work(self, way: Array) -> float:
-        """Its work on a way (n + k,)."""
-        return self.factor * float(self.vector @ way)
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,7 +317,7 @@ def rounding_size(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics
 
 def _summed(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics) -> Sequence[tuple[float, Array, Array]]:
     """What forces of a displacement are added up from: factors, sums of rows of matrices, and vectors (n,)."""
-    before, rule, n = stage.before.body, stage.rule, discrete.unknowns
+    before, rule, n = stage.before.body, stage.operator.rule, stage.problem.load.size
     last = stage.before.rates[0]
     sums = stage.problem.linear.row_sums
     parts = [(1.0, sums, reached.displacement), (1.0, sums, before.displacement)]
@@ -369,30 +366,29 @@ def forces(
 
 def stage_state(discrete: DiscreteEvolution, stage: Stage, unknowns: Array) -> StageState:
     """Kinematics and forces of unknowns (n,) of a stage."""
-    before, rule = stage.before.body, stage.rule
+    before, rule = stage.before.body, stage.operator.rule
     displacement = stage.displacement(unknowns)
     way = displacement - before.displacement
-    body = stage.motion(displacement, way)
+    velocity, acceleration = stage.body_rates(way)
     internal = discrete.stiffness.times(displacement)
     found, viscous, pushed = {"internal": Force(internal)}, None, None
     time, ratio = discrete.damping_time, rule.backward
     if time is not None and stage.held and rule.rate.of_difference:
         found["viscous"] = Force(internal - stiffness_force(discrete, before), time * rule.rate.difference)
     elif discrete.viscosity is not None:
-        viscous = discrete.viscosity.times(body.velocity)
+        viscous = discrete.viscosity.times(velocity)
         found["viscous"] = Force(viscous)
     if discrete.mass is not None and ratio is not None:  # products that the kinetic energy needs as well
-        pushed = discrete.mass.times(body.velocity)
+        pushed = discrete.mass.times(velocity)
         found["inertial"] = Force(pushed - momentum(discrete, before), ratio)
     elif discrete.mass is not None:
-        found["inertial"] = Force(discrete.mass.times(body.acceleration))
+        found["inertial"] = Force(discrete.mass.times(acceleration))
     if discrete.branches:
         found["relaxing"] = Force(_relaxing(discrete, stage.before, way, stage.operator))
-    reached = Kinematics(
-        displacement, body.velocity, body.acceleration,
-        stiffness_force=internal, viscous_force=viscous, momentum=pushed,
-    )  # fmt: skip
-    return StageState(unknowns, way, reached, found)
+    body = Kinematics(
+        displacement, velocity, acceleration, stiffness_force=internal, viscous_force=viscous, momentum=pushed
+    )
+    return StageState(unknowns, way, body, found)
 
 
 def _relaxing(discrete: DiscreteEvolution, before: TimeState, difference: Array, operator: StepOperator) -> Array:

@@ -99,10 +99,11 @@ class StageSolver:
 
     def size(self, stage: Stage) -> float:
         """Size of the forces that act on a stage: its load, and the contact forces before it."""
-        contact, n, lam = self.discrete.problem.contact, stage.problem.unknowns, stage.before.multiplier
+        contact, lam = self.discrete.problem.contact, stage.before.multiplier
+        load = stage.load if stage.held else stage.load[: stage.problem.unknowns]
         if self.discrete.vectors.alone:
-            return norm(stage.load[:n]) + norm(contact.pressed(contact.weights[:, None] * lam))
-        return float(self.discrete.vectors.norms(stage.load[:n], contact.force(lam)).sum())
+            return norm(load) + norm(contact.pressed(contact.weights[:, None] * lam))
+        return float(self.discrete.vectors.norms(load, contact.force(lam)).sum())
 
     def excess(self, stage: Stage) -> float:
         """``c - 1`` of a stage: how much stiffer the body must be to leave one solution; negative if it is.
@@ -120,19 +121,17 @@ class StageSolver:
 
         Of a body that is condensed anyway it is the largest eigenvalue of a small matrix.
         """
-        alphas = tuple(np.asarray(alpha) for alpha in law.weak_convexity)
+        alphas = law.weak_convexity
         if not any(alpha.any() for alpha in alphas):
             return 0.0
-        condensed = self.condenses(stage.problem)
-        key = (bytes(condensed), *(alpha.tobytes() for alpha in alphas))
 
         def found() -> float:
-            if condensed:
+            if self.condenses(stage.problem):
                 return self.workspace.condensed(stage.problem, many=True).body.softening(*alphas)
             posed = stage.problem if law is stage.problem.law else stage.problem.with_(law=law)
             return smallness(posed, trace_constant=False, workspace=self.workspace).constant
 
-        return stage.operator.constants.once(key, found)
+        return stage.operator.constants.once(tuple(np.asarray(alpha).tobytes() for alpha in alphas), found)
 
     def condenses(self, problem: DiscreteProblem) -> bool:
         """Whether stages are solved on the body condensed onto its contact points, by the default method."""
@@ -184,7 +183,6 @@ class StageSolver:
     def _sought(self, stage: Stage, initial: Solution | None, jump: Jump, controls: Controls) -> StageSolution:
         """The solution of a stage to a tolerance."""
         problem, excess = stage.problem, self.excess(stage)
-        start = np.zeros(problem.unknowns) if initial is None else initial.unknowns
         if excess < 0.0:
             at_rest = _at_rest(problem) if self.discrete.vectors.alone else None
             near = self._nearby(stage, initial, controls) if at_rest is None else StageSolution(at_rest)
@@ -193,9 +191,9 @@ class StageSolver:
             if _hides(_rounding(stage), controls):  # it is looked for again, to what is known
                 controls = replace(controls, max_steps=min(controls.max_steps or _FEW, _FEW))
             method = _as_accurate(self.solver, controls)
-            if initial is None:
-                start, method = self._foreseen(stage, start, method)
+            start, method = self._foreseen(stage, initial, method)
             return StageSolution(solve(problem, method, controls, initial=start, workspace=self.workspace))
+        start = _start(stage, initial)
         self._condense(problem)
         if jump is Jump.GLOBAL and not self.resists:
             _refuse_without_energy(problem, jump)
@@ -213,10 +211,15 @@ class StageSolver:
             return StageSolution(crept, slow.resistance)
         return StageSolution(downhill(problem, slow, start, self.solver, controls, self.workspace))
 
-    def _foreseen(self, stage: Stage, start: Array, method: Solver | None) -> tuple[Array, Solver | None]:
+    def _foreseen(self, stage: Stage, initial: Solution | None, method: Solver | None) -> tuple[Array, Solver | None]:
         """Where a method starts from, and how: multigrid with the contact points where they are expected."""
-        inert = self.discrete.mass is not None
-        if not inert or not isinstance(method, NonsmoothMultigrid) or method.refuse(stage.problem) is not None:
+        inert, start = self.discrete.mass is not None, _start(stage, initial)
+        if (
+            initial is not None
+            or not inert
+            or not isinstance(method, NonsmoothMultigrid)
+            or method.refuse(stage.problem) is not None
+        ):
             return start, method
         expected = expected_contact(stage, set_up(stage.problem, self.workspace))
         return (start, method) if expected is None else (expected, replace(method, settled=True))
@@ -244,6 +247,11 @@ class StageSolver:
         if found is None:
             return None
         return StageSolution(found, reached=reached if reached and reached.unknowns is found.unknowns else None)
+
+
+def _start(stage: Stage, initial: Solution | None) -> Array:
+    """Unknowns (n,) that a method starts from."""
+    return np.zeros(stage.problem.unknowns) if initial is None else initial.unknowns
 
 
 def _refuse_without_energy(problem: DiscreteProblem, jump: Jump) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import add
 
 import numpy as np
 
@@ -78,15 +79,21 @@ class _StepWork:
     memory: float = 0.0
 
     def __add__(self, other: _StepWork) -> _StepWork:
-        return _StepWork(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+        return _StepWork(*map(add, vars(self).values(), vars(other).values()))
 
     def total(self, vectors: Vectors) -> _StepWork:
         """That of all processes."""
         return _StepWork(*vectors.total(*vars(self).values()).tolist())
 
 
-def with_products(discrete: DiscreteEvolution, body: Kinematics) -> Kinematics:
-    """Kinematics of the body with ``K u``, and with ``M v`` where there is a mass."""
+def with_products(discrete: DiscreteEvolution, state: TimeState) -> TimeState:
+    """A state whose body knows ``K u``, and ``M v`` where there is a mass."""
+    known = _known(discrete, state.body)
+    return state if known is state.body else replace(state, body=known)
+
+
+def _known(discrete: DiscreteEvolution, body: Kinematics) -> Kinematics:
+    """Kinematics of the body with these products."""
     if body.stiffness_force is not None and (body.momentum is not None or discrete.mass is None):
         return body
     pushed = None if discrete.mass is None else momentum(discrete, body)
@@ -132,7 +139,7 @@ def end_of_step(
                 (before.local.displacement + slid, slid, stage.before.local, rates[1]),
             )
         )  # fmt: skip
-    body = with_products(discrete, body)
+    body = _known(discrete, body)
     branches = tuple(
         decay(period, step) * h + gain(period, step, 1.0 / step) * difference
         for h, (period, _) in zip(before.branches, discrete.branches, strict=True)
@@ -145,12 +152,11 @@ def end_of_step(
                 block.given, before.memory[block.name], _whole(block, rule, step), since, own
             )
     way = difference if ends else body.displacement - before.body.displacement
-    found = replace(
-        before, time=time, index=before.index + 1, body=body, local=local, multiplier=last.solution.multiplier,
-        branches=branches, memory=memory, history=None,
-    )  # fmt: skip
+    multiplier = last.solution.multiplier
+    found = TimeState(time, before.index + 1, body, local, multiplier, branches, memory, before.ledger, before.heat)
     history = _last_step(discrete, before, found, solved, step, way, ends, multistep)
-    return replace(found, history=history, ledger=_balance(discrete, before, found, solved, step, way))
+    ledger = _balance(discrete, before, found, solved, step, way)
+    return TimeState(time, found.index, body, local, multiplier, branches, memory, ledger, before.heat, history)
 
 
 def _last_step(
@@ -233,8 +239,9 @@ def _balance(
     relaxing = done.relaxing - (now["branches"] - old.branches) - done.branch_loss
     foundation = done.normal - (now["contact"] - old.contact) - done.damping - done.memory
     at_once = sum(leap.lost for one in solved for leap in one.leaps)
-    return replace(
-        old,
+    return EnergyBalance(
+        start=old.start,
+        thermal=old.thermal,
         work=old.work + done.work,
         moved=old.moved + done.moved,
         viscous=old.viscous + done.viscous,
@@ -253,7 +260,7 @@ def _work_of(discrete: DiscreteEvolution, one: SolvedStage, du: Array, dr: Array
     stage, n, lam = one.stage, discrete.unknowns, one.solution.multiplier
     weights = discrete.problem.contact.weights[:, None]
     forces, pressed = one.reached.forces, weights * lam
-    done = {name: force.work(du) for name, force in forces.items()}
+    done = {name: force.factor * float(force.vector @ du) for name, force in forces.items()}
     moved = jumps = damping = 0.0
     if one.resistance:  # the force that resisted
         jumps = one.resistance * float(du[:n] @ (stage.problem.stiffness @ one.solution.unknowns))

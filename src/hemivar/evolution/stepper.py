@@ -173,7 +173,7 @@ class TimeStepper:
         self, data: DataInTime, before: TimeState, step: float, end_time: float, jump: Jump = Jump.LOCAL
     ) -> StepResult:
         """One step under other data than those of the evolution; see :meth:`take`."""
-        before = replace(before, body=with_products(self.discrete, before.body))
+        before = with_products(self.discrete, before)
         operators = self.operators.of(step, before.last_length)
         start, end = data.before(before.time), data.before(end_time)
         base = before
@@ -247,7 +247,7 @@ class TimeStepper:
         stages = self.stages
         if stages.resists or self.discrete.branches:
             stages = replace(stages, workspace=Workspace())  # its factors are given back
-        before = replace(before, body=with_products(self.discrete, before.body))
+        before = with_products(self.discrete, before)
         operator = step_operator(self.discrete, stages.bodies, rule, span)
         solved = self._solved(stages, before, operator, now, now, start, jump)
         return self._ended(before, [solved], span, before.time, now)

@@ -238,7 +238,7 @@ class ThermalStepper(TimeStepper):
         given = float(rubbed.sum() + deformed.sum())
         solution = flowed.solutions[0]
         place = stage.displacement(solution.unknowns)
-        rate = stage.motion(place, place - flowed.before.body.displacement).velocity
+        rate = stage.body_rates(place - flowed.before.body.displacement)[0]
         force = conduction.viscosity.times(rate) + conduction.stiffness.times(place) - stage.load
         contact = conduction.problem.contact
         out = float((contact.weights[:, None] * solution.multiplier).sum()) if contact.count else 0.0
