@@ -355,7 +355,6 @@ UNTYPED = {
     "cli.adapting": (3, "options of the command by name"),
     "cli.march_results": (1, "keywords of a film"),
     "cli.march_run": (1, "keywords of a film"),
-    "engines.petsc.ranks_advance": (1, "what the base class is given"),
     "evolution.evolution_problem": (3, "initial fields as users give them"),
     "evolution.history": (3, "a DataFrame, keywords of matplotlib"),
     "evolution.march": (1, "keywords of a plan"),

@@ -152,6 +152,7 @@ _EXPORTS = {
         "MoreauJean",
         "Newmark",
         "Release",
+        "BDF2",
         "SDIRK2",
         "Save",
         "Slip",
@@ -219,9 +220,9 @@ if TYPE_CHECKING:
     # fmt: off
     __all__ = [  # noqa: RUF022 - in the order of the names above
         "__version__", "AdaptiveEnd", "AdaptiveLevel", "AdaptiveSolution", "AdaptiveStep", "Adhesive",
-        "AugmentedLagrangian", "AugmentedLagrangianNewton", "Bilateral", "BondBroken", "Bonding", "Branch", "Capped",
-        "Certificate", "Checkpoint", "Clamped", "Compliance", "Contact", "ContactLaw", "ContactProblem", "Controls",
-        "CoulombBound", "Cylinder", "DampedContact", "DiscreteProblem", "DistanceToExact", "Evolution",
+        "AugmentedLagrangian", "AugmentedLagrangianNewton", "BDF2", "Bilateral", "BondBroken", "Bonding", "Branch",
+        "Capped", "Certificate", "Checkpoint", "Clamped", "Compliance", "Contact", "ContactLaw", "ContactProblem",
+        "Controls", "CoulombBound", "Cylinder", "DampedContact", "DiscreteProblem", "DistanceToExact", "Evolution",
         "ExactDistance", "ExactInner", "FinitePenetration", "Fixed", "FixedPoint", "FixedStep", "FormulaLaw",
         "Friction", "FunctionLaw", "GeneralizedAlpha", "Goal", "GoalValue", "Heat", "HeatContact", "HemivarError",
         "History", "ImplicitEuler", "Jump", "LBFGS", "Layered", "LoadStepping", "Logarithmic", "METHODS", "March",
@@ -263,6 +264,7 @@ if TYPE_CHECKING:
     from hemivar.discrete import DiscreteProblem, residual
     from hemivar.errors import HemivarError, MethodError, ProblemError
     from hemivar.evolution import (
+        BDF2,
         SDIRK2,
         AdaptiveStep,
         BondBroken,

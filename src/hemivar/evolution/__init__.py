@@ -9,6 +9,7 @@ from hemivar.evolution.march_state import Checkpoint
 from hemivar.evolution.plan import March
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import (
+    BDF2,
     SCHEMES,
     SDIRK2,
     GeneralizedAlpha,
@@ -21,6 +22,7 @@ from hemivar.evolution.schemes import (
 from hemivar.evolution.steps import AdaptiveStep, FixedStep, Stepping
 
 __all__ = [
+    "BDF2",
     "SCHEMES",
     "SDIRK2",
     "AdaptiveStep",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hemivar.evolution.state import Kinematics, Rates
 
 __all__ = [
+    "BDF2",
     "SCHEMES",
     "SDIRK2",
     "GeneralizedAlpha",
@@ -344,6 +345,29 @@ class SDIRK2(Scheme):
 
 
 @dataclass(frozen=True)
+class BDF2(Scheme):
+    """The backward differentiation formula of order 2, for steps of any length; it damps what a step cannot resolve.
+
+    With ``w = step/last`` the rate at the end of a step is ``((1 + 2 w) (u_{n+1} - u_n) / step - w (u_n - u_{n-1}) /
+    last) / (1 + w)``, and so is the acceleration of velocities.  The first step, the first one after a stop or a kink
+    of what acts, and one that is more than ``1 + sqrt(2)`` times as long as the last, beyond which the formula is not
+    stable, are steps of implicit Euler: a single one keeps the order.
+    """
+
+    name: ClassVar[str] = "bdf2"
+    multistep: ClassVar[bool] = True
+
+    def rules(self, step: float, last: float | None = None) -> tuple[Rule, ...]:
+        if last is None or step > (1.0 + math.sqrt(2.0)) * last:
+            return ImplicitEuler().rules(step)
+        ratio = step / last
+        a, kept = (1.0 + 2.0 * ratio) / ((1.0 + ratio) * step), -ratio / (1.0 + ratio)
+        rate = RateFormula(a, mean_velocity=kept)
+        acceleration = RateFormula(a**2, -a, mean_velocity=a * kept, mean_acceleration=kept)
+        return (Rule(1.0, rate, acceleration, 1.0, rate, acceleration),)
+
+
+@dataclass(frozen=True)
 class MoreauJean(Scheme):
     """The scheme of Moreau and Jean: impacts with restitution on rigid obstacles (Acary, arXiv:1410.2499).
 
@@ -404,5 +428,5 @@ def _newmark(beta: float, gamma: float, step: float) -> tuple[RateFormula, RateF
 #: Schemes with their standard options, by name.
 SCHEMES: dict[str, Scheme] = {
     scheme.name: scheme
-    for scheme in (ImplicitEuler(), Midpoint(), Newmark(), GeneralizedAlpha(), SDIRK2(), MoreauJean())
+    for scheme in (ImplicitEuler(), Midpoint(), Newmark(), GeneralizedAlpha(), SDIRK2(), BDF2(), MoreauJean())
 }

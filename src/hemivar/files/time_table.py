@@ -37,6 +37,7 @@ SCHEMES: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
         "newmark": {"beta": (0.0, 0.5), "gamma": (0.5, 1.0)},
         "generalized-alpha": {"rho": (0.0, 1.0)},
         "sdirk2": {},
+        "bdf2": {},
         "moreau-jean": {"restitution": (0.0, 1.0), "theta": (0.5, 1.0)},
     }
 )
