@@ -4,7 +4,7 @@
     python benchmarks/adaptive.py --times [--rtol 0.05 0.01 0.002] [--most 256]
 
 For each data set of the survey two ways with linear elements, or with ``--order 2`` quadratic ones: the mesh refined
-where the bound says, and everywhere. Bounds are those of ``hemivar.adapt.exact_distance`` with trace constants from
+where the bound says, and everywhere. Bounds are those of ``hemivar.exact_distance`` with trace constants from
 below; the rate is that of the bound in the number of unknowns. Uniform meshes end at ``--most`` cells a side.
 
 ``--times`` compares the time until a distance is guaranteed: quadratic elements on adaptive meshes, all meshes and the
@@ -25,8 +25,9 @@ from typing import Any
 from common import show
 
 import hemivar as hv
-from hemivar.adapt import AdaptiveSolution, exact_distance, solve_adaptive
-from hemivar.adapt.trace_bounds import guaranteed_trace_bounds
+from hemivar.adapt import AdaptiveSolution, solve_adaptive
+from hemivar.certificates.continuous import exact_distance
+from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
 from hemivar.gallery import SURVEY_DATA, survey
 
 #: Unknowns, relative bound and seconds of a uniform mesh.

@@ -40,9 +40,9 @@ from random_statements import Array, random_body, random_statement
 
 import hemivar as hv
 from hemivar import gallery
-from hemivar.adapt import ExactDistance, exact_distance
-from hemivar.adapt.patches import PatchKind
-from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
+from hemivar.certificates.continuous import ExactDistance, exact_distance
+from hemivar.certificates.continuous.patches import PatchKind
+from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_trace_bounds, guaranteed_trace_bounds
 from hemivar.fem import interpolate
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.mesh import Mesh

@@ -4,7 +4,7 @@
     python benchmarks/certificate.py --dim 3 --sizes 16 32 48 --law weakening --json rows.json
 
 ``solve_s`` is all of ``hv.solve`` by nonsmooth multigrid to a relative residual of 1e-10, ``certify_s`` all of
-``hemivar.certify.certify`` for its solution, without the survey's trace constant.  The hierarchy serves both and is in
+``hemivar.certify`` for its solution, without the survey's trace constant.  The hierarchy serves both and is in
 neither.  Both run in turn on one thread, and the smallest time of each counts, in seconds of the processor, which a
 busy machine disturbs little.  ``cycles`` are those of the certificate on any level;
 ``bound`` is the bound of the distance to the exact discrete solution, relative to the solution.
@@ -26,7 +26,7 @@ from overhead import PROBLEMS, TOLERANCE
 
 import hemivar as hv
 from hemivar.basics.types import Array
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.linear.levels import Truncated
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 import hemivar as hv
 from hemivar import gallery, laws
-from hemivar.certify import smallness
+from hemivar.certificates import smallness
 from hemivar.discrete import residual
 from hemivar.solvers import suited
 from hemivar.systems import CondensedProblem, condense

@@ -43,7 +43,7 @@ import overhead
 import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.generators import result_of
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.files import history_record, solution_record
 from hemivar.files.problem_file import read_problem_file
 from hemivar.workflows import MarchSettings, evolution_of, plan_of

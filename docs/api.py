@@ -14,7 +14,8 @@ import hemivar
 
 TARGET = Path(__file__).with_name("api.md")
 ROOMS = (
-    "errors", "laws", "mesh", "discrete", "mechanics", "fem", "systems", "solvers", "certify", "branches", "adapt",
+    "errors", "laws", "mesh", "discrete", "mechanics", "fem", "systems", "solvers", "certificates",
+    "certificates.continuous", "branches", "adapt",
     "evolution", "gallery", "files", "workflows", "report",
 )  # fmt: skip
 HEAD = """# Reference

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import hemivar as hv
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.gallery import shear_block_slips, shear_column, softening_block, survey_logarithmic
 
 # %%

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hemivar.branches import find_solutions, follow_path
-from hemivar.certify import certify, smallness
+from hemivar.certificates import certify, smallness
 from hemivar.discrete import residual
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize

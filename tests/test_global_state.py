@@ -186,7 +186,7 @@ def test_threads_solve_one_problem(method: object) -> None:
 
 
 def test_a_certificate_beside_a_solve(monkeypatch: pytest.MonkeyPatch) -> None:
-    from hemivar.certify import norms
+    from hemivar.certificates import norms
 
     monkeypatch.setattr(norms, "FACTORISED", (10, 10))
     problem = unstructured(24)

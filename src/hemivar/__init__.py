@@ -9,8 +9,6 @@ Names are loaded when they are first used, so that ``import hemivar`` is quick.
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from hemivar.basics.first_use import IMPORTS
@@ -121,21 +119,19 @@ _EXPORTS = {
         "solve_nested",
     ),
     "hemivar.branches": ("Path", "SolutionSet", "find_solutions", "follow_path"),
-    "hemivar.certify": ("Certificate", "DistanceToExact", "Smallness", "certify", "smallness"),
+    "hemivar.certificates": ("Certificate", "DistanceToExact", "Smallness", "certify", "smallness"),
     "hemivar.adapt": (
         "AdaptiveEnd",
         "AdaptiveLevel",
         "AdaptiveSolution",
-        "ExactDistance",
         "Goal",
         "GoalValue",
-        "exact_distance",
         "goal_named",
         "goal_value",
         "known_goals",
-        "lower_bounds",
         "solve_adaptive",
     ),
+    "hemivar.certificates.continuous": ("ExactDistance", "exact_distance", "lower_bounds"),
     "hemivar.evolution": (
         "AdaptiveStep",
         "BondBroken",
@@ -170,12 +166,11 @@ _HANDED_ON = {
     "Displayed._repr_html_": "report.notebook.html_of",
     "Displayed.plot": "report.notebook.picture_of",
     "Displayed.to_dataframe": "report.frames.frame_of",
-    "Solution.certify": "certify.certificate.certify",
+    "Solution.certify": "certificates.certify",
     "Solution.to_dict": "files.solution_record",
     "Solution.to_json": "files.write_json",
     "Solution.to_vtu": "files.write_vtu",
     "Solution.plot": "report.solution_pictures.plot_body_or_points",
-    "Certificate.exact": "adapt.exact_certificate.distance_to_exact",
     "History.write": "files.write_history",
     "History.to_dict": "files.history_record",
     "History.to_json": "files.write_history_json",
@@ -202,17 +197,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return list(__all__)
-
-
-class _Package(ModuleType):
-    """This package: importing a room of the same name (``hemivar.certify``) leaves its public names what they are."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _HOME and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 if TYPE_CHECKING:
@@ -249,18 +233,16 @@ if TYPE_CHECKING:
         AdaptiveEnd,
         AdaptiveLevel,
         AdaptiveSolution,
-        ExactDistance,
         Goal,
         GoalValue,
-        exact_distance,
         goal_named,
         goal_value,
         known_goals,
-        lower_bounds,
         solve_adaptive,
     )
     from hemivar.branches import Path, SolutionSet, find_solutions, follow_path
-    from hemivar.certify import Certificate, DistanceToExact, Smallness, certify, smallness
+    from hemivar.certificates import Certificate, DistanceToExact, Smallness, certify, smallness
+    from hemivar.certificates.continuous import ExactDistance, exact_distance, lower_bounds
     from hemivar.discrete import DiscreteProblem, residual
     from hemivar.errors import HemivarError, MethodError, ProblemError
     from hemivar.evolution import (

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import hemivar as hv
-from hemivar.adapt import GoalValue, body_constants, exact_distance, goal_named, goal_value, known_goals
+from hemivar.adapt import GoalValue, goal_named, goal_value, known_goals
 from hemivar.adapt.functionals import functionals
-from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
+from hemivar.certificates.continuous import body_constants, exact_distance
+from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.gallery import survey, weighted_block
 from hemivar.mesh import rectangle

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hemivar.branches import find_solutions
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.solvers import Status, solve
 
 from .brute_force import Case, random_case

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from hemivar.basics.types import Array
 from hemivar.branches import chain_of, find_solutions
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.discrete.point_kind import PointKind
 from hemivar.errors import ProblemError

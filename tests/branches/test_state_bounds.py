@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from hemivar.branches import find_solutions, follow_path
-from hemivar.certify import certify, smallness
+from hemivar.certificates import certify, smallness
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import MethodError
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, Tresca

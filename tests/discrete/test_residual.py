@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hemivar.certify import PointKind, certify
+from hemivar.certificates import PointKind, certify
 from hemivar.discrete import DiscreteProblem, Residual, residual
 from hemivar.discrete.residual import LoadScale, contact_compliance, resting_multiplier
 from hemivar.errors import MethodError, ProblemError

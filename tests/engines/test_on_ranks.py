@@ -112,7 +112,7 @@ def test_problems_of_the_examples(tmp_path: Path, name: str, ranks: int) -> None
 def test_the_files_are_those_of_the_serial_run(tmp_path: Path) -> None:
     import meshio
 
-    from hemivar.certify import certify
+    from hemivar.certificates import certify
     from hemivar.files import write_json, write_vtu
 
     problem = _EXAMPLES / "cube_logarithmic.toml"

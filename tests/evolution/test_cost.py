@@ -14,7 +14,7 @@ import pytest
 import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
-from hemivar.certify.smallness import smallness
+from hemivar.certificates.smallness import smallness
 from hemivar.evolution import Evolution, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment

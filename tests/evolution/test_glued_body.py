@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import hemivar as hv
-from hemivar.discrete.foothold import PERHAPS_NO_MINIMUM
+from hemivar.coercivity.foothold import PERHAPS_NO_MINIMUM
 from hemivar.evolution.descent import slowed
 from hemivar.evolution.discrete import Bodies, discretize_evolution
 

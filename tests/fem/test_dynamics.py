@@ -12,8 +12,8 @@ import pytest
 import scipy.sparse as sp
 from skfem.helpers import ddot, dot, sym_grad, trace
 
-from hemivar.certify import smallness
-from hemivar.certify.smallness import trace_constants
+from hemivar.certificates import smallness
+from hemivar.certificates.smallness import trace_constants
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem import discretize
@@ -455,7 +455,7 @@ def test_trace_constant_of_large_bodies_takes_no_notice_of_the_bedding(monkeypat
     stated = floating(mesh, supports={"left": Clamped()}, bedding=5e4, contact=contact)
     problem = discretize(stated, evolving=True)
     exact = trace_constants(problem).both
-    module = importlib.import_module("hemivar.certify.smallness")
+    module = importlib.import_module("hemivar.certificates.smallness")
     monkeypatch.setattr(module, "factorises", lambda problem: False)
     assert trace_constants(problem).both == pytest.approx(exact, rel=1e-3)
 

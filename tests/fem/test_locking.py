@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.cli import main
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize

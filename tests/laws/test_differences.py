@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hemivar.basics.types import Array
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.laws import ContactLaw, FunctionLaw, Superpotential
 from hemivar.laws.own.differences import differences

@@ -11,9 +11,9 @@ import pytest
 
 import hemivar as hv
 from hemivar.adapt import AdaptiveEnd, AdaptiveSolution, adaptive
-from hemivar.adapt.exact_certificate import statement_of
-from hemivar.adapt.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.basics.rounding import rounded_up
+from hemivar.certificates.continuous.exact_certificate import statement_of
+from hemivar.certificates.continuous.trace_bounds import TraceBounds, discrete_trace_bounds
 from hemivar.errors import ProblemError
 from hemivar.files import write_vtu
 from hemivar.gallery import survey, survey_cube

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from hemivar.branches import find_solutions, follow_path
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.gallery import survey, survey_cube

@@ -84,7 +84,7 @@ def warm_up() -> None:
     import skfem
 
     import hemivar.branches
-    import hemivar.certify
+    import hemivar.certificates
     import hemivar.cli
     import hemivar.evolution
     import hemivar.files.problem_file

@@ -50,7 +50,7 @@ SURVEY = ["survey", "--max-n", "8", "--out", "out", "--max-time", "5"]
 
 _DRIVER = """
 import json, os, resource, signal, sys, time
-import hemivar.branches, hemivar.certify, hemivar.report, hemivar.workflows, meshio, scipy.sparse.linalg
+import hemivar.branches, hemivar.certificates, hemivar.report, hemivar.workflows, meshio, scipy.sparse.linalg
 import matplotlib.backends.backend_agg, matplotlib.backends.backend_pdf, matplotlib.backends.backend_svg
 from hemivar import cli
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -17,7 +17,7 @@ import pytest
 import hemivar
 import hemivar.basics.memory as machine_memory
 from hemivar.branches import find_solutions, follow_path
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.errors import MethodError
 from hemivar.fem import discretize
 from hemivar.gallery import broken_foundation

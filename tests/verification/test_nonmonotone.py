@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hemivar.certify import PointKind, certify, smallness
+from hemivar.certificates import PointKind, certify, smallness
 from hemivar.fem import discretize, interpolate, v_norm
 from hemivar.gallery import manufactured_softening, shear_block, softening_block
 from hemivar.mesh import rectangle

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
-from hemivar.certify import certify
+from hemivar.certificates import certify
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize, interpolate
 from hemivar.gallery import survey_cube, survey_cube_logarithmic

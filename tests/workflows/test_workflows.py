@@ -378,7 +378,7 @@ def test_controls_reach_the_solve() -> None:
 
 
 def test_solve_and_certificate_share_their_levels(monkeypatch: pytest.MonkeyPatch) -> None:
-    from hemivar.certify import norms
+    from hemivar.certificates import norms
     from hemivar.linear.cycle import ElasticMultigrid
 
     made: list[int] = []

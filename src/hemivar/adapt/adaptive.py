@@ -5,7 +5,7 @@ the mesh before.  Cells are marked by Doerfler's rule: the fewest that hold a sh
 
     eta_T^2 + |xi - zeta|_F^2 / Lambda + G_F,
 
-what a cell and its contact facets add to the bound (:mod:`hemivar.adapt.exact_distance`). With a goal the share is one
+what a cell and its contact facets add to the bound (:func:`hemivar.exact_distance`). With a goal the share is one
 of what cells add to the error of that quantity (:mod:`hemivar.adapt.goal_values`) until the estimate of it is as asked;
 from there on that of the bound, with which the guaranteed interval shrinks.
 """
@@ -20,11 +20,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hemivar.adapt.adaptive_end import AdaptiveEnd
-from hemivar.adapt.body_constants import body_constants
-from hemivar.adapt.exact_distance import ExactDistance, exact_distance
 from hemivar.adapt.goal_values import GoalValue, goal_value
 from hemivar.adapt.goals import Goal, goal_named
-from hemivar.adapt.trace_bounds import TraceBounds
 from hemivar.basics.arguments import expect, number
 from hemivar.basics.display import Displayed, brief
 from hemivar.basics.generators import result_of
@@ -32,6 +29,9 @@ from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.memory import available_bytes, size_in_words
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array, BoolArray, Record
+from hemivar.certificates.continuous.body_constants import body_constants
+from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
+from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize

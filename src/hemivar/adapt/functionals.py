@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hemivar.adapt.body_data import BodyData
 from hemivar.adapt.goals import Goal, GoalKind
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem.elements import voigt_index
 from hemivar.fem.supports import stated_supports

@@ -25,20 +25,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from hemivar.adapt.admissible_stress import AdmissibleStress, admissible_stress
-from hemivar.adapt.body_data import BodyData, VaryingLoads
-from hemivar.adapt.contact_traces import ContactTraces, contact_traces
-from hemivar.adapt.exact_distance import SWEEPS, ExactDistance
 from hemivar.adapt.functionals import Functional, functionals, linear_forces, nodal_forces, strained, work
 from hemivar.adapt.goals import Goal
-from hemivar.adapt.sweeps import Sweeper
-from hemivar.adapt.trace_bounds import TraceBounds
-from hemivar.adapt.vertex_moments import unsettled
 from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
 from hemivar.basics.rounding import rounded_down, rounded_up
 from hemivar.basics.types import Array, IntArray
-from hemivar.certify.bound import snap
+from hemivar.certificates.bound import snap
+from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
+from hemivar.certificates.continuous.body_data import BodyData, VaryingLoads
+from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
+from hemivar.certificates.continuous.exact_distance import SWEEPS, ExactDistance
+from hemivar.certificates.continuous.sweeps import Sweeper
+from hemivar.certificates.continuous.trace_bounds import TraceBounds
+from hemivar.certificates.continuous.vertex_moments import unsettled
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.linear.factorisation import Factorisation, factorise
@@ -143,7 +143,7 @@ def goal_value(goal: Goal, solution: Solution, distance: ExactDistance, constant
         From :func:`hemivar.adapt.goal_named`.
     solution : Solution
     distance : ExactDistance
-        Of the solution, by :func:`hemivar.adapt.exact_distance`.
+        Of the solution, by :func:`hemivar.exact_distance`.
     constants : TraceBounds
         Of the body, as they were taken for the distance.
 

@@ -15,7 +15,7 @@ import numpy as np
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain
-from hemivar.certify import equilibrium_multiplier
+from hemivar.certificates import equilibrium_multiplier
 
 __all__ = ["Candidate", "Enumeration", "enumerate_points"]
 

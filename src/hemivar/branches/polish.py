@@ -8,7 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain
-from hemivar.certify import trace_force
+from hemivar.certificates import trace_force
 from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited

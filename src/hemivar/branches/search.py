@@ -14,8 +14,8 @@ from hemivar.branches.chain import Chain
 from hemivar.branches.enumeration import Candidate
 from hemivar.branches.follower import trace
 from hemivar.branches.polish import Polished, polish, polish_by_solver
-from hemivar.certify import energy_norm
-from hemivar.certify.kind import kind_of
+from hemivar.certificates import energy_norm
+from hemivar.certificates.kind import kind_of
 from hemivar.discrete.point_kind import PointKind
 from hemivar.solvers import Controls, LoadStepping, NonsmoothNewton, Search, Solution, Solver, Status, solve, suited
 from hemivar.systems import CondensedProblem

@@ -17,7 +17,7 @@ from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.adapt import AdaptiveSolution
-    from hemivar.certify import Certificate
+    from hemivar.certificates import Certificate
     from hemivar.workflows import AdaptOptions, AdaptResult, Event
 
 __all__ = ["AdaptRun", "AdaptView"]
@@ -126,7 +126,7 @@ class AdaptRun:
         found = result.adaptive
         print_summary(console(), found.solution, result.certificate)
         if result.certificate is None:
-            from hemivar.adapt.exact_certificate import statement_of
+            from hemivar.certificates.continuous.exact_certificate import statement_of
 
             print("\n".join(statement_of(found.distance).lines()))
         if found.goal is not None:

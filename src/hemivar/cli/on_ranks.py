@@ -26,7 +26,7 @@ from hemivar.solvers import Status
 
 if TYPE_CHECKING:
     from hemivar.basics.types import Array, IntArray
-    from hemivar.certify import Certificate
+    from hemivar.certificates import Certificate
     from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Piece, Ranks
     from hemivar.files.mesh_table import StatedMesh
     from hemivar.files.problem_file import ProblemFile

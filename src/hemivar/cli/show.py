@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.table import Table as RichTable
 
-    from hemivar.certify import Certificate
+    from hemivar.certificates import Certificate
     from hemivar.discrete.problem import DiscreteProblem
     from hemivar.engines.petsc import DistributedSolution
     from hemivar.files.problem_file import ProblemFile

@@ -29,7 +29,7 @@ from hemivar.cli.show import SolveView, console, print_head, print_not_converged
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
-    from hemivar.certify import Certificate
+    from hemivar.certificates import Certificate
     from hemivar.files.problem_file import ProblemFile
     from hemivar.solvers import Solution
 

@@ -14,10 +14,10 @@ from hemivar.basics.arrays import real_array, real_matrix
 from hemivar.basics.display import Displayed
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
+from hemivar.coercivity.foothold import limit_of
+from hemivar.coercivity.recession import Held
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
-from hemivar.discrete.foothold import limit_of
-from hemivar.discrete.hold import Held
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.space import Field, Space

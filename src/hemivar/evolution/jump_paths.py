@@ -31,7 +31,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, Track, TrackPoint
 from hemivar.branches.path import PathEnd
-from hemivar.certify.smallness import smallness
+from hemivar.certificates.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 
 from hemivar.basics.types import Array
-from hemivar.certify.smallness import margin_at
+from hemivar.certificates.smallness import margin_at
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.evolution.stage import Stage

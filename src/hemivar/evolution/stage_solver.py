@@ -9,7 +9,7 @@ import numpy as np
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array
 from hemivar.branches import find_solutions
-from hemivar.certify.smallness import smallness
+from hemivar.certificates.smallness import smallness
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.errors import MethodError

@@ -47,7 +47,7 @@ from scipy.special import gammainc
 
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array
-from hemivar.certify.smallness import smallness
+from hemivar.certificates.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.schemes import Scheme

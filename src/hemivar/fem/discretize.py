@@ -9,6 +9,7 @@ import numpy as np
 from hemivar.basics.arguments import expect
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.types import Array
+from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
@@ -18,7 +19,6 @@ from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.edge_blocks import node_graph
-from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.fem.locking import locking_warning
 from hemivar.fem.mass import body_blocks, resists
 from hemivar.fem.scalar_energy import discretize_scalar

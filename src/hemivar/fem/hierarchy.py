@@ -8,9 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.rigid import rigid_basis
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
 

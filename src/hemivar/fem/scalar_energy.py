@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.loading import Loading
@@ -20,7 +21,6 @@ from hemivar.fem.constitutive import constitutive_law
 from hemivar.fem.contact_points import shares
 from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
-from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.fem.mass import mass_blocks, resists
 from hemivar.fem.quadrature import region_masks
 from hemivar.fem.supports import in_words

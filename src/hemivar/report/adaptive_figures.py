@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hemivar.adapt import AdaptiveLevel, AdaptiveSolution
-from hemivar.adapt.exact_certificate import statement_of
 from hemivar.basics.rounding import rounded_up
 from hemivar.basics.types import Array, BoolArray
-from hemivar.certify import Certificate
+from hemivar.certificates import Certificate
+from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import polylines
 from hemivar.mesh.mesh import Mesh

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from hemivar.certify import Certificate
+from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.report.body_colour import BodyColour

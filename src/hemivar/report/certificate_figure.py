@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from hemivar.certify import Certificate
+from hemivar.certificates import Certificate
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREEN, GREY, RED, drawing
 

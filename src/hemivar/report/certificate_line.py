@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hemivar.certify import Certificate, DistanceToExact
+from hemivar.certificates import Certificate, DistanceToExact
 from hemivar.report.style import GREY
 from hemivar.solvers import Solution, Status
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from hemivar.adapt import AdaptiveSolution
 from hemivar.branches import Path, SolutionSet
-from hemivar.certify import Certificate, DistanceToExact, certify, one_solution, smallness
+from hemivar.certificates import Certificate, DistanceToExact, certify, one_solution, smallness
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError, ProblemError

@@ -14,7 +14,7 @@ import numpy as np
 
 from hemivar.basics.disk import shown, whole_file
 from hemivar.basics.types import Array, IntArray, Record
-from hemivar.certify import Certificate
+from hemivar.certificates import Certificate
 from hemivar.discrete.contact import ContactPoints
 from hemivar.engines.petsc import BodyOnRanks, DistributedSolution, Ranks
 from hemivar.engines.petsc.files import one_writer

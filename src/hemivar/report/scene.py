@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.disk import make_folder, whole_file
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.types import AnyArray, Array, IntArray
-from hemivar.certify import Certificate
+from hemivar.certificates import Certificate
 from hemivar.errors import ProblemError
 from hemivar.report.body_colour import BodyColour
 from hemivar.report.certificate_line import certificate_line, write_foot

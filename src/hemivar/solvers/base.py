@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.discrete.hold import Growth
+from hemivar.coercivity.recession import Growth
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.laws import ContactLaw

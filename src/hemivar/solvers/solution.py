@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-    from hemivar.certify.certificate import Certificate
+    from hemivar.certificates.certificate import Certificate
     from hemivar.systems.workspace import Workspace
 
 __all__ = ["Solution"]

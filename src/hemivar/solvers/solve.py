@@ -15,7 +15,7 @@ from hemivar.basics.arguments import described, expect
 from hemivar.basics.arrays import real_array
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
-from hemivar.discrete.hold import Verdict, decide
+from hemivar.coercivity.recession import Verdict, decide
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed

@@ -11,11 +11,11 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
-from hemivar.discrete.hold import Growth, growth_along
+from hemivar.coercivity.free_motion import free_growth
+from hemivar.coercivity.recession import Growth, growth_along
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.errors import ProblemError
-from hemivar.fem.free_motion import free_growth
 from hemivar.laws import ContactLaw
 from hemivar.linear.cycle import ElasticMultigrid, contact_unknowns
 from hemivar.linear.definite import (

@@ -14,11 +14,11 @@ from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
-from hemivar.discrete.hold import Growth, growth_along
+from hemivar.coercivity.free_motion import free_growth
+from hemivar.coercivity.recession import Growth, growth_along
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import LoadScale, Residual, load_scale, residuals
 from hemivar.errors import ProblemError
-from hemivar.fem.free_motion import free_growth
 from hemivar.fem.posed import Posable, posed
 from hemivar.laws import ContactLaw
 from hemivar.linear.factor_memory import check_memory, shortage

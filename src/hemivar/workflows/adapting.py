@@ -7,11 +7,11 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 from hemivar.adapt import AdaptiveEnd, AdaptiveLevel, AdaptiveSolution, Goal, solving_adaptive
-from hemivar.adapt.exact_certificate import statement_of
 from hemivar.basics.arguments import expect
 from hemivar.basics.display import brief
 from hemivar.basics.known_statement import KnownStatement
-from hemivar.certify import Certificate
+from hemivar.certificates import Certificate
+from hemivar.certificates.continuous.exact_certificate import statement_of
 from hemivar.errors import HemivarError
 from hemivar.mechanics import ContactProblem
 from hemivar.solvers import Controls, Solver

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from hemivar.basics.types import Array
-from hemivar.certify import Certificate
-from hemivar.certify import certify as certificate_of_pair
+from hemivar.certificates import Certificate
+from hemivar.certificates import certify as certificate_of_pair
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import Controls, Solver
 from hemivar.systems.workspace import Workspace

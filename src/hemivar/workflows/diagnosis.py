@@ -194,7 +194,7 @@ def _threads() -> tuple[tuple[str, int], ...]:
 def _tried() -> tuple[float | None, str | None]:
     """Seconds to solve and certify the survey's body, or why that fails."""
     with IMPORTS:
-        from hemivar.certify import certify
+        from hemivar.certificates import certify
         from hemivar.gallery import survey
         from hemivar.solvers import Status, solve
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
 from hemivar.branches import PathProgress, SearchProgress
-from hemivar.certify import Certificate
+from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.solvers import Progress, Solution, Solver
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hemivar.basics.display import brief
-from hemivar.certify import Certificate, certify, factorises
+from hemivar.certificates import Certificate, certify, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import HemivarError
 from hemivar.fem.posed import Posable, posed

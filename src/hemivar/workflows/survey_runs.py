@@ -9,11 +9,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hemivar.adapt import exact_distance
-from hemivar.adapt.trace_bounds import TraceBounds, guaranteed_trace_bounds
 from hemivar.basics.display import brief
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
+from hemivar.certificates.continuous import exact_distance
+from hemivar.certificates.continuous.trace_bounds import TraceBounds, guaranteed_trace_bounds
 from hemivar.discrete import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate, v_norm

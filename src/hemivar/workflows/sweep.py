@@ -21,7 +21,7 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array
 from hemivar.branches import SolutionsOptions, finding
-from hemivar.certify import smallness
+from hemivar.certificates import smallness
 from hemivar.errors import HemivarError, ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.files.changes import Change, read_change

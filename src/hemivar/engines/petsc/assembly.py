@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.contact import ContactPoints
 from hemivar.engines.petsc.held import admissible_motions, check_held, supported, unrefined
 from hemivar.engines.petsc.matrices import near_null_space, places_of, prolongation, stiffness_and_load
@@ -27,7 +28,6 @@ from hemivar.errors import MethodError, ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.discretize import friction_warning, refuse_evolution
 from hemivar.fem.edge_blocks import EdgeBlocks
-from hemivar.fem.free_motion import refuse_free_motion
 from hemivar.fem.locking import largest_poisson_ratio, locking_warning
 from hemivar.fem.mass import body_blocks
 from hemivar.fem.unknowns import NodalConditions, nodal_conditions

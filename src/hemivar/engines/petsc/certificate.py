@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hemivar.basics.types import Array
-from hemivar.certify import Certificate, PointKind, Smallness
+from hemivar.certificates import Certificate, PointKind, Smallness
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid

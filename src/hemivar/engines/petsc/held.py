@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
-from hemivar.discrete.foothold import geometric_slack
-from hemivar.discrete.hold import Growth, decide, growth_along
+from hemivar.coercivity.foothold import geometric_slack
+from hemivar.coercivity.free_motion import describe, refuse
+from hemivar.coercivity.recession import Growth, decide, growth_along
+from hemivar.coercivity.rigid_modes import admitted, rigid_basis
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.rigid import admitted, rigid_basis
 from hemivar.engines.petsc.pieces import Piece
 from hemivar.engines.petsc.ranks import Ranks, shared
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import discretize
-from hemivar.fem.free_motion import describe, refuse
 from hemivar.fem.unknowns import NodalConditions
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh

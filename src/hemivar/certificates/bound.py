@@ -1,0 +1,401 @@
+"""Guaranteed bound of the distance to the exact discrete solution; the proof is in docs/certificates.md.
+
+Any admissible pair (v, lam'), lam' in dj(Bv - g), near the given point bounds its error:
+
+    |u - u*|_K <= |u - v|_K + |f - K v - B'W lam'|_{K^-1} / margin
+
+Several such pairs are made and the smallest bound counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from hemivar.basics.deadline import check_time
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.certificates.norms import EnergyNorm, Norm
+from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.model import quadratic
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import contact_compliance
+from hemivar.laws import ContactLaw, StateBound, Superpotential
+
+__all__ = ["Point", "equilibrium_multiplier", "error_bound", "friction_bound", "snap", "trace_force"]
+
+#: Search for a better pair if the bound is above this part of |u|_K: on a small problem, on a large one.
+_POOR = (1e-10, 1e-7)
+#: Contact components times unknowns of a small problem.
+_SMALL = 2_000_000
+#: No search with more contact components than this, for it works with dense matrices.
+_SEARCHABLE = 1500
+_SEARCH_STEPS = 60
+_Real = TypeVar("_Real", bound=np.floating)
+_ROWS = 1 << 14
+#: Contact points times knots that are looked at in one go.
+_PAIRS = 1 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A pair under examination and what belongs to it."""
+
+    problem: DiscreteProblem
+    energy: Norm
+    u: Array
+    lam: Array
+
+    @property
+    def bulk(self) -> Quadratic:
+        """The body, which is linear or stands for its tangent."""
+        return quadratic(self.problem.bulk, "a bound of the error")
+
+    @property
+    def active(self) -> BoolArray:
+        """Which local components can move, (m, d)."""
+        problem = self.problem
+        return np.asarray(
+            np.diff(problem.contact.trace.indptr).reshape(problem.contact_points, problem.contact.components) > 0
+        )
+
+    def law(self, r: Array, lam: Array) -> ContactLaw:
+        """The ordinary law at a state."""
+        return self.problem.law.frozen(r, lam)
+
+    @cached_property
+    def balance(self) -> tuple[Array, float]:
+        """``f - K u - B'W lam`` and the bound of its rounding, see :func:`_out_of_balance`."""
+        return _out_of_balance(self, self.u, self.lam)
+
+    @cached_property
+    def compliance(self) -> Array:
+        """See :func:`contact_compliance`, (m, 2)."""
+        return contact_compliance(self.problem)
+
+    @cached_property
+    def imbalance(self) -> tuple[Array, float]:
+        """Displacement (n,) that this force causes, and its norm in K^-1."""
+        return self.energy.riesz(self.balance[0])
+
+
+def equilibrium_multiplier(problem: DiscreteProblem, u: Array) -> Array:
+    """The multiplier (m, d) that balances ``f - K u`` on the contact unknowns, in the sense of least squares.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    u : array
+        Unknowns, shape (n,).
+
+    Returns
+    -------
+    array
+    """
+    return trace_force(problem, problem.out_of_balance(u)) / problem.contact.weights[:, None]
+
+
+def trace_force(problem: DiscreteProblem, force: Array) -> Array:
+    """The contact forces (m, d) that balance a force (n,) on the contact unknowns, in the sense of least squares.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    force : array
+        Shape (n,).
+
+    Returns
+    -------
+    array
+    """
+    active = np.diff(problem.contact.trace.indptr) > 0
+    inner = gram_solve(problem.contact.trace, np.where(active, problem.contact.trace @ force, 0.0), active)
+    shape = (problem.contact_points, problem.contact.components)
+    return np.zeros(shape) if inner is None else inner.reshape(shape)
+
+
+def snap(law: ContactLaw, r: Array, lam: Array, tau: Array) -> Array:
+    """The point at which the law fits ``(r, lam)`` best: r itself or, part by part, a knot of the law, (m, d)."""
+    out = r.copy()
+    out[:, 0] = _snap(law.normal, r[:, 0], lam[:, 0], tau[:, 0])
+    if r.shape[1] > 1:
+        size = np.linalg.norm(r[:, 1:], axis=1)
+        direction = r[:, 1:] / np.where(size > 0.0, size, 1.0)[:, None]
+        along = np.where(size > 0.0, np.einsum("mi,mi->m", direction, lam[:, 1:]), np.linalg.norm(lam[:, 1:], axis=1))
+        length = np.maximum(_snap(law.tangential, size, along, tau[:, 1], at_least=0.0), 0.0)
+        # at rest the friction may point anywhere
+        stays = law.tangential.distance(np.zeros_like(size), np.linalg.norm(lam[:, 1:], axis=1))
+        moves = np.hypot((size - length) / tau[:, 1], law.tangential.distance(length, along))
+        length = np.where(np.hypot(size / tau[:, 1], stays) <= moves, 0.0, length)
+        out[:, 1:] = length[:, None] * direction
+    return out
+
+
+def _snap(law: Superpotential, r: Array, lam: Array, tau: Array, at_least: float = -np.inf) -> Array:
+    """r, or the knot of least ``hypot((r - knot) / tau, distance of lam to dj(knot))`` if that fits better.
+
+    Only knots nearer than ``tau`` times the best so far can be better, so that few of a long table are looked at.
+    """
+    place, best = np.array(r, dtype=float), np.array(np.broadcast_to(law.distance(r, lam), r.shape))
+    knots = law.knots
+    left, right = law.knot_slopes()
+    low, high = np.minimum(left, right), np.maximum(left, right)
+    shared = knots.shape[0] == 1 or knots.strides[0] == 0
+    width = knots.shape[-1]
+
+    def look(point: IntArray, index: IntArray) -> Array:
+        at = knots[0, index] if shared else knots[point, index]
+        row = point if low.shape[0] > 1 else np.zeros_like(point)
+        off = np.maximum(np.maximum(low[row, index] - lam[point], lam[point] - high[row, index]), 0.0)
+        usable = np.isfinite(at) & (at >= at_least)
+        return np.where(usable, np.hypot((r[point] - np.where(usable, at, 0.0)) / tau[point], off), np.inf)
+
+    def between(low_end: Array, high_end: Array) -> tuple[IntArray, IntArray]:
+        if shared:
+            return np.searchsorted(knots[0], low_end), np.searchsorted(knots[0], high_end, side="right")
+        return (knots < low_end[:, None]).sum(axis=1), (knots <= high_end[:, None]).sum(axis=1)
+
+    every = np.arange(r.size)
+    after = between(r, r)[0]
+    for side in (after - 1, after):  # the two knots around r first
+        index = np.clip(side, 0, width - 1)
+        off = look(every, index)
+        better = off < best
+        best = np.where(better, off, best)
+        place = np.where(better, knots[0, index] if shared else knots[every, index], place)
+    reach = best * tau
+    first, last = between(r - reach, r + reach)
+    count = last - first
+    starts = np.concatenate([[0], np.cumsum(count)])
+    point = 0
+    while point < r.size:
+        check_time()
+        stop = max(int(np.searchsorted(starts, starts[point] + _PAIRS, side="right")) - 1, point + 1)
+        rows = np.repeat(every[point:stop], count[point:stop])
+        begins = starts[point:stop] - starts[point]
+        index = np.arange(rows.size) - np.repeat(begins - first[point:stop], count[point:stop])
+        some = np.flatnonzero(count[point:stop] > 0)
+        if some.size:
+            off = look(rows, index)
+            least = np.minimum.reduceat(off, begins[some])
+            here = np.flatnonzero(off == np.repeat(least, count[point:stop][some]))
+            _, which = np.unique(rows[here], return_index=True)
+            chosen = here[which]  # the first of the best ones
+            better = least < best[point:stop][some]
+            rows, index = rows[chosen][better], index[chosen][better]
+            best[rows] = least[better]
+            place[rows] = knots[0, index] if shared else knots[rows, index]
+        point = stop
+    return place
+
+
+def friction_bound(problem: DiscreteProblem, r: Array, lam: Array) -> Array:
+    """The friction bound (m,) in a state, where it depends on the state."""
+    bound = problem.law.friction.bound
+    assert isinstance(bound, StateBound)
+    return np.asarray(bound.value(r[:, 0], lam[:, 0]))
+
+
+def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> float:
+    """Bound of ``|u - u*|_K`` for every solution u* of the discrete problem; inf if the margin is not positive.
+
+    Parameters
+    ----------
+    point : Point
+    margin : float
+    ceiling : array (m,), optional
+        Pairs whose friction bound is larger than this are left out: those for which the margin does not hold.  None
+        if it holds for all solutions, and so for all pairs.
+    """
+    if not (margin > 0.0 and point.energy.definite):
+        return np.inf
+    problem = point.problem
+    if problem.contact_points == 0:
+        return _evaluate(point, point.u, np.zeros((0, problem.contact.components)), point.lam, margin)
+    best = np.inf
+    r = problem.local(point.u)
+    tau = point.compliance
+    scale = point.energy.norm(point.u)
+    rows = int(point.active.sum())
+    poor = _POOR[0] if rows * problem.unknowns <= _SMALL else _POOR[1]
+    for given in (True, False):
+        lam = point.lam if given else equilibrium_multiplier(problem, point.u)
+        law = point.law(r, lam)
+        snapped = np.where(point.active, snap(law, r, lam, tau), r)
+        best = min(best, _admissible(point, point.u, snapped, lam, margin, ceiling))
+        if best <= poor * scale and not point.energy.factorised:
+            break
+    if best > poor * scale and 0 < rows <= _SEARCHABLE and isinstance(point.energy, EnergyNorm):
+        best = min(best, _search(point, point.energy, margin, best, ceiling))
+    return best
+
+
+def _admissible(point: Point, base: Array, r: Array, lam: Array, margin: float, ceiling: Array | None = None) -> float:
+    """The bound from the pair ``(base moved to r, element of dj(r) nearest to lam)``; inf if there is no such pair."""
+    if ceiling is not None and not bool((friction_bound(point.problem, r, lam) <= ceiling).all()):
+        return np.inf
+    law = point.law(r, lam)
+    with np.errstate(invalid="ignore"):
+        if not np.isfinite(law.value(r)).all():
+            return np.inf
+        nearest = law.nearest_multiplier(r, lam)
+    return _evaluate(point, base, r, nearest, margin)
+
+
+def _evaluate(point: Point, base: Array, r: Array, lam: Array, margin: float) -> float:
+    """``|u - v|_K + |f - K v - B'W lam|_{K^-1} / margin`` with v = ``base``, moved so that its trace is exactly r."""
+    problem, energy = point.problem, point.energy
+    v = base
+    if problem.contact_points and np.any(r != problem.local(base)):
+        change = (r - problem.local(base)).ravel()
+        moved = lift(problem.contact.trace, np.where(point.active.ravel(), change, 0.0), point.active.ravel())
+        if moved is None:
+            return np.inf
+        v = base + moved
+    distance = _distance(point, v) if v is not point.u else 0.0
+    if v is point.u and np.array_equal(lam, point.lam):
+        norm, doubt = point.imbalance[1], point.balance[1]
+    else:
+        rest, doubt = _nearby(point, v, lam)
+        norm = energy.riesz(rest, point.imbalance[0])[1]
+    return distance + (norm + energy.rounding_norm(doubt)) / margin
+
+
+def _distance(point: Point, v: Array) -> float:
+    """``|u - v|_K``, raised by what rounding can hide."""
+    step = point.u - v
+    size, longest = _rounding_size(point, step, np.zeros_like(v), np.zeros_like(point.lam))
+    hidden = longest * float(np.finfo(float).eps) * size * float(np.linalg.norm(np.sqrt(point.energy.diagonal) * step))
+    return float(np.hypot(point.energy.norm(step), np.sqrt(hidden)))
+
+
+def _nearby(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
+    """The same as :func:`_out_of_balance`: the difference to the given pair alone where it is small."""
+    problem, (rest, doubt) = point.problem, point.balance
+    step, change = v - point.u, problem.contact_force(lam - point.lam)
+    size, longest = _rounding_size(point, step, np.zeros_like(v), lam - point.lam)
+    more = longest * float(np.finfo(float).eps) * (size + float(np.linalg.norm(rest / np.sqrt(point.energy.diagonal))))
+    if more > doubt:
+        return _out_of_balance(point, v, lam)
+    moved = point.bulk.stiffness @ step if v is not point.u else 0.0
+    return rest - moved - change, doubt + more
+
+
+def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
+    """``f - K v - B'W lam``, summed in extended precision, and a bound of ``|D^-1/2 e|_2``, e its rounding errors.
+
+    ``|e| <= longest eps (|K| |v| + |f| + |B'| |W lam|)``, entry by entry, longest being the number of terms.
+    """
+    problem, bulk, long = point.problem, point.bulk, np.longdouble
+    force = problem.contact.weights[:, None].astype(long) * lam
+    transposed = sp.csr_array(problem.contact.trace.T)
+    rest = problem.load - _product(bulk.stiffness, v.astype(long)) - _product(transposed, force.ravel())
+    rounded = rest.astype(float)
+    size, longest = _rounding_size(point, v, problem.load, lam)
+    last = float(np.finfo(float).eps * np.linalg.norm(rounded / np.sqrt(point.energy.diagonal)))
+    return rounded, longest * float(np.finfo(long).eps) * size + last
+
+
+def _rounding_size(point: Point, v: Array, load: Array, lam: Array) -> tuple[float, int]:
+    """Bound of ``|D^-1/2 (|K| |v| + |f| + |B'| |W lam|)|_2``, and the largest number of terms in an entry.
+
+    By Schur's test ``|D^-1/2 |K| |v||_2 <= max_i (sum_j |K_ij| / K_ii) |D^1/2 v|_2``.
+    """
+    problem, diagonal = point.problem, point.energy.diagonal
+    transposed = sp.csr_array(problem.contact.trace.T)
+    longest = max(int(np.diff(matrix.indptr).max(initial=0)) for matrix in (point.bulk.stiffness, transposed)) + 4
+    root = np.sqrt(diagonal)
+    applied = np.abs(load) + abs(transposed) @ np.abs(problem.contact.weights[:, None] * lam).ravel()
+    spread = float((point.bulk.row_sums / diagonal).max(initial=0.0))
+    return spread * float(np.linalg.norm(root * v)) + float(np.linalg.norm(applied / root)), longest
+
+
+def _product(matrix: sp.csr_array, x: NDArray[_Real]) -> NDArray[_Real]:
+    """``matrix @ x`` in the precision of x, some rows at a time."""
+    out = np.zeros(matrix.shape[0], dtype=x.dtype)
+    for start in range(0, matrix.shape[0], _ROWS):
+        first = matrix.indptr[start : start + _ROWS + 1]
+        entries = slice(first[0], first[-1])
+        shape = (first.size - 1, matrix.shape[1])
+        data = matrix.data[entries].astype(x.dtype)
+        out[start : start + _ROWS] = sp.csr_array((data, matrix.indices[entries], first - first[0]), shape=shape) @ x
+    return out
+
+
+def _search(point: Point, energy: EnergyNorm, margin: float, best: float, ceiling: Array | None) -> float:
+    """Look for a better pair by Newton steps on the condensed problem; every iterate gives a pair."""
+    problem = point.problem
+    m, d = problem.contact_points, problem.contact.components
+    rows = np.flatnonzero(point.active.ravel())
+    part = problem.contact.trace[rows]
+    columns = energy.solve(part.T.toarray())
+    flexibility = part @ columns
+    S = symmetric_inverse(np.asarray(flexibility))
+    if S is None:
+        return best
+    w = np.repeat(problem.contact.weights, d)[rows]
+    free = energy.solve(point.problem.load)
+    target = (part @ free) - problem.offset.ravel()[rows]  # local displacement without contact
+    held = problem.local(point.u)
+    r = held.copy()
+    tau = np.full((m, d), np.inf)
+    tau.ravel()[rows] = w / np.diagonal(S)
+    tau = np.stack([tau[:, 0], tau[:, 1:].min(axis=1) if d > 1 else tau[:, 0]], axis=1)
+    tau = np.where(np.isfinite(tau), tau, point.compliance)
+
+    def multiplier(r: Array) -> Array:
+        out = np.zeros(m * d)
+        out[rows] = S @ (target - r.ravel()[rows]) / w
+        return out.reshape(m, d)
+
+    least = np.inf
+    start_norm = max(float(np.sqrt(abs(target @ S @ target))), np.finfo(float).tiny)
+    for _ in range(_SEARCH_STEPS):
+        check_time()
+        lam = multiplier(r)
+        law = point.law(r, lam)
+        alpha = np.stack([np.broadcast_to(a, (m,)) for a in law.weak_convexity], axis=1)
+        step = np.minimum(tau, 0.5 / np.maximum(alpha, np.finfo(float).tiny))
+        spread = np.concatenate([step[:, :1], np.repeat(step[:, 1:], d - 1, axis=1)], axis=1)
+        x = r + spread * lam
+        image = np.where(point.active, law.prox(x, step), held)
+        if not np.isfinite(image).all():
+            break
+        for candidate in (image, np.where(point.active, r, held)):
+            balance = multiplier(candidate)
+            fits = point.law(candidate, balance)
+            if not np.isfinite(fits.value(candidate)).all():
+                continue
+            off = w * (balance - fits.nearest_multiplier(candidate, balance)).ravel()[rows]
+            moved = (candidate - held).ravel()[rows]
+            estimate = float(np.sqrt(abs(moved @ S @ moved))) + float(np.sqrt(abs(off @ flexibility @ off))) / margin
+            if estimate < least:
+                least, chosen, chosen_lam = estimate, candidate, balance
+        gap = (r - image).ravel()[rows]
+        if float(np.sqrt(abs(gap @ S @ gap))) <= 1e-13 * start_norm:
+            break
+        jacobian = law.prox_jacobian(x, step)
+        block = np.zeros((m * d, m * d))
+        index = np.arange(m * d).reshape(m, d)
+        for i in range(d):
+            for j in range(d):
+                block[index[:, i], index[:, j]] = jacobian[:, i, j]
+        D = block[np.ix_(rows, rows)]
+        system = np.eye(rows.size) - D @ (np.eye(rows.size) - (spread.ravel()[rows] / w)[:, None] * S)
+        try:
+            move = np.linalg.solve(system, -gap)
+        except np.linalg.LinAlgError:
+            move = -gap
+        r = r.copy()
+        r.ravel()[rows] += move
+        if not np.isfinite(r).all():
+            break
+    if not np.isfinite(least):
+        return best
+    load = point.problem.load - problem.contact_force(np.where(point.active, multiplier(chosen), 0.0))
+    return min(best, _admissible(point, energy.solve(load), chosen, chosen_lam, margin, ceiling))

@@ -1,0 +1,467 @@
+"""Certificates: what is known about a displacement and a multiplier, whoever computed them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from enum import StrEnum
+from typing import Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from hemivar.basics.arguments import expect, number
+from hemivar.basics.arrays import real_array
+from hemivar.basics.deadline import Budget, OutOfTime, check_time, limited
+from hemivar.basics.display import Displayed
+from hemivar.basics.types import Array, Record
+from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound
+from hemivar.certificates.continuous.exact_certificate import distance_to_exact
+from hemivar.certificates.distance_to_exact import DistanceToExact
+from hemivar.certificates.kind import LocalStudy, study
+from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
+from hemivar.certificates.smallness import (
+    Smallness,
+    one_solution,
+    smallness,
+    unknown_constants,
+    with_survey,
+    within_reach,
+)
+from hemivar.certificates.words import certificate_brief, certificate_lines
+from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import Residual, inaccurate_law, residual
+from hemivar.errors import ProblemError
+from hemivar.fem.small_strain import deformation_of
+from hemivar.linear.definite import refuse_indefinite
+from hemivar.linear.threads import one_thread
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["Certificate", "certify"]
+
+_Part = TypeVar("_Part")
+
+#: What rounding may put a nodal displacement off its supports by, of the largest displacement.
+_OFF_SUPPORT = 1e-9
+
+
+@runtime_checkable
+class Certifiable(Protocol):
+    """A problem with unknowns and a multiplier: a :class:`hemivar.Solution`."""
+
+    @property
+    def problem(self) -> DiscreteProblem:
+        """What was solved."""
+
+    @property
+    def unknowns(self) -> Array:
+        """The unknowns u, (n,)."""
+
+    @property
+    def multiplier(self) -> Array:
+        """Force per area of the body on the foundation, (m, d): pressure, and minus the friction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate(Displayed):
+    """What is known about a pair ``(u, lambda)``.
+
+    Attributes
+    ----------
+    equilibrium : float
+        ``|f - K u - B'W lambda|_{K^-1}``, in the unit of ``|u|_K``; inf if K is singular.
+    equilibrium_relative : float
+        The same over ``|f|_{K^-1}``.
+    inclusion : float
+        ``|W e|_2`` with ``e_j`` the distance of ``(r_j, lambda_j)`` to the graph of the law, units of force.
+    inclusion_relative : float
+        The same over ``|f|_2``.
+    inclusion_distance : float
+        Largest distance of ``lambda_j`` to ``dj(r_j)`` at the very r_j (force per area); a rounding away from a kink
+        it is as large as the jump, which is why :attr:`inclusion` is the measure.
+    residual : Residual
+        The residual that the solvers use.
+    energy : float
+        E(u), units of work; a state-dependent friction bound is taken at this pair.
+    margin : float
+        ``1 - c - coupling`` of :class:`Smallness`; positive if the discrete problem has one solution.
+    error_bound : float
+        Bound of ``|u - u*|_K`` to the exact discrete solution; inf without a positive margin.  Guaranteed unless
+        :attr:`error_bound_sampled`.
+    error_bound_relative : float
+        The same over ``|u|_K``.
+    kind : PointKind
+        What kind of point it is.
+    unique : bool, str or None
+        Whether the discrete problem has one solution only; None if that is not known.  Where constants of a law are
+        those of its reach, a text that says so: "the only one with penetrations within the reach 0.2".
+    curvature : float or None
+        Smallest curvature on the critical directions, 1 being that of the body alone; None if not computed.
+    direction : array (m, d) or None
+        Local displacement along which the energy falls, where it does.
+    stationary : bool
+        Whether the pair solves the problem to the tolerance.
+    tolerance : float
+        The tolerance, relative to the load.
+    smallness : Smallness
+        The constants behind the margin.
+    method : str
+        "factorisation", or "multigrid" for a large problem: then the constants are less accurate, on the safe side.
+    seconds : float
+        Spent on it.
+    warnings : tuple of str
+        What it does not cover on this problem, such as locking; one sentence each.
+    error_bound_sampled : bool
+        Whether margin and error bound rest on sampled constants, and so are estimates.
+    left_out : tuple of str
+        Parts for which the time did not suffice: "margin", "equilibrium", "error bound", "kind", "trace constant". What
+        stands in their place says the least that can be said: inf, -inf, None or "stationary".
+    exact : DistanceToExact or None
+        The distance to the exact solution of the continuous problem, or why it is not known; None if it was not asked
+        for.
+    """
+
+    equilibrium: float
+    equilibrium_relative: float
+    inclusion: float
+    inclusion_relative: float
+    inclusion_distance: float
+    residual: Residual
+    energy: float
+    margin: float
+    error_bound: float
+    error_bound_relative: float
+    kind: PointKind
+    unique: bool | str | None
+    curvature: float | None
+    direction: Array | None
+    stationary: bool
+    tolerance: float
+    smallness: Smallness
+    method: str = "factorisation"
+    seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
+    error_bound_sampled: bool = False
+    left_out: tuple[str, ...] = ()
+    exact: DistanceToExact | None = None
+
+    @property
+    def uniqueness(self) -> str:
+        """:attr:`unique` in words."""
+        if isinstance(self.unique, str):
+            return self.unique
+        return {True: "the only solution", False: "there are other solutions", None: "uniqueness not known"}[
+            self.unique
+        ]
+
+    def lines(self, whole: bool = False) -> list[str]:
+        """The certificate as lines of text: kind, bound and what is missing; if ``whole``, every constant."""
+        return certificate_lines(self, whole)
+
+    def brief(self) -> str:
+        """The certificate in one line: residual, kind, uniqueness, margin, distance; pictures have it at their foot."""
+        return certificate_brief(self)
+
+    def __repr__(self) -> str:
+        residual = f"residual          {self.residual.relative:.1e} relative, tolerance {self.tolerance:.0e}"
+        return "\n  ".join(["Certificate", residual, *self.lines()])
+
+    def record(self) -> Record:
+        """Plain numbers and strings for JSON.
+
+        Keys: the attributes (without ``residual``; ``direction`` as lists, ``exact`` as a record) and, beside them,
+        those of :class:`Smallness`.  Numbers that are infinite become null and their keys are listed under ``infinite``
+        (under ``minus_infinite`` if negative); other nulls mean "not known".
+        """
+        values: dict[str, object] = {}
+        for owner in (self, self.smallness):
+            for item in fields(owner):
+                if item.name not in ("residual", "smallness"):
+                    values.setdefault(item.name, getattr(owner, item.name))
+        plain: dict[str, object] = {}
+        infinite: list[str] = []
+        negative: list[str] = []
+        for name, value in values.items():
+            if isinstance(value, StrEnum):
+                value = value.value
+            elif isinstance(value, tuple):
+                value = list(value)
+            elif isinstance(value, np.ndarray):
+                value = value.tolist()
+            elif isinstance(value, DistanceToExact):
+                value = value.record()
+            elif isinstance(value, float) and not math.isfinite(value):
+                if math.isinf(value):
+                    (infinite if value > 0 else negative).append(name)
+                value = None
+            plain[name] = value
+        return {**plain, "infinite": infinite, "minus_infinite": negative}
+
+
+def certify(
+    problem: DiscreteProblem | Certifiable,
+    displacement: Array | Certifiable | None = None,
+    multiplier: Array | None = None,
+    *,
+    factor: Norm | None = None,
+    tolerance: float = 1e-8,
+    trace_constant: bool = True,
+    max_time: float = math.inf,
+    workspace: Workspace | None = None,
+    exact: bool = False,
+) -> Certificate:
+    """Certify a displacement and a multiplier: recompute everything from the problem.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem or Solution
+        A solution stands for its problem, unknowns and multiplier.
+    displacement : array (n,) or (nodes, d), or Solution
+        The unknowns u of the problem, or the displacement of all nodes of its mesh (checked to fulfil the supports);
+        left out only where a solution is the first argument.
+    multiplier : array (m, d), optional
+        Force per area of the body on the foundation: pressure, and minus the friction.  Recomputed from equilibrium
+        (least squares) if not given.
+    factor : EnergyNorm or MultigridNorm, optional
+        The norm to take in place of the one that suits the size of the problem.
+    tolerance : float
+        Residual, relative to the load, up to which the pair counts as a solution.
+    trace_constant : bool
+        Whether to compute the survey's c_gamma and (H_s), which costs a factorisation, or a hierarchy, of its own.
+    max_time : float
+        Seconds; what is not known by then is left out and named, all but the residual. A factorisation that is under
+        way is not interrupted.
+    workspace : Workspace, optional
+        Keeps factors, levels and trace constants for other points, loads, gaps and laws of the same body.
+    exact : bool
+        Whether to bound the distance to the exact solution of the continuous problem too, by
+        :func:`hemivar.certificates.continuous.distance_to_exact`: in the plane it costs about two contact solves, in
+        space ten, and once per body some seconds for its trace constants.
+
+    Returns
+    -------
+    Certificate
+
+    Raises
+    ------
+    ProblemError
+        Wrong shapes, numbers that are not finite, a displacement that the supports do not allow, or a stiffness with a
+        negative eigenvalue.
+
+    Notes
+    -----
+    The bound and its proof are in ``docs/certificates.md``.  It is of the distance to the exact solution of the
+    *discrete* problem; what the mesh leaves out is in ``exact``, where it is asked for (``docs/bounds.md``).
+    """
+    problem, given, multiplier = _pair(problem, displacement, multiplier)
+    if factor is not None:
+        expect(factor, EnergyNorm | MultigridNorm, "the factor", "pass hemivar.certificates.energy_norm(problem)")
+    tolerance = number(tolerance, "the tolerance of a certificate")
+    m, d = problem.contact_points, problem.contact.components
+    u = _unknowns(problem, given)
+    if not 0.0 <= tolerance <= 0.1:
+        raise ProblemError(f"the tolerance of a certificate is {tolerance}; it must be between 0 and 0.1 of the load")
+    budget = Budget(max_time)
+    kept = Workspace.given(workspace)
+    energy = energy_norm(problem, kept) if factor is None else factor
+    if energy.stiffness.shape[0] != problem.unknowns:
+        raise ProblemError("the factor given belongs to another problem; pass energy_norm(problem)")
+    if not energy.definite:
+        refuse_indefinite(energy.indefinite)
+    if multiplier is None:
+        lam = _multiplier(problem, u)
+    else:
+        lam = real_array(multiplier, "the multiplier", finite=False)
+        if lam.shape != (m, d):
+            raise ProblemError(f"the multiplier has shape {lam.shape}; this problem needs ({m}, {d})")
+        if not np.isfinite(lam).all():
+            raise ProblemError("the multiplier holds nan or infinity; leave it out to have it recomputed")
+    with one_thread(not energy.factorised):
+        point = Point(problem, energy, u, lam)
+        found = _known(_certified(point, tolerance, kept if trace_constant else None, budget, exact))
+    if not exact:
+        return found
+    distance = distance_to_exact(problem, u, max_time=budget.left, workspace=kept)
+    return replace(found, exact=distance)
+
+
+_Classified = tuple[PointKind, bool | str | None, LocalStudy | None]
+
+
+def _known(certificate: Certificate) -> Certificate:
+    """The certificate, without the word unique where a number came out as nan: nothing is proved then."""
+    numbers = [getattr(certificate, item.name) for item in fields(certificate)]
+    numbers += [getattr(certificate.smallness, item.name) for item in fields(certificate.smallness)]
+    if not any(isinstance(number, float) and math.isnan(number) for number in numbers):
+        return certificate
+    proved = (PointKind.UNIQUE_MINIMISER, PointKind.UNIQUE_SOLUTION, PointKind.GLOBAL_MINIMISER)
+    kind = PointKind.DIRECTIONALLY_STATIONARY if certificate.kind in proved else certificate.kind
+    return replace(certificate, unique=None, kind=kind)
+
+
+def _pair(
+    problem: object, displacement: Array | Certifiable | None, multiplier: Array | None
+) -> tuple[DiscreteProblem, Array, Array | None]:
+    """Problem, unknowns and multiplier, taken from a solution where one is given."""
+    if isinstance(problem, Certifiable):
+        if displacement is not None or multiplier is not None:
+            raise ProblemError(
+                "certify: a solution stands for its unknowns and multiplier, and these are given as well; leave them "
+                "out, or give the problem, solution.problem, in the place of the solution"
+            )
+        displacement = problem
+        problem = displacement.problem
+    remedy = "give hemivar.discretize(problem), or the solution alone: certify(solution)"
+    discrete = expect(problem, DiscreteProblem, "certify: the problem", remedy)
+    if isinstance(displacement, Certifiable):
+        multiplier = displacement.multiplier if multiplier is None else multiplier
+        displacement = displacement.unknowns
+    if displacement is None:
+        raise ProblemError("certify: no displacement is given; give a solution, or its unknowns (n,)")
+    return discrete, displacement, multiplier
+
+
+def _unknowns(problem: DiscreteProblem, given: Array) -> Array:
+    """The unknowns (n,), given themselves or as the displacement of all nodes, (nodes, d)."""
+    u = real_array(given, "the displacement", finite=False)
+    field = problem.field
+    nodal = None if field is None else (field.number_of_nodes, field.components)
+    shape = (problem.unknowns,)
+    if u.shape not in (shape, nodal):
+        nodes = "" if nodal is None else f", the displacement of the nodes has shape {nodal}"
+        raise ProblemError(f"the displacement has shape {u.shape}; the unknowns have shape {shape}{nodes}")
+    if not np.isfinite(u).all():
+        raise ProblemError("the displacement holds nan or infinity; nothing can be certified")
+    if field is None or u.shape == shape:
+        return u
+    unknowns = field.restrict(u)
+    off = np.abs(field.full(unknowns) - u).max(axis=1)
+    misses = off > _OFF_SUPPORT * np.abs(u).max()
+    if misses.any():
+        node = int(off.argmax())
+        place = ", ".join(f"{x + 0.0:.6g}" for x in field.nodes[node])
+        raise ProblemError(
+            f"the displacement does not fulfil the supports at {np.count_nonzero(misses)} nodes; at node {node}, "
+            f"x = ({place}), it is off by {off[node]:.3g}"
+        )
+    return unknowns
+
+
+def _certified(point: Point, tolerance: float, kept: Workspace | None, budget: Budget, exact: bool) -> Certificate:
+    """The certificate of a point, with the trace constant where a workspace is given, in space of the body if exact."""
+    problem, energy, u, lam = point.problem, point.energy, point.u, point.lam
+    m, r = problem.contact_points, problem.local(point.u)
+    law = problem.law.frozen(r, lam) if m else None
+    left_out: list[str] = []
+
+    def in_time(name: str, work: Callable[[], _Part], instead: _Part) -> _Part:
+        try:
+            with limited(budget):
+                check_time()
+                return work()
+        except OutOfTime:
+            left_out.append(name)
+            return instead
+
+    found = residual(problem, u, lam)
+    stationary = found.below(0.0, tolerance)
+    constants, outside = in_time(
+        "margin",
+        lambda: within_reach(
+            point, smallness(problem, displacement=u, multiplier=lam, factor=energy, trace_constant=False)
+        ),
+        (unknown_constants(problem), ""),
+    )
+    equilibrium, load_norm = in_time(
+        "equilibrium",
+        lambda: (point.imbalance[1], energy.least_dual_norm(problem.load)) if energy.definite else (np.inf, np.inf),
+        (np.inf, np.inf),
+    )
+    bound = in_time("error bound", lambda: error_bound(point, constants.margin), np.inf)
+    nothing: _Classified = (PointKind.STATIONARY if stationary else PointKind.NOT_STATIONARY, None, None)
+    kind, unique, local = in_time("kind", lambda: _classify(point, constants, stationary), nothing)
+    if kept is not None:
+        asked = constants
+        constants = in_time("trace constant", lambda: with_survey(problem, asked, True, kept, exact), constants)
+    size = energy.norm(u)
+    deformed = deformation_of(problem, u)
+    strained = None if deformed is None else deformed.warning
+    inaccurate = None if stationary else inaccurate_law(problem, u, lam, found)
+    with np.errstate(invalid="ignore"):
+        off = law.distance(r, lam) if law is not None else np.zeros(0)
+    return Certificate(
+        equilibrium=equilibrium,
+        equilibrium_relative=_ratio(equilibrium, load_norm),
+        inclusion=found.inclusion,
+        inclusion_relative=_ratio(found.inclusion, found.scale),
+        inclusion_distance=float(off.max(initial=0.0)),
+        residual=found,
+        energy=problem.energy(u, lam),
+        margin=constants.margin,
+        error_bound=bound,
+        error_bound_relative=_ratio(bound, size),
+        kind=kind,
+        unique=unique,
+        curvature=None if local is None else local.curvature,
+        direction=None if local is None else local.direction,
+        stationary=stationary,
+        tolerance=tolerance,
+        smallness=constants,
+        method="factorisation" if energy.factorised else "multigrid",
+        seconds=budget.spent,
+        warnings=tuple(said for said in (*problem.notes, strained, outside, inaccurate) if said),
+        error_bound_sampled=constants.sampled or bool(constants.within),
+        left_out=tuple(left_out),
+    )
+
+
+def _ratio(part: float, whole: float) -> float:
+    if not math.isfinite(part):
+        return math.inf
+    return part / whole if whole > 0.0 and math.isfinite(whole) else part
+
+
+def _multiplier(problem: DiscreteProblem, u: Array) -> Array:
+    """Equilibrium where the body can move; the multiplier of the law nearest to zero where it cannot."""
+    lam = equilibrium_multiplier(problem, u)
+    m, d = problem.contact_points, problem.contact.components
+    fixed = np.diff(problem.contact.trace.indptr).reshape(m, d) == 0
+    if fixed.any():
+        r = problem.local(u)
+        law = problem.law.frozen(r, lam)
+        bound = law.normal.domain
+        r[:, 0] = np.clip(r[:, 0], bound.lower, bound.upper)
+        lam = np.where(fixed, law.nearest_multiplier(r, np.zeros_like(lam)), lam)
+    return lam
+
+
+def _classify(point: Point, constants: Smallness, stationary: bool) -> _Classified:
+    problem = point.problem
+    m = problem.contact_points
+    dependent = bool(m and problem.law.state_dependent)
+    unique: bool | None = True if one_solution(problem, constants) else None
+    if not stationary:
+        return PointKind.NOT_STATIONARY, unique, None
+    if unique:
+        return PointKind.UNIQUE_SOLUTION if dependent else PointKind.UNIQUE_MINIMISER, True, None
+    local = study(point)
+    if constants.within and constants.margin > 0.0 and not constants.sampled:
+        return local.kind, f"the only one with {constants.within}", local
+    if dependent:
+        return local.kind, None, local
+    if constants.m_alpha == 0.0 and not (constants.alpha_sampled or constants.within):
+        if local.kind is PointKind.LOCAL_MINIMISER and point.energy.definite:
+            return PointKind.UNIQUE_MINIMISER, True, local
+        return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)
+    falls = local.kind in (PointKind.SADDLE, PointKind.MAXIMUM, PointKind.CLARKE_STATIONARY)
+    if falls and point.energy.definite and _bounded_below(problem):
+        unique = False  # the energy has a global minimiser, and this is not it
+    return local.kind, unique, local
+
+
+def _bounded_below(problem: DiscreteProblem) -> bool:
+    """Whether the law falls at most linearly, so that a positive definite stiffness makes the energy coercive."""
+    parts = (problem.law.normal, problem.law.tangential)
+    m = problem.contact_points
+    return all(bool(np.all(part.recession(np.full(m, sign)) > -np.inf)) for part in parts for sign in (1.0, -1.0))

@@ -1,0 +1,344 @@
+"""What an admissible stress of a body must fulfil: loads of cells and facets, and what the supports leave unknown.
+
+Integrals of stresses are those of the discretisation, rule by rule, so that the equilibrium of the nodes that a
+discrete solution fulfils is that of the data here. Loads are those that were stated; what the assembled ones miss is
+known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, IntArray
+from hemivar.certificates.continuous.facet_table import FacetTable, facet_table, facet_vertices
+from hemivar.certificates.continuous.held_facets import held_facets
+from hemivar.certificates.continuous.load_values import LoadValues, load_values
+from hemivar.certificates.continuous.split_element import facet_mass, pulled_back
+from hemivar.errors import ProblemError
+from hemivar.fem.constitutive import constitutive_law
+from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
+from hemivar.fem.quadrature import quadrature_rule
+from hemivar.mechanics.bedding import bedding_of
+from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector, traction_value
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.keys import EDGES
+
+__all__ = ["BodyData", "VaryingLoads", "body_data"]
+
+#: Part of a modulus by which it may vary within a cell and count as constant.
+_CONSTANT = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class VaryingLoads:
+    """Loads that are functions of the place.
+
+    Attributes
+    ----------
+    body : LoadValues or None
+    tractions : mapping of boundary name to (facets, LoadValues)
+    missed : array, shape (nodes, d)
+        By how much the loads of the nodes are more than those of the discrete problem, which is assembled by a rule.
+    unknown : array, shape (nodes,)
+        By how much the loads against the linear functions of the vertices may be off; 0 at midpoints.
+    """
+
+    body: LoadValues | None
+    tractions: Mapping[str, tuple[IntArray, LoadValues]]
+    missed: Array
+    unknown: Array
+
+    @classmethod
+    def none(cls, missed: Array) -> VaryingLoads:
+        """No such load, with as many nodes as there are in ``missed``."""
+        return cls(None, {}, np.zeros(missed.shape), np.zeros(len(missed)))
+
+    @property
+    def doubts(self) -> list[str]:
+        """Why what is known of them is no bound, one sentence each."""
+        named = [] if self.body is None else [("body_force", self.body)]
+        named += [(f"tractions['{name}']", values) for name, (_, values) in self.tractions.items()]
+        return [f"{name} {values.doubt}" for name, values in named if values.doubt]
+
+
+@dataclass(frozen=True, eq=False)
+class BodyData:
+    """Data of a body for the stresses of one displacement.
+
+    The l nodes of a cell and the k nodes of a facet are its vertices and, with quadratic elements, its midpoints behind
+    them: l = d + 1 and k = d, or 6 and 3.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+    table : FacetTable
+    displacement : array, shape (nodes, d)
+    cell_nodes : int array, shape (M, l)
+        Of the cells with their vertices sorted.
+    facet_nodes : int array, shape (F, k)
+    strains : array, shape (M, d + 1, d, d)
+        Of the displacement at the vertices of the cells, between which it is linear.
+    stresses : array, shape (M, d + 1, d, d)
+        The linear part of ``C eps`` on each cell, at its vertices; all of it where C is constant on the cell.
+    tensors : array, shape (M or 1, q or 1, v, v)
+        Elasticity matrices at the points of the rule of the stiffness, and ``weights``, shape (q or 1,), of the rule.
+    weights : array, shape (q or 1,)
+    forces : array, shape (M, l, d)
+        ``int_T C eps grad phi_a``.
+    loads : array, shape (M, l, d)
+        ``int_T f0 phi_a``.
+    facet_loads : array, shape (F, k, d)
+        ``int_F f_N phi_a`` of the tractions that are given.
+    varying : VaryingLoads
+        The loads that are no constants.
+    unknown : array, shape (F, d, d)
+        Projections on the components of the traction that nothing prescribes: all of them inside, those along which
+        supports hold the body on its boundary.
+    contact : int array, shape (F,)
+        The place of the contact boundary in ``problem.contact``, or -1.
+    """
+
+    problem: ContactProblem
+    table: FacetTable
+    displacement: Array
+    cell_nodes: IntArray
+    facet_nodes: IntArray
+    strains: Array
+    stresses: Array
+    tensors: Array
+    weights: Array
+    forces: Array
+    loads: Array
+    facet_loads: Array
+    varying: VaryingLoads
+    unknown: Array
+    contact: IntArray
+
+    @property
+    def order(self) -> int:
+        """Degree of the displacement."""
+        return self.problem.order
+
+    @property
+    def strain(self) -> Array:
+        """Mean strain of each cell, shape (M, d, d)."""
+        return np.asarray(self.strains.mean(axis=1))
+
+    @property
+    def stress(self) -> Array:
+        """Mean over each cell of ``C eps``, shape (M, d, d)."""
+        return np.asarray(self.stresses.mean(axis=1))
+
+    @cached_property
+    def varies(self) -> bool:
+        """Whether the elasticity matrix varies within cells."""
+        return _varies(self.tensors)
+
+    @cached_property
+    def compliance(self) -> Array:
+        """Inverses of the mean elasticity matrices, shape (M or 1, v, v)."""
+        return np.linalg.inv(np.einsum("q,mqvw->mvw", self.weights, self.tensors))
+
+    @cached_property
+    def reference_compliance(self) -> Array:
+        """The same on the reference simplex, shape (M, v, v)."""
+        return pulled_back(self.compliance, self.table.jacobian, self.table.sizes)
+
+    @property
+    def energy(self) -> float:
+        """``|u|_a^2 = int C eps : eps``."""
+        return max(float(np.einsum("mad,mad->", self.forces, self.displacement[self.cell_nodes])), 0.0)
+
+    @cached_property
+    def cell_moments(self) -> Array:
+        """Moments of the tractions of ``stresses`` on the facets of each cell, outward, shape (M, d + 1, k, d)."""
+        table, dim = self.table, self.table.dim
+        # int_F s nu phi = s (|F| nu) int phi / |F|, and |F| nu = -d |T| grad
+        if self.order == 1:
+            return np.asarray(np.broadcast_to(-self.forces[:, :, None], (len(self.forces), dim + 1, dim, dim)))
+        normals = (-dim * table.volumes)[:, None, None] * table.gradients
+        members, mixed = facet_vertices(dim), facet_mass(dim, self.order) @ _linear_values(dim - 1).T
+        every = np.einsum("mvij,mfj->mfvi", self.stresses, normals)
+        on_facets = every[:, np.arange(dim + 1)[:, None], members]
+        return np.asarray(np.einsum("av,mfvi->mfai", mixed, on_facets))
+
+    def places(self, facets: IntArray) -> Array:
+        """Places (..., k, d) of the nodes of facets."""
+        return np.asarray(self._nodes[self.facet_nodes[facets]])
+
+    @cached_property
+    def _nodes(self) -> Array:
+        return self.problem.mesh.nodes(self.order)
+
+    def moved(self, displacement: Array) -> BodyData:
+        """The data of another displacement (nodes, d) of the same problem."""
+        order, nodes = self.order, displacement[self.cell_nodes]
+        strains, stresses, forces = _stresses(self.table, order, nodes, self.tensors, self.weights)
+        return replace(self, displacement=displacement, strains=strains, stresses=stresses, forces=forces)
+
+    def linear(self, loads: Array) -> Array:
+        """Loads (M, d + 1, d) against linear functions of those against the functions of the nodes, (M, l, d)."""
+        if self.order == 1:
+            return loads
+        return np.asarray(np.einsum("va,mai->mvi", _linear_values(self.table.dim), loads))
+
+
+def _linear_values(dim: int) -> Array:
+    """Values (d + 1, l) of the linear functions of the vertices at the nodes of order 2."""
+    corners = np.eye(dim + 1)
+    pairs = EDGES[dim] if dim > 1 else ((0, 1),)
+    return np.vstack([corners, [0.5 * (corners[a] + corners[b]) for a, b in pairs]]).T
+
+
+def _varies(tensors: Array) -> bool:
+    first = tensors[:, :1]
+    return bool(np.abs(tensors - first).max() > _CONSTANT * np.abs(first).max())
+
+
+def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
+    """The data of a problem with linear elements, or quadratic ones in the plane, and a displacement, (nodes, d).
+
+    Raises
+    ------
+    ProblemError
+        Elements are quadratic in space, the body has a bedding, or the displacement has another shape.
+    """
+    mesh, order = problem.mesh, problem.order
+    if order != 1 and mesh.dim != 2:
+        raise ProblemError("admissible stresses are made of linear elements in space; take order = 1")
+    if not bedding_of(problem.bedding).none:
+        raise ProblemError("admissible stresses are made of bodies without bedding; leave the bedding out")
+    u = real_array(displacement, "the displacement")
+    count = mesh.number_of_nodes + (len(mesh.edges) if order == 2 else 0)
+    if u.shape != (count, mesh.dim):
+        raise ProblemError(f"the displacement has shape {u.shape}; a field of order {order} on this mesh has shape "
+                           f"{(count, mesh.dim)}")  # fmt: skip
+    table = facet_table(mesh)
+    facet_nodes = np.asarray(mesh.facet_nodes(table.facets, order))
+    cell_nodes = table.cells
+    if order == 2:
+        middle = np.empty(table.cells.shape, dtype=np.int64)
+        middle[:, facet_vertices(2, 2)[:, 2] - 3] = facet_nodes[table.cell_facets][:, :, 2]
+        cell_nodes = np.hstack([table.cells, middle])
+    tensor, weights = constitutive_law(problem).on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
+    strains, stresses, forces = _stresses(table, order, u[cell_nodes], tensor, weights)
+    contact = np.full(len(table.facets), -1, dtype=np.int64)
+    for number, name in enumerate(problem.contact):
+        contact[table.numbers(mesh.boundaries[name])] = number
+    return BodyData(
+        problem, table, u, cell_nodes, facet_nodes, strains, stresses, tensor, weights, forces,
+        *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact,
+    )  # fmt: skip
+
+
+def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: Array) -> tuple[Array, Array, Array]:
+    """Strains and the linear part of the stresses at the vertices (M, d + 1, d, d), and forces (M, l, d)."""
+    dim, corners = table.dim, table.dim + 1
+    index = voigt_index(dim)
+    shape = (len(u), corners, dim, dim)
+
+    def strain(point: Array) -> Array:
+        slopes = table.gradients
+        if order > 1:
+            slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), slopes)
+        gradient = u.transpose(0, 2, 1) @ slopes
+        return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+
+    def stress(matrix: Array, strain: Array) -> Array:
+        full = np.broadcast_to(matrix[:, index[:, :, None, None], index], (len(u), *(dim,) * 4))
+        return np.asarray(np.einsum("mijkl,m...kl->m...ij", full, strain, optimize=True))
+
+    constant = order == 1 or not _varies(tensor)
+    mean = np.einsum("q,mqvw->mvw", weights, tensor)
+    if order == 1:
+        strains = strain(np.full(corners, 1.0 / corners))
+        stresses = stress(mean, strains)
+        forces = (table.volumes[:, None, None] * table.gradients) @ stresses  # which are symmetric
+        return np.broadcast_to(strains[:, None], shape), np.broadcast_to(stresses[:, None], shape), forces
+    strains = np.stack([strain(corner) for corner in np.eye(corners)], axis=1)
+    points, weights = quadrature_rule(dim, 2 if constant else 2 * order)
+    stresses, forces, moments = stress(mean, strains), np.zeros(u.shape), np.zeros(shape)
+    for q, (point, weight) in enumerate(zip(points, weights, strict=True)):
+        here = np.einsum("a,maij->mij", point, stresses)
+        if not constant:
+            here = stress(tensor[:, q], np.einsum("a,maij->mij", point, strains))
+        slopes = np.einsum("ab,mbj->maj", shape_derivatives(order, point), table.gradients)
+        forces += weight * np.einsum("m,mij,maj->mai", table.volumes, here, slopes, optimize=True)
+        moments += weight * point[:, None, None] * here[:, None]
+    if not constant:  # against the mass matrix of linear functions
+        stresses = corners * ((corners + 1) * moments - moments.sum(axis=1, keepdims=True))
+    return strains, stresses, forces
+
+
+def _loads(
+    problem: ContactProblem, table: FacetTable, cell_nodes: IntArray, facet_nodes: IntArray, count: int
+) -> tuple[Array, Array, VaryingLoads]:
+    """Loads of cells (M, l, d) and of facets (F, k, d), and what of them varies."""
+    mesh, order, force = problem.mesh, problem.order, problem.body_force
+    dim = mesh.dim
+    corners = mesh.points[table.cells]
+    body = None
+    cells, pushed = np.zeros((*cell_nodes.shape, dim)), np.zeros((*facet_nodes.shape, dim))
+    missed, unknown = np.zeros((count, dim)), np.zeros(count)
+    if callable(force):
+        body = load_values(force, corners, table.volumes, "body_force")
+        cells += body.moments(len(cells), order)
+        point, weight = quadrature_rule(dim, 4)
+        places = np.einsum("qa,mad->mqd", point, corners)
+        values = evaluate_vector(force, places.reshape(-1, dim), "body_force").reshape(places.shape)
+        _add_missed(missed, cell_nodes, cells, point, weight, table.volumes, order, values)
+        np.add.at(unknown, table.cells, body.unknown(len(cells)))
+    else:
+        value = evaluate_vector(force, mesh.points[:1], "body_force")[0]
+        barycentric, weights = quadrature_rule(dim, order)
+        shares = np.full(dim + 1, 1.0 / (dim + 1)) if order == 1 else weights @ shape_values(order, barycentric)
+        cells += table.volumes[:, None, None] * shares[:, None] * value
+    tractions = {}
+    point, weight = quadrature_rule(dim - 1, 5)
+    shares = weight @ shape_values(order, point)
+    for name, traction in problem.tractions.items():
+        given, what = traction_value(traction), f"tractions['{name}']"
+        number = np.unique(table.numbers(mesh.boundaries[name]))
+        measures, normals = table.measures[number], table.normals[number]
+        pushes = isinstance(traction, Pressure)
+        if not callable(given):
+            flat = mesh.points[table.facets[number, 0]]
+            force = (
+                -evaluate_scalar(given, flat, what)[:, None] * normals if pushes else evaluate_vector(given, flat, what)
+            )
+            pushed[number] += measures[:, None, None] * shares[:, None] * force[:, None]
+            continue
+        corners = mesh.points[table.facets[number]]
+        found = load_values(given, corners, measures, what, normals if pushes else None)
+        own = found.moments(len(number), order)
+        pushed[number] += own
+        tractions[name] = number, found
+        places = np.einsum("qa,kad->kqd", point, corners)
+        flat = places.reshape(-1, dim)
+        if pushes:
+            values = -evaluate_scalar(given, flat, what).reshape(places.shape[:2])[:, :, None] * normals[:, None]
+        else:
+            values = evaluate_vector(given, flat, what).reshape(places.shape)
+        _add_missed(missed, facet_nodes[number], own, point, weight, measures, order, values)
+        np.add.at(unknown, table.facets[number], found.unknown(len(number)))
+    return cells, pushed, VaryingLoads(body, tractions, missed, unknown)
+
+
+def _add_missed(
+    missed: Array, nodes: IntArray, loads: Array, point: Array, weight: Array, measures: Array, order: int,
+    values: Array,
+) -> None:  # fmt: skip
+    """Add to nodes what loads (k, l, d) are more than the rule of the assembly finds by values (k, q, d)."""
+    local = np.einsum("q,qa,kqd,k->kad", weight, shape_values(order, point), values, measures, optimize=True)
+    np.add.at(missed, nodes, loads - local)
+
+
+def _unknown(problem: ContactProblem, table: FacetTable) -> Array:
+    unknown = held_facets(problem, table)
+    unknown[table.interior] = np.eye(table.dim)
+    return unknown

@@ -1,0 +1,350 @@
+"""Where the body may touch: its local displacement and the law, at the points of a rule on every contact facet.
+
+In the plane the rule is one of Gauss on the parts into which the kinks of the law and a number of equal parts cut a
+facet; in space facets are cut into sixteen. A local displacement that misses a kink by rounding is put there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.split_element import facet_mass
+from hemivar.fem.contact_points import shares
+from hemivar.fem.elements import shape_values
+from hemivar.fem.quadrature import quadrature_rule
+from hemivar.laws import ContactLaw
+from hemivar.mechanics.conditions import evaluate_scalar
+from hemivar.mechanics.obstacles import obstacle_contact
+
+__all__ = ["ContactTraces", "contact_traces", "local_traces", "radial_parts"]
+
+#: Parts of an edge, and of each side of a triangle, besides those between kinks; of an edge with a quadratic trace, on
+#: which the multiplier between force and law has kinks of its own.
+_PARTS = 4
+_MORE_PARTS = 32
+#: Distance to a kink, over the largest displacement or gap, that is rounding.
+_ROUNDING = 1e-11
+#: Gap, over the extent of the body, where its normal misses the obstacle.
+_FAR = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTraces:
+    """Points of a rule on the contact facets.
+
+    Attributes
+    ----------
+    data : BodyData
+    facets : int array, shape (k,)
+        Numbers of the facets.
+    barycentric : array, shape (k, q, d)
+        Coordinates of the points on each facet.
+    shapes : array, shape (k, q, l)
+        Values there of the functions of the nodes of the facet.
+    weights : array, shape (k, q)
+        They sum to the measures of the facets, and are not negative. The corners of the facet, and along quadratic
+        traces the places of extreme displacements, are there with none: constants of the law must hold there too.
+    frames : array, shape (k, q, d, d)
+        Normal and tangents at the points.
+    local : array, shape (k, q, d)
+        Penetration and slip; what misses a kink by rounding is put there.
+    law : ContactLaw
+        At the k q points; a friction bound that depends on the penetration is taken there.
+    stated : ContactLaw
+        The same, its friction bound as it was stated: what its constants are, and whether they are sampled.
+    beyond : float
+        By how much a penetration leaves the domain of the law, where it is more than rounding; it is cut off.
+    """
+
+    data: BodyData
+    facets: IntArray
+    barycentric: Array
+    shapes: Array
+    weights: Array
+    frames: Array
+    local: Array
+    law: ContactLaw
+    stated: ContactLaw
+    beyond: float
+
+    @cached_property
+    def loose(self) -> Array:
+        """Projections (k, d, d) on the components that no support holds."""
+        return np.asarray(np.eye(self.data.table.dim) - self.data.unknown[self.facets])
+
+    def forces(self, moments: Array) -> Array:
+        """Force of the foundation on the body, reversed, at the points: xi in local components, shape (k, q, d).
+
+        Parameters
+        ----------
+        moments : array, shape (F, l, d)
+            Of the tractions of an admissible stress.
+        """
+        data = self.data
+        left = data.facet_loads[self.facets] - moments[self.facets]
+        inverse = np.linalg.inv(facet_mass(data.table.dim, data.order))
+        nodal = np.einsum("f,ab,fbi->fai", 1.0 / data.table.measures[self.facets], inverse, left)
+        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.shapes, nodal, self.frames, optimize=True))
+
+    def interpolated(self, moments: Array) -> Array:
+        """Force of the foundation, reversed, interpolated between nodal values, in local components (k, q, d).
+
+        Parameters
+        ----------
+        moments : array, shape (F, l, d)
+            Of tractions that share the forces of the nodes among facets in proportion to their size. A node that the
+            supports hold has no such force: it takes the mean of the others of its facet.
+        """
+        data = self.data
+        left = data.facet_loads[self.facets] - moments[self.facets]
+        share = shares(data.order, data.table.dim)[:, None] * data.table.measures[self.facets][:, None, None]
+        nodal = left / share
+        held = np.zeros(len(data.displacement), dtype=bool)
+        outer = ~data.table.interior & (data.contact < 0) & data.unknown.any(axis=(1, 2))
+        held[data.facet_nodes[outer]] = True
+        known = ~held[data.facet_nodes[self.facets]]
+        count = np.maximum(known.sum(axis=1), 1)[:, None]
+        mean = np.einsum("fa,fai->fi", known.astype(float), nodal) / count
+        nodal = np.where(known[:, :, None], nodal, mean[:, None])
+        return np.asarray(np.einsum("fqa,fai,fqci->fqc", self.shapes, nodal, self.frames, optimize=True))
+
+    def moments(self, forces: Array) -> Array:
+        """Moments (k, l, d) of forces in local components (k, q, d), in the coordinates of the mesh."""
+        found = np.einsum("fq,fqa,fqc,fqci->fai", self.weights, self.shapes, forces, self.frames, optimize=True)
+        return np.asarray(found)
+
+    def on_facets(self, moments: Array) -> Array:
+        """Moments (F, l, d) of all facets: these (k, l, d) on contact facets, zero on others."""
+        out = np.zeros(self.data.facet_loads.shape)
+        out[self.facets] = moments
+        return out
+
+    def mass(self, parts: Array) -> Array:
+        """``int w phi_a phi_b`` (k, l, d, l, d) for parts w (k, q, 2) along the normal and along tangents."""
+        dim = self.data.table.dim
+        every = np.concatenate([parts[..., :1], np.repeat(parts[..., 1:], dim - 1, axis=2)], axis=2)
+        found = np.einsum(
+            "fq,fqc,fqa,fqb,fqci,fqcj->faibj",
+            self.weights, every, self.shapes, self.shapes, self.frames, self.frames, optimize=True,
+        )  # fmt: skip
+        return np.asarray(found)
+
+    def allowed(self, forces: Array) -> Array:
+        """The elements of dj(r) nearest to forces in local components, shape (k, q, d)."""
+        flat = self.law.nearest_multiplier(self._flat(self.local), self._flat(forces))
+        return flat.reshape(forces.shape)
+
+    def coupling(self) -> Array:
+        """By how much the friction grows with the penetration at the points, (k, q): ``L G``, inf where it may jump."""
+        if not self.stated.state_dependent:
+            return np.zeros(self.weights.shape)
+        steepest, growing = self.stated.friction.profile.growth
+        rate = np.where(growing > 0.0, np.inf, np.maximum(steepest, np.finfo(float).tiny))
+        slope = self.stated.lipschitz
+        found = np.where(slope > 0.0, np.where(slope > 0.0, slope, 1.0) * rate, 0.0)
+        return np.broadcast_to(found, self.weights.size).reshape(self.weights.shape)
+
+    def _flat(self, values: Array) -> Array:
+        return values.reshape(-1, values.shape[-1])
+
+    def square(self, off: Array) -> tuple[Array, Array]:
+        """Integrals (k,) of the squares of the normal and of the tangential part of forces (k, q, d).
+
+        Components along which supports hold the body do not count.
+        """
+        if (self.loose != np.eye(self.loose.shape[-1])).any():
+            vectors = np.einsum("fqc,fqci->fqi", off, self.frames)
+            off = np.einsum("fij,fqj,fqci->fqc", self.loose, vectors, self.frames, optimize=True)
+        parts = off**2
+        return (
+            np.asarray(np.einsum("fq,fq->f", self.weights, parts[..., 0])),
+            np.asarray(np.einsum("fq,fqc->f", self.weights, parts[..., 1:])),
+        )
+
+    def integral(self, values: Array) -> Array:
+        """Integrals (k,) over the facets of values (k, q) at the points."""
+        return np.asarray(np.einsum("fq,fq->f", self.weights, np.where(self.weights > 0.0, values, 0.0)))
+
+
+def radial_parts(slip: Array, force: Array) -> tuple[Array, Array]:
+    """Sizes (m,) of slips (m, t), and the forces (m, t) along them; the whole size of a force where nothing slips."""
+    size = np.sqrt(np.einsum("mi,mi->m", slip, slip))
+    along = np.einsum("mi,mi->m", slip, force) / np.where(size > 0.0, size, 1.0)
+    return size, np.where(size > 0.0, along, np.sqrt(np.einsum("mi,mi->m", force, force)))
+
+
+def contact_traces(data: BodyData) -> ContactTraces | None:
+    """The points of all contact facets; None if there is no contact."""
+    if not data.problem.contact:
+        return None
+    table, dim = data.table, data.table.dim
+    parts = []
+    for number, name in enumerate(data.problem.contact):
+        facets = np.flatnonzero(data.contact == number)
+        if dim == 2:
+            barycentric, share = _between_kinks(data, name, facets)
+        else:
+            points, weights = _cut_triangle()
+            barycentric = np.broadcast_to(points, (len(facets), *points.shape))
+            share = np.broadcast_to(weights, (len(facets), len(weights)))
+        local, frames, places = local_traces(data, name, facets, barycentric)
+        law = data.problem.contact[name].law.at(places.reshape(-1, dim))
+        parts.append((facets, barycentric, share * table.measures[facets, None], frames, local, law))
+    width = max(part[1].shape[1] for part in parts)
+    law = ContactLaw.concatenate([(part[5].take(_filled(part, width)), len(part[0]) * width) for part in parts])
+    facets = np.concatenate([part[0] for part in parts])
+    barycentric = np.concatenate([_padded(part[1], width) for part in parts])
+    shapes = shape_values(data.order, barycentric)
+    weights = np.concatenate([_padded(part[2], width, 0.0) for part in parts])
+    frames = np.concatenate([_padded(part[3], width) for part in parts])
+    local = np.concatenate([_padded(part[4], width) for part in parts])
+    local, beyond = _snapped(law, local.reshape(-1, dim), _scale(data, local))
+    return ContactTraces(
+        data, facets, barycentric, shapes, weights, frames, local.reshape(frames.shape[:3]), law.frozen_at(local), law,
+        beyond,
+    )  # fmt: skip
+
+
+def _filled(part: tuple[IntArray, Array, Array, Array, Array, ContactLaw], width: int) -> IntArray:
+    """Numbers of the points of a boundary, its last points repeated up to a width."""
+    count, own = part[1].shape[:2]
+    return np.asarray((np.arange(count)[:, None] * own + np.minimum(np.arange(width), own - 1)).ravel())
+
+
+def _padded(values: Array, width: int, fill: float | None = None) -> Array:
+    """Values (k, q, ...) with the last point repeated up to a width, or filled up with a number."""
+    short = width - values.shape[1]
+    if short == 0:
+        return values
+    tail = np.repeat(values[:, -1:], short, axis=1)
+    return np.concatenate([values, tail if fill is None else np.full(tail.shape, fill)], axis=1)
+
+
+def _scale(data: BodyData, local: Array) -> float:
+    """Size of what may cancel in the local displacement."""
+    near = np.abs(local[np.abs(local) < _extent(data)]).max(initial=0.0)
+    return max(float(np.abs(data.displacement).max(initial=0.0)), float(near))
+
+
+def _extent(data: BodyData) -> float:
+    points = data.problem.mesh.points
+    return float((points.max(axis=0) - points.min(axis=0)).max())
+
+
+def local_traces(data: BodyData, name: str, facets: IntArray, barycentric: Array) -> tuple[Array, Array, Array]:
+    """Penetration and slip (k, q, d), frames (k, q, d, d) and places (k, q, d) of points (k, q, d) on facets."""
+    table, contact = data.table, data.problem.contact[name]
+    dim = table.dim
+    places = np.einsum("fqa,fai->fqi", barycentric, table.mesh.points[table.facets[facets]])
+    shapes = shape_values(data.order, barycentric)
+    moved = np.einsum("fqa,fai->fqi", shapes, data.displacement[data.facet_nodes[facets]])
+    normals = np.broadcast_to(table.normals[facets][:, None], places.shape)
+    flat = places.reshape(-1, dim)
+    if contact.obstacle is None:
+        gap = evaluate_scalar(contact.gap, flat, f"gap of contact '{name}'")
+    else:
+        assert contact.normals is not None
+        turned, gap = obstacle_contact(
+            contact.obstacle, contact.normals, flat, normals.reshape(-1, dim), f"contact '{name}'"
+        )
+        normals = turned.reshape(places.shape)
+        gap = np.where(np.isfinite(gap), gap, _FAR * _extent(data))
+    frames = _frames(normals.reshape(-1, dim)).reshape(*places.shape, dim)
+    local = np.einsum("fqci,fqi->fqc", frames, moved)
+    local[..., 0] -= gap.reshape(local.shape[:2])
+    return local, frames, places
+
+
+def _frames(normal: Array) -> Array:
+    """Normal and tangents, shape (k, d, d)."""
+    if normal.shape[1] == 2:
+        return np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=1)
+    axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+    first = np.cross(axis, normal)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([normal, first, np.cross(normal, first)], axis=1)
+
+
+def _between_kinks(data: BodyData, name: str, facets: IntArray) -> tuple[Array, Array]:
+    """Barycentric coordinates (k, q, 2) and shares (k, q) of points between the kinks on edges."""
+    at_nodes = np.broadcast_to([[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]], (len(facets), 3, 2))
+    ends, _, places = local_traces(data, name, facets, at_nodes)
+    law = data.problem.contact[name].law.at(places.mean(axis=1))
+    parts = _PARTS if data.order == 1 else _MORE_PARTS
+    cuts = [np.broadcast_to(np.arange(parts + 1) / parts, (len(facets), parts + 1))]
+    laws = [law.normal] if law.state_dependent else [law.normal, law.tangential]
+    profiles = [law.friction.profile] if law.state_dependent else []
+    for component, scalar in enumerate([*laws, *profiles]):
+        first, last, middle = ends[..., component].T
+        knots = np.broadcast_to(scalar.knots, (len(facets), scalar.knots.shape[-1]))
+        both = knots if component == 0 else np.concatenate([knots, -knots], axis=1)
+        bend = np.zeros(len(first)) if data.order == 1 else 2.0 * (first + last - 2.0 * middle)
+        for at in _crossings(bend[:, None], (last - first - bend)[:, None], first[:, None] - both):
+            cuts.append(np.where((at > 0.0) & (at < 1.0), at, 0.0))
+    cut = np.sort(np.concatenate(cuts, axis=1), axis=1)
+    point, weight = quadrature_rule(1, 5)
+    length = np.diff(cut, axis=1)
+    at = cut[:, :-1, None] + length[:, :, None] * point[:, 1]
+    share = (length[:, :, None] * weight).reshape(len(facets), -1)
+    flat = np.hstack([at.reshape(len(facets), -1), np.broadcast_to([0.0, 1.0], (len(facets), 2))])
+    share = np.hstack([share, np.zeros((len(facets), 2))])
+    if data.order == 2:
+        first, last, middle = ends.transpose(1, 2, 0)
+        with np.errstate(all="ignore"):
+            turn = (0.75 * first + 0.25 * last - middle) / (first + last - 2.0 * middle)
+        turn = np.clip(np.where(np.isfinite(turn), turn, 0.0), 0.0, 1.0).T
+        flat = np.hstack([flat, turn])
+        share = np.hstack([share, np.zeros((len(facets), turn.shape[1]))])
+    return np.stack([1.0 - flat, flat], axis=2), share
+
+
+def _crossings(a: Array, b: Array, c: Array) -> list[Array]:
+    """Where ``a t^2 + b t + c`` vanishes: nan or any place beyond 0 to 1 if it does not."""
+    with np.errstate(all="ignore"):
+        if not a.any():
+            return [-c / b]
+        q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
+        return [q / a, c / q]
+
+
+def _cut_triangle() -> tuple[Array, Array]:
+    """Barycentric coordinates (q, 3) and weights (q,) of a rule of degree 4 on the parts of a triangle.
+
+    That of degree 3 has negative weights, which may make squares with kinks too small.
+    """
+    point, weight = quadrature_rule(2, 4)
+    points = []
+    for i in range(_PARTS):
+        for j in range(_PARTS - i):
+            corner = np.array([[i, j], [i + 1, j], [i, j + 1]], dtype=float)
+            points.append(point @ corner)
+            if i + j < _PARTS - 1:
+                points.append(point @ np.array([[i + 1, j + 1], [i, j + 1], [i + 1, j]], dtype=float))
+    # the corners take no part in integrals, but constants must hold there too
+    at = np.vstack([np.concatenate(points) / _PARTS, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
+    shares = np.append(np.tile(weight, _PARTS**2) / _PARTS**2, np.zeros(3))
+    return np.column_stack([1.0 - at.sum(axis=1), at]), shares
+
+
+def _snapped(law: ContactLaw, local: Array, size: float) -> tuple[Array, float]:
+    """Local displacements (m, d), those that miss a kink by rounding put there; how far they leave the domain."""
+    near, out = _ROUNDING * size, local.copy()
+    kink = law.normal.kink_within(out[:, 0], near)
+    out[:, 0] = np.where(np.isnan(kink), out[:, 0], kink)
+    if out.shape[1] > 1:
+        scalar = law.friction.profile if law.state_dependent else law.tangential
+        slip = np.sqrt(np.einsum("mi,mi->m", out[:, 1:], out[:, 1:]))
+        kink = scalar.kink_within(slip, near)
+        moved: BoolArray = ~np.isnan(kink)
+        factor = np.where(moved, kink, slip) / np.where(slip > 0.0, slip, 1.0)
+        out[:, 1:] *= np.where(moved, np.maximum(factor, 0.0), 1.0)[:, None]
+    ends = law.normal.domain
+    inside = np.clip(out[:, 0], ends.lower, ends.upper)
+    beyond = float(np.abs(inside - out[:, 0]).max(initial=0.0))
+    out[:, 0] = inside
+    return out, beyond

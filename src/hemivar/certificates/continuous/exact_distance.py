@@ -1,0 +1,504 @@
+"""How far a computed displacement is from every solution of the continuous problem, in the energy norm.
+
+With an admissible stress s (:mod:`hemivar.certificates.continuous.admissible_stress`), its force ``xi = -s nu`` on the
+contact boundary, a zeta that the law allows at the computed displacement, and ``|v|_a^2 = int C eps(v) : eps(v)``:
+
+    eta = |s - C eps(u)|_{C^-1},    |<xi - zeta, v>| <= rho |v|_a,    c >= sup int alpha |v|^2 / a(v, v),
+
+every solution lies within ``(eta + rho) / (1 - c)`` if zeta is in dj(r(u)) everywhere; c then needs the one-sided
+constant at u alone. For weakly convex laws zeta may leave dj at the price of the gap G of Fenchel's inequality:
+
+    [eta + rho + sqrt((eta + rho)^2 + 4 (1 - c) G)] / (2 (1 - c)).
+
+Each part, normal and tangential, of each facet may do either; c and G then take of each what belongs to its choice.
+Proofs are in docs/bounds.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hemivar.basics.arguments import expect
+from hemivar.basics.display import brief
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.certificates.continuous.admissible_stress import AdmissibleStress, admissible_stress
+from hemivar.certificates.continuous.admissible_trace import admissible_displacement
+from hemivar.certificates.continuous.body_data import BodyData, body_data
+from hemivar.certificates.continuous.contact_normals import has_constant_normals
+from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
+from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap, following
+from hemivar.certificates.continuous.hypotheses import unmet_hypotheses
+from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
+from hemivar.certificates.continuous.one_sided import one_sided_constants
+from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
+from hemivar.certificates.continuous.patches import PatchKind
+from hemivar.certificates.continuous.sweeps import ContactPrice, Sweeper
+from hemivar.certificates.continuous.trace_bounds import TraceBounds
+from hemivar.certificates.continuous.vertex_moments import unsettled
+from hemivar.mechanics.obstacles import Plane
+from hemivar.mechanics.statement import ContactProblem
+
+__all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
+
+#: Part of c by which what a displacement shows may be larger, by rounding.
+_CONTRADICTED = 1e-6
+#: Softening c from which the softest mode is looked at by itself.
+_SOFT = 0.15
+#: Weights of the gap, over Lambda, among which the best is looked for, as powers of ten; that of the first tractions.
+_POWERS = (-5.0, -2.0, 1.0)
+_FIRST = 0.01
+#: Largest price of contact tractions, over 1 / Lambda.
+_DEAREST = 30.0
+#: Least part of that price where the multiplier follows the force.
+_LEAST = 0.05
+#: Sweeps over the patches at the contact boundary alone that come before, with quadratic elements.
+_NEAR = 2
+#: Sweeps by default, in the plane and in space, with linear elements; with quadratic ones, which cost less in
+#: proportion.
+SWEEPS: dict[int, tuple[PatchKind, ...]] = {
+    2: (PatchKind.VERTEX,),
+    3: (PatchKind.EDGE,),
+}
+_MORE = (PatchKind.VERTEX, PatchKind.VERTEX)
+
+
+@dataclass(frozen=True)
+class DistanceParts:
+    """What a bound is made of, in the energy norm (square roots of work) but for the gap, which is work.
+
+    Attributes
+    ----------
+    misfit : float
+        eta, without the oscillation.
+    contact : float
+        rho.
+    gap : float
+        G.
+    oscillation : float
+        What the loads add to eta that no linear field on a cell or facet sees, and what the discrete problem, which
+        integrates them by a rule, misses of them.
+    algebraic : float
+        What the displacement lacks for equilibrium in the discrete space: rounding, or an unfinished solve.
+    correction : float
+        ``|w|_a`` of the w that brings a quadratic trace back into the domain of a rigid law between nodes; the other
+        parts are those of ``u_h + w``.
+    """
+
+    misfit: float
+    contact: float
+    gap: float
+    oscillation: float
+    algebraic: float
+    correction: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ExactDistance:
+    """A bound of the distance to every solution of the continuous problem, or an estimate of it.
+
+    Attributes
+    ----------
+    distance : float
+        Of ``|u - u_h|_a``; inf where there is none.
+    energy_norm : float
+        ``|u_h|_a``, the prescribed displacements included.
+    parts : DistanceParts
+    constant : float
+        c.
+    theorem : int
+        2 if the multiplier is one of the law everywhere, 1 if the gap takes part.
+    guaranteed : bool
+        Whether it is a bound, up to rounding and the rules of integration; an estimate otherwise.
+    reasons : tuple of str
+        Why it is an estimate, or why there is none; one sentence each.
+    stress : AdmissibleStress
+    cells : array, shape (M,)
+        ``eta_T^2``, the oscillation included.
+    missed : array, shape (M,)
+        Squares of what the discrete problem misses of the loads.
+    facets : int array, shape (k, d)
+        Contact facets by their nodes.
+    facet_contact, facet_gap : arrays, shape (k,)
+        ``|xi - zeta|^2`` and G of each of them.
+    """
+
+    distance: float
+    energy_norm: float
+    parts: DistanceParts
+    constant: float
+    theorem: int
+    guaranteed: bool
+    reasons: tuple[str, ...]
+    stress: AdmissibleStress
+    cells: Array
+    missed: Array
+    facets: IntArray
+    facet_contact: Array
+    facet_gap: Array
+
+    __repr__ = brief
+
+    @property
+    def relative(self) -> float:
+        """The distance over ``|u_h|_a``; 0 where both are."""
+        return self.over_norm(self.distance)
+
+    def over_norm(self, size: float) -> float:
+        """A size in the energy norm over ``|u_h|_a``; 0 where both are, inf where the latter alone is."""
+        if self.energy_norm > 0.0:
+            return size / self.energy_norm
+        return 0.0 if size == 0.0 else np.inf
+
+
+def exact_distance(
+    problem: ContactProblem,
+    displacement: Array,
+    constants: TraceBounds,
+    *,
+    sweeps: tuple[PatchKind, ...] | None = None,
+) -> ExactDistance:
+    """Bound the distance of a displacement to every solution of the continuous problem.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        With linear elements, or quadratic ones in the plane.
+    displacement : array, shape (nodes, d)
+        That of a solution of the discrete problem, or any other that fulfils the supports.
+    constants : TraceBounds
+        Of the body.
+    sweeps : tuple of PatchKind, optional
+        By which the stress is improved; by default :data:`SWEEPS`, with quadratic elements two over vertices.
+
+    Returns
+    -------
+    ExactDistance
+
+    Raises
+    ------
+    ProblemError
+        As :func:`hemivar.certificates.continuous.body_data.body_data`,
+        :func:`hemivar.certificates.continuous.vertex_moments.equilibrated` and
+        :func:`hemivar.certificates.continuous.hypotheses.unmet_hypotheses`.
+    """
+    unmet = unmet_hypotheses(problem, displacement)
+    expect(constants, TraceBounds, "constants", "give those of guaranteed_trace_bounds(hemivar.discretize(problem))")
+    for kind in () if sweeps is None else expect(sweeps, tuple, "sweeps", "give a tuple such as (PatchKind.VERTEX,)"):
+        expect(kind, PatchKind, "a sweep", f"choose among {', '.join(str(one) for one in PatchKind)}")
+    data = body_data(problem, displacement)
+    inside = admissible_displacement(data)
+    traces = contact_traces(data if np.array_equal(inside, data.displacement) else data.moved(inside))
+    usual = SWEEPS[problem.mesh.dim] if problem.order == 1 else _MORE
+    stress = improved_stress(data, traces, constants, usual if sweeps is None else sweeps)
+    return _bound(stress, data, traces, constants, unmet)
+
+
+def improved_stress(
+    data: BodyData, traces: ContactTraces | None, constants: TraceBounds, sweeps: tuple[PatchKind, ...]
+) -> AdmissibleStress:
+    """An admissible stress, its contact tractions near to what the law allows, after sweeps over patches.
+
+    It balances the forces of ``data`` and comes near to the stress of the displacement of the traces.
+    """
+    stress = _first_stress(data, traces, constants)
+    if not sweeps:
+        return stress
+    sweeper = Sweeper(stress)
+    del stress  # what has been computed of it is large, and of no use any more
+    if traces is not None and data.order == 2:
+        for _ in range(_NEAR):
+            sweeper.sweep(PatchKind.VERTEX, _price(sweeper, traces, constants), only_contact=True)
+    for kind in sweeps:
+        sweeper.sweep(kind, None if traces is None else _price(sweeper, traces, constants))
+    return sweeper.stress
+
+
+def _first_stress(data: BodyData, traces: ContactTraces | None, constants: TraceBounds) -> AdmissibleStress:
+    """Before any sweep."""
+    start = unsettled(data)
+    if traces is None:
+        return admissible_stress(data, None, start)
+    pressures = traces.on_facets(-traces.moments(_first_multiplier(data, traces, constants, start.moments)))
+    return replace(admissible_stress(data, pressures, start), data=traces.data)
+
+
+def _first_multiplier(data: BodyData, traces: ContactTraces, constants: TraceBounds, shared: Array) -> Array:
+    """Near to the interpolated multiplier: in dj(r), or where quadratic traces overshoot in the domain of j*."""
+    between = traces.interpolated(shared)
+    if data.order == 1 or not _weakly_convex(traces) or not 0.0 < constants.both < np.inf:
+        return traces.allowed(between)
+    return fenchel_gap(traces, between, _FIRST * constants.both).multiplier
+
+
+def _weakly_convex(traces: ContactTraces) -> bool:
+    return all(bool(np.isfinite(alpha).all()) for alpha in traces.law.weak_convexity)
+
+
+def _price(sweeper: Sweeper, traces: ContactTraces, constants: TraceBounds) -> ContactPrice | None:
+    """The price ``max(1, eta / rho) / Lambda``: with it a sum of squares falls where ``eta + rho`` does."""
+    if not 0.0 < constants.both < np.inf:
+        return None
+    forces = traces.forces(sweeper.moments)
+    eta = float(np.sqrt(sweeper.misfit))
+    best = _chosen(traces, forces, replace(constants, weighted=None), eta)
+
+    def multiplier(forces: Array) -> Array:
+        return _multiplier(traces, forces, best.weight, best.paying)
+
+    wanted = multiplier(forces)
+    mass = traces.mass(np.maximum(1.0 - following(forces, multiplier), _LEAST))
+    rho = np.sqrt(sum(part.sum() for part in traces.square(forces - wanted)) / constants.both)
+    ratio = min(max(1.0, eta / rho), _DEAREST) if rho > 0.0 else _DEAREST
+    price = float(ratio / constants.both)
+    return ContactPrice(traces.facets, traces.moments(wanted), price, mass, sweeper.moments[traces.facets])
+
+
+def _multiplier(
+    traces: ContactTraces, forces: Array, weight: float | None, paying: tuple[BoolArray, BoolArray]
+) -> Array:
+    """zeta (k, q, d) for forces (k, q, d), as :class:`_Choice` describes it."""
+    exact = traces.allowed(forces)
+    if weight is None:
+        return exact
+    return fenchel_gap(traces, forces, weight).only(paying, traces, forces, exact).multiplier
+
+
+def _best_gap(
+    traces: ContactTraces,
+    forces: Array,
+    exact: Array,
+    paying: tuple[BoolArray, BoolArray],
+    constants: TraceBounds,
+    base: float,
+    c: float,
+    fine: bool,
+) -> tuple[float, FenchelGap]:
+    """The least bound over the weights of the gap, and the gap of the best one; a ``fine`` one is worth more looks."""
+
+    def of(power: float) -> tuple[float, FenchelGap]:
+        gap = fenchel_gap(traces, forces, 10.0**power * constants.both).only(paying, traces, forces, exact)
+        rho = constants.distance(gap.normal, gap.tangential)
+        return _value(base + rho, float(gap.normal_gap.sum() + gap.tangential_gap.sum()), c), gap
+
+    lowest, start, highest = _POWERS
+    tried = {start: of(start)}
+    for step in (1.0, 0.5, 0.25) if fine else (1.0,):
+        best = None
+        while best != min(tried, key=lambda power: tried[power][0]):  # on to the next one as long as it is better
+            best = min(tried, key=lambda power: tried[power][0])
+            beside = (power for power in (best - step, best + step) if lowest <= power <= highest)
+            tried |= {power: of(power) for power in beside if power not in tried}
+            if step < 1.0:
+                break
+    return min(tried.values(), key=lambda pair: pair[0])
+
+
+def _bound(
+    stress: AdmissibleStress,
+    data: BodyData,
+    traces: ContactTraces | None,
+    constants: TraceBounds,
+    unmet: list[str],
+) -> ExactDistance:
+    table = data.table
+    change = stress.data.displacement - data.displacement
+    correction = float(np.sqrt(max(np.sum((stress.data.forces - data.forces) * change[data.cell_nodes]), 0.0)))
+    reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
+    reasons += unmet + _inexact(data)
+    rest = oscillation(stress, constants.body)
+    eta, eta_all = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress, rest).sum()))
+    missed = float(np.sqrt(rest.missed.sum()))
+    algebraic = _algebraic(stress, constants)
+    base = eta_all + missed + algebraic
+
+    count = 0 if traces is None else len(traces.facets)
+    nodes = table.facets[np.zeros(0, dtype=np.int64) if traces is None else traces.facets]
+    none = np.zeros(count, dtype=bool)
+    found = _Choice(
+        base, 0.0, 0.0, 2, np.zeros(count), np.zeros(count), (np.zeros(count), np.zeros(count)), (none, none)
+    )
+    wrong = ""
+    if traces is not None:
+        if traces.beyond > 0.0:
+            reasons.append(
+                f"the displacement leaves the domain of the law by {traces.beyond:.3g}, which is not accounted for"
+            )
+        reasons += _doubts(traces, constants)
+        modes = SoftModes(traces)
+        found = _chosen(traces, traces.forces(stress.tractions.moments), constants, base, modes)
+        if constants.guaranteed and any(part.any() for part in found.alpha) and found.value < np.inf:
+            wrong = _contradiction(found, modes)
+            found = replace(found, value=np.inf) if wrong else found
+        if found.falls and not found.value < np.inf:
+            reasons.append(
+                f"the displacement passes a downward jump of the law on {found.falls} contact facets, where no "
+                "constant of the law is finite"
+            )
+    if wrong:
+        reasons.append(wrong)
+    elif not found.value < np.inf:
+        reasons.append(
+            "there is no bound: the foundation softens too much for the body (c >= 1), or nothing but contact holds it"
+        )
+    parts = DistanceParts(
+        eta, found.contact, float(found.facet_gap.sum()), max(eta_all - eta, 0.0) + missed, algebraic, correction
+    )
+    return ExactDistance(
+        found.value + correction, float(np.sqrt(data.energy)), parts, found.constant, found.theorem,
+        not reasons, tuple(reasons), stress, _cells(stress, rest), rest.missed, nodes, found.facet_contact,
+        found.facet_gap,
+    )  # fmt: skip
+
+
+def _inexact(data: BodyData) -> list[str]:
+    """What of the statement the mesh and its rules of integration do not represent exactly."""
+    problem = data.problem
+    found = data.varying.doubts
+    if data.varies:
+        found.append("the material varies within cells, where it is seen by a rule of integration")
+    elif not problem.material.uniform:
+        found.append("the material is a function of the place, which is seen at the points of a rule of integration")
+    held = [getattr(support, part, None) for support in problem.supports.values() for part in ("value", "x", "y", "z")]
+    if any(callable(value) for value in held):
+        found.append("prescribed displacements are functions, which the mesh interpolates")
+    for name, contact in problem.contact.items():
+        if callable(contact.gap) or not isinstance(contact.obstacle, Plane | None):
+            found.append(f"the gap of contact '{name}' varies, and is seen by a rule of integration")
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """The bound of one choice of zeta: value, c, rho, theorem, what facets add, alpha on them, the weight of the gap.
+
+    ``paying`` are the normal and the tangential parts (k,) whose zeta leaves dj(r) at the price of a gap.
+
+    ``falls`` counts the facets on which the displacement passes a downward jump of the law.
+    """
+
+    value: float
+    constant: float
+    contact: float
+    theorem: int
+    facet_contact: Array
+    facet_gap: Array
+    alpha: tuple[Array, Array]
+    paying: tuple[BoolArray, BoolArray]
+    weight: float | None = None
+    falls: int = 0
+
+
+def _cells(stress: AdmissibleStress, rest: Oscillation) -> Array:
+    return (np.sqrt(np.maximum(stress.misfit, 0.0)) + rest.cells) ** 2
+
+
+def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
+    """``|g| / sqrt(Lambda)`` over the body, g the linear field on each cell with the moments of the defect."""
+    defect = stress.tractions.defect - stress.tractions.missed
+    if not defect.any():
+        return 0.0
+    square = float(linear_square(stress.data, defect).sum())
+    return float(np.sqrt(square / constants.body)) if constants.body > 0.0 else np.inf
+
+
+def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
+    """What of the law is not known."""
+    law, coupling, found = traces.law, _coupling(traces, constants), []
+    if coupling == np.inf:
+        found.append("the friction bound depends on the pressure, or jumps with the penetration: there is no bound")
+    if law.alpha_doubt:
+        found.append(f"a constant of the law is {law.alpha_doubt}")
+    if traces.stated.lipschitz_sampled:
+        found.append("how the friction bound depends on the penetration is known from samples only")
+    return found
+
+
+def _chosen(
+    traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, modes: SoftModes | None = None
+) -> _Choice:
+    """The best of both theorems and of their mixtures; without modes a quick look."""
+    table, coupling = traces.data.table, _coupling(traces, constants)
+    corners = table.mesh.points[table.facets[traces.facets]]
+    exact = traces.allowed(forces)
+    near = tuple(part.max(axis=1) for part in one_sided_constants(traces, exact))
+    every = (np.broadcast_to(part, traces.weights.size) for part in traces.law.weak_convexity)
+    convex = tuple(part.reshape(traces.weights.shape).max(axis=1) for part in every)
+
+    def constant(paying: tuple[BoolArray, BoolArray]) -> tuple[float, tuple[Array, Array]]:
+        alpha = _softening(traces, *(np.where(*part) for part in zip(paying, convex, near, strict=True)))
+        return constants.softening(corners, *alpha) + coupling, alpha
+
+    def confined(alpha: tuple[Array, Array], c: float, total: float, zeta: Array, gap: float) -> float:
+        if modes is None or constants.weighted is None or traces.data.problem.order > 1 or not _SOFT < c < np.inf:
+            return np.inf
+        first, second = constants.weighted(corners, *alpha)
+        if not (second < first and first + coupling < 1.0):
+            return np.inf
+        mode = modes.softest(*alpha)
+        return confined_error(total, modes.seen(mode, zeta), mode.theta, first, second, coupling, gap)
+
+    none = np.zeros(len(traces.facets), dtype=bool)
+    normal, tangential = traces.square(forces - exact)
+    rho = constants.distance(normal, tangential)
+    c, alpha = constant((none, none))
+    value = min(_value(base + rho, 0.0, c), confined(alpha, c, base + rho, exact, 0.0))
+    best = _Choice(value, c, rho, 2, normal + tangential, np.zeros(len(normal)), alpha, (none, none))
+
+    # A part pays where that costs no c, or wherever it can.
+    finite = tuple(np.isfinite(part) for part in convex)
+    free = tuple(part & (whole <= one) for part, whole, one in zip(finite, convex, near, strict=True))
+    choices = [free] if all(map(np.array_equal, free, finite)) else [free, finite]
+    for paying in choices if 0.0 < constants.both < np.inf else ():
+        c, alpha = constant(paying)
+        if not c < 1.0 or not (paying[0].any() or paying[1].any()):
+            continue
+        value, gap = _best_gap(traces, forces, exact, paying, constants, base, c, modes is not None)
+        rho, paid = constants.distance(gap.normal, gap.tangential), gap.normal_gap + gap.tangential_gap
+        value = min(value, confined(alpha, c, base + rho, gap.multiplier, float(paid.sum())))
+        if value < best.value:
+            best = _Choice(value, c, rho, 1, gap.normal + gap.tangential, paid, alpha, paying, gap.weight)
+    return replace(best, falls=int((np.isinf(near[0]) | np.isinf(near[1])).sum()))
+
+
+def _contradiction(choice: _Choice, modes: SoftModes) -> str:
+    """Why c is too small, where a displacement of the mesh shows a larger one; empty where none does.
+
+    Linear elements are among the displacements of the body, and the integrals are exact, so a right c is not below.
+    """
+    shown = modes.softest(*choice.alpha).theta
+    if not shown > choice.constant * (1.0 + _CONTRADICTED):
+        return ""
+    return (
+        f"there is no bound: the constants of the body make c = {choice.constant:.3g}, and a displacement of the mesh "
+        f"shows {shown:.3g}; so they are wrong: please report it"
+    )
+
+
+def _softening(traces: ContactTraces, normal: Array, tangential: Array) -> tuple[Array, Array]:
+    """Constants (k,) of the normal and of the tangential law; the larger for both where contact normals vary."""
+    if has_constant_normals(traces.data.problem):
+        return normal, tangential
+    larger = np.maximum(normal, tangential)
+    return larger, larger
+
+
+def _value(sum_: float, gap: float, c: float) -> float:
+    """The bound for ``eta + rho``, G and c."""
+    if not c < 1.0:
+        return np.inf
+    return float((sum_ + np.sqrt(sum_**2 + 4.0 * (1.0 - c) * gap)) / (2.0 * (1.0 - c)))
+
+
+def _coupling(traces: ContactTraces, constants: TraceBounds) -> float:
+    """What a friction bound that depends on the penetration adds to c: a bound of ``L G int |v_nu| |v_tau| / a(v, v)``.
+
+    That is ``L G / sqrt(L_nu L_tau)``, or ``L G / (2 Lambda)`` where that is less.
+    """
+    worst = float(traces.coupling().max(initial=0.0))
+    if worst == 0.0:
+        return 0.0
+    apart = np.sqrt(constants.normal) * np.sqrt(constants.tangential)
+    least = max(float(apart), 2.0 * constants.both)
+    return worst / least if least > 0.0 else np.inf

@@ -1,0 +1,160 @@
+"""What the bound takes for granted of a statement and a displacement: supports that are fulfilled, a problem at rest,
+laws that are the same along a boundary, straight boundaries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+
+from hemivar.basics.arguments import expect
+from hemivar.basics.types import Array, IntArray
+from hemivar.certificates.continuous.body_shape import STRAIGHT, facet_angles
+from hemivar.errors import ProblemError
+from hemivar.fem.discretize import refuse_evolution
+from hemivar.fem.supports import stated_supports
+from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotential
+from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.named import ParameterLaw
+from hemivar.mechanics.conditions import Roller
+from hemivar.mechanics.statement import ContactProblem
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["unmet_hypotheses"]
+
+#: Angle between neighbouring facets of one boundary up to which they are taken for those of a curve, in radians.
+_BEND = np.pi / 6.0
+#: Part of the largest displacement by which supports may be missed.
+_HELD = 1e-8
+
+
+def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None) -> list[str]:
+    """Why a bound for this statement is an estimate only, one sentence each.
+
+    Parameters of laws that are functions of the place are known at the points of a rule of integration only, and with
+    them constants that must hold everywhere.  A boundary whose facets have three directions or more and follow each
+    other at angles of less than 30 degrees is taken for a curve that the mesh replaces by its own.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    displacement : array, shape (nodes, d), optional
+        That is to be judged.
+
+    Raises
+    ------
+    ProblemError
+        The problem is of another kind, depends on time or evolves; parameters of a law are given contact point by
+        contact point, while the exact problem has them everywhere; the displacement misses what supports prescribe.
+    """
+    remedy = "give the ContactProblem that states it: bounds are for elastic bodies at rest"
+    expect(problem, ContactProblem, "the problem of the bound", remedy)
+    refuse_evolution(problem)
+    found: list[str] = []
+    if displacement is not None and _well_formed(problem, displacement):
+        _check_supports(problem, displacement)
+        found += _passed_rollers(problem, displacement)
+    for name, contact in problem.contact.items():
+        values = list(_parameters(contact.normal)) + list(_parameters(contact.friction))
+        for what, value in values:
+            count = len(np.ravel(value)) if isinstance(value, np.ndarray | list | tuple) else 1
+            if count > 1:
+                raise ProblemError(
+                    f"the law of contact '{name}' has a parameter {what} given at {count} contact points; the exact "
+                    "solution needs it everywhere: give a number, or a function of x"
+                )
+        names = [what for what, value in values if callable(value)]
+        if names:
+            found.append(
+                f"the law of contact '{name}' varies along the boundary ({', '.join(names)}), where it is seen at the "
+                "points of a rule of integration only"
+            )
+    found += [
+        f"the boundary {words} looks curved: it turns by up to {angle:.3g} degrees from facet to facet; the bound is "
+        "one for the body with straight facets"
+        for words, angle in _curved(problem.mesh)
+    ]
+    return found
+
+
+def _well_formed(problem: ContactProblem, displacement: Array) -> bool:
+    """Whether it has a number for every node and component; what has not is refused in other words."""
+    u = np.asarray(displacement)
+    return u.shape == problem.mesh.nodes(problem.order).shape and u.dtype.kind in "fiu" and bool(np.isfinite(u).all())
+
+
+def _check_supports(problem: ContactProblem, displacement: Array) -> None:
+    """Refuse a displacement that is not among those that the supports allow: the theorems compare two of them."""
+    u, supports = np.asarray(displacement), stated_supports(problem)
+    off = np.abs(np.einsum("nqd,nd->nq", supports.directions, u - supports.value)).max(axis=1)
+    worst = int(np.argmax(off))
+    if off[worst] > _HELD * max(float(np.abs(u).max()), float(np.abs(supports.value).max())):
+        place = ", ".join(f"{x:g}" for x in supports.nodes[worst])
+        raise ProblemError(
+            f"the displacement misses what supports prescribe by {off[worst]:.3g} at node {worst}, x = ({place}); give "
+            "that of a solution of this problem, on this mesh"
+        )
+
+
+def _passed_rollers(problem: ContactProblem, displacement: Array) -> Iterator[str]:
+    """Rollers that the displacement passes through: nodes where they bend are held along a mean normal only."""
+    u, mesh = np.asarray(displacement), problem.mesh
+    size = float(np.abs(u).max(initial=0.0))
+    for name, support in problem.supports.items():
+        if not isinstance(support, Roller):
+            continue
+        facets = mesh.boundaries[name]
+        normals, _ = mesh.facet_normals(facets)
+        off = float(np.abs(np.einsum("fad,fd->fa", u[mesh.facet_nodes(facets, problem.order)], normals)).max())
+        if off > _HELD * size:
+            yield (
+                f"the roller '{name}' bends, and holds the nodes there along the mean of the normals: the displacement "
+                f"passes through its facets by {off:.3g}"
+            )
+
+
+def _parameters(law: object) -> Iterator[tuple[str, object]]:
+    """Names and values of all that may vary along the boundary."""
+    if not is_dataclass(law) or isinstance(law, PiecewiseQuadratic):
+        return
+    places = isinstance(law, ParameterLaw | CoulombBound)
+    for one in fields(law):
+        if not one.init or one.name.startswith("_"):
+            continue
+        value = getattr(law, one.name)
+        if isinstance(value, Superpotential | StateBound):
+            yield from _parameters(value)
+        elif value is not None and (places or (isinstance(law, Friction) and one.name == "bound")):
+            yield one.name, value
+
+
+def _curved(mesh: Mesh) -> Iterator[tuple[str, float]]:
+    """Boundaries that look curved, in words, with the largest angle from facet to facet in degrees."""
+    rest = mesh.boundary_facets
+    for name, facets in mesh.boundaries.items():
+        angle = _bend(mesh, facets)
+        if angle > 0.0:
+            yield f"'{name}'", angle
+    if mesh.boundaries:
+        size = mesh.number_of_nodes
+        named = np.sort(np.concatenate(list(mesh.boundaries.values())), axis=1)
+        weights = size ** np.arange(mesh.dim, dtype=float)
+        rest = rest[~np.isin(np.sort(rest, axis=1) @ weights, named @ weights)]
+    angle = _bend(mesh, rest)
+    if angle > 0.0:
+        yield "without a name", angle
+
+
+def _bend(mesh: Mesh, facets: IntArray) -> float:
+    """The largest angle in degrees by which facets of at least three directions follow each other; 0 if they do not."""
+    if len(facets) < 3:
+        return 0.0
+    pairs, angle = facet_angles(mesh, facets)
+    one, two = mesh.facet_normals(facets)[0][pairs.T]
+    turning = (angle > STRAIGHT) & (angle <= _BEND)
+    if not turning.any():
+        return 0.0
+    directions = np.unique(np.round(np.concatenate([one[turning], two[turning]]) / STRAIGHT / 10.0), axis=0)
+    return float(np.degrees(angle[turning].max())) if len(directions) > 2 else 0.0

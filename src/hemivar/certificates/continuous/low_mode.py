@@ -1,0 +1,138 @@
+"""A bound that softening along the softest mode alone does not spoil.
+
+``a(e, e) - <alpha e, e> <= R(e)`` for the error e, ``R(v) = L(v) - a(u, v) - <zeta, v>``, and ``|R(v)| <= H |v|_a``,
+which gives ``|e|_a <= H / (1 - c)``.  But what R does to a known field psi can be computed, and for one of the discrete
+space it is next to nothing, while the quotient ``<alpha v, v> / a(v, v)`` is near c along the softest mode alone.
+
+Let ``a(psi, psi) = 1``, ``theta = <alpha psi, psi>``, ``e = t psi + y w``, w of norm one, ``a(psi, w) = 0``.
+With upper bounds ``C1 >= C2`` of the first two eigenvalues, ``tau = <alpha w, w>`` and ``d = <alpha psi, w>``
+
+    tau <= C1 + C2 - theta  (Ky Fan: two orthogonal quotients are at most the sum),    d^2 <= (C1 - theta) (C1 - tau),
+
+so that ``(1 - theta) t^2 - 2 d |t| y + (1 - tau) y^2 <= |R(psi)| |t| + H y`` confines (t, y), and
+``|e|_a^2 = t^2 + y^2``.  If psi is the mode and R(psi) vanishes, the bound is ``H / (2 sqrt((C1 - C2) (1 - C1)))``, or
+``H / (1 - C2)`` where that is attained first, in place of ``H / (1 - C1)``.  A gap G is added on the right of both
+inequalities.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array
+from hemivar.certificates.continuous.bare_body import bare_body
+from hemivar.certificates.continuous.contact_traces import ContactTraces
+from hemivar.certificates.norms import EnergyNorm, MultigridNorm, energy_norm
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.discretize import discretize
+
+__all__ = ["SoftModes", "SoftestMode", "confined_error"]
+
+#: Steps of inverse iteration: each makes the others smaller by the ratio of two eigenvalues.
+_STEPS = 6
+#: Angles between psi and the rest at which the bound is evaluated, and by how much it is raised for those between.
+_ANGLES = 4000
+_RAISED = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class SoftestMode:
+    """A field near to the softest mode of the discrete space.
+
+    Attributes
+    ----------
+    field : array, shape (nodes, d)
+        psi, linear on cells, ``a(psi, psi) = 1``.
+    theta : float
+        ``<alpha psi, psi>``, which no right c is below.
+    """
+
+    field: Array
+    theta: float
+
+
+@dataclass(frozen=True, eq=False)
+class SoftModes:
+    """The softest modes of linear elements on the mesh of a displacement, for any constants of the law.
+
+    Attributes
+    ----------
+    traces : ContactTraces
+        Their frames are those along which penetration and slip are measured.
+    """
+
+    traces: ContactTraces
+
+    @cached_property
+    def _body(self) -> tuple[DiscreteProblem, EnergyNorm | MultigridNorm]:
+        body = discretize(bare_body(self.traces.data.problem, coarsest=False), check_coercivity=False)
+        return body, energy_norm(body)
+
+    def softest(self, normal: Array, tangential: Array) -> SoftestMode:
+        """For constants alpha (k,) of the normal and of the tangential law on the contact facets."""
+        traces, table, dim = self.traces, self.traces.data.table, self.traces.data.table.dim
+        body, energy = self._body
+        assert body.field is not None
+        basis, K = body.field.basis, body.stiffness
+        weights = np.broadcast_to(np.column_stack([normal, tangential])[:, None], (*traces.weights.shape, 2))
+        blocks = replace(traces, shapes=traces.barycentric).mass(weights)
+        place = table.facets[traces.facets][:, :, None] * dim + np.arange(dim)
+        rows = np.broadcast_to(place[:, :, :, None, None], blocks.shape)
+        columns = np.broadcast_to(place[:, None, None], blocks.shape)
+        size = len(table.mesh.points) * dim
+        M = sp.csr_array(sp.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)))
+        M = sp.csr_array(basis.T @ M @ basis)
+        x = np.random.default_rng(0).normal(size=M.shape[0])
+        for _ in range(_STEPS):
+            x = energy.riesz(M @ x)[0]
+            x /= np.sqrt(float(x @ (K @ x)))
+        return SoftestMode(np.asarray(basis @ x).reshape(-1, dim), float(x @ (M @ x)))
+
+    def seen(self, mode: SoftestMode, zeta: Array) -> float:
+        """A bound of ``|R(psi)|`` with linear elements, for a zeta (k, q, d) at the points of the contact facets."""
+        traces, data, field = self.traces, self.traces.data, mode.field
+        table = data.table
+        at = field[table.cells]
+        strain = np.einsum("mai,maj->mij", at, table.gradients)
+        work = float(np.einsum("mai,mai->", data.loads, at))
+        work += float(np.einsum("fai,fai->", data.facet_loads, field[table.facets]))
+        work -= float(np.einsum("m,mij,mij->", table.volumes, data.stress, strain))
+        work -= float(np.einsum("fai,fai->", traces.moments(zeta), field[table.facets[traces.facets]]))
+        return abs(work) + float(data.varying.unknown @ np.linalg.norm(field, axis=1))
+
+
+def confined_error(
+    total: float, seen: float, theta: float, first: float, second: float, coupling: float, gap: float = 0.0
+) -> float:
+    """The largest ``|e|_a`` that is left; inf if ``first + coupling`` is not below one.
+
+    Parameters
+    ----------
+    total : float
+        H.
+    seen : float
+        ``|R(psi)|``.
+    theta, first, second : float
+        theta, C1, C2.
+    coupling : float
+        What a friction bound that depends on the penetration adds to ``<alpha e, e> / a(e, e)``.
+    gap : float
+        G, which comes beside ``R(e)``.
+    """
+    if not first + coupling < 1.0:
+        return np.inf
+    angle = np.linspace(0.0, 0.5 * np.pi, _ANGLES + 1)
+    t, y = np.cos(angle), np.sin(angle)
+    spare = max(first - theta, 0.0)
+    highest = min(first, second + spare)
+    # the sum of both terms is concave in tau, and largest where its derivative vanishes
+    steep = t / np.maximum(y, 1e-100)
+    tau = np.clip(first - spare * steep**2, 0.0, highest)
+    softened = theta * t**2 + 2.0 * np.sqrt(spare * np.maximum(first - tau, 0.0)) * t * y + tau * y**2
+    left = 1.0 - coupling - np.minimum(softened, first)
+    force = min(seen, total) * t + total * y
+    return float((0.5 * (force + np.sqrt(force**2 + 4.0 * left * gap)) / left).max() * (1.0 + _RAISED))

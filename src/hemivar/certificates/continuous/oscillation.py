@@ -1,0 +1,132 @@
+"""What of the loads the admissible stress does not balance, on cells and on facets.
+
+``f0 + div s`` is orthogonal to the linear fields of a cell and ``f_N - s nu`` to those of a facet, but for what is
+unknown of the moments of the loads. The orthogonal part works by at most its size times ``kappa |v|_a`` of the cell.
+Linear loads that are unknown, or that the discrete problem misses, are loads of the body, ``|b| |v|``; those of a facet
+are first shifted to its cell (:class:`hemivar.certificates.continuous.local_constants.LocalConstants`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.certificates.continuous.admissible_stress import AdmissibleStress
+from hemivar.certificates.continuous.body_data import BodyData
+from hemivar.certificates.continuous.load_values import LoadValues
+from hemivar.certificates.continuous.local_constants import local_constants
+from hemivar.certificates.continuous.split_element import facet_mass, pairs_of
+from hemivar.fem.elements import shape_derivatives, shape_values
+
+__all__ = ["Oscillation", "linear_square", "oscillation"]
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillation:
+    """What each cell has to add.
+
+    Attributes
+    ----------
+    cells : array, shape (M,)
+        To its ``eta_T``.
+    missed : array, shape (M,)
+        To the square of what the whole body lacks: ``|b|_T^2 / Lambda_body`` of the loads b that are unknown or missed.
+    """
+
+    cells: Array
+    missed: Array
+
+
+def oscillation(stress: AdmissibleStress, body: float) -> Oscillation:
+    """The oscillation of the loads of a stress; zero where they are constant.
+
+    Parameters
+    ----------
+    stress : AdmissibleStress
+    body : float
+        ``Lambda_body``, a lower bound of ``a(v, v) / |v|^2`` over the body.
+    """
+    data = stress.data
+    table, varying = data.table, data.varying
+    cells, linear = np.zeros(len(table.cells)), np.zeros(len(table.cells))
+    if varying.body is None and not varying.tractions:
+        return Oscillation(cells, linear)
+    constants = local_constants(table, _stiffness(stress))
+    if varying.body is not None:
+        cells += constants.cell * np.sqrt(_body(stress, varying.body))
+        linear += varying.body.linear(table.volumes)
+    inverse = np.linalg.inv(facet_mass(table.dim, data.order))
+    for facets, values in varying.tractions.values():
+        measures = table.measures[facets]
+        moments = values.moments(len(facets), data.order)
+        seen = np.einsum("ab,fbi->fai", inverse, moments / measures[:, None, None])
+        square = np.zeros(len(facets))
+        for part in values.parts():
+            owner, shapes = values.owner[part], shape_values(data.order, values.points(part))
+            off = values.values[part] - np.einsum("kqa,kai->kqi", shapes, seen[owner])
+            np.add.at(square, owner, values.measures[part] * np.einsum("q,kqi->k", values.rule[1], off**2))
+        rest, unknown = np.sqrt(square) + np.sqrt(values.square(len(facets))), values.linear(measures)
+        cell = table.owners[facets, 0]
+        local = np.argmax(table.cell_facets[cell] == facets[:, None], axis=1)
+        np.add.at(cells, cell, constants.facet[cell, local] * rest + constants.shift[cell, local] * unknown)
+        np.add.at(linear, cell, constants.spread[cell, local] * unknown)
+    missed = np.sqrt(linear_square(data, stress.tractions.missed)) + linear
+    with np.errstate(divide="ignore"):
+        return Oscillation(cells, np.where(missed > 0.0, missed**2 / max(body, 0.0), 0.0))
+
+
+def linear_square(data: BodyData, loads: Array) -> Array:
+    """``|g|_T^2`` (M,) of the linear fields g on cells with the moments of loads (M, l, d)."""
+    table = data.table
+    moments, corners = data.linear(loads), table.dim + 1
+    square = (moments**2).sum(axis=(1, 2)) - (moments.sum(axis=1) ** 2).sum(axis=1) / (corners + 1)
+    return np.asarray(np.maximum(corners * (corners + 1) / table.volumes * square, 0.0))
+
+
+def _stiffness(stress: AdmissibleStress) -> Array:
+    """The elasticity matrix of each cell; the weakest at the points of the rule where it varies within cells."""
+    data = stress.data
+    scale = np.where(np.arange(data.tensors.shape[-1]) < data.table.dim, 1.0, np.sqrt(2.0))
+    least = np.linalg.eigvalsh(data.tensors * np.outer(scale, scale))[..., 0]
+    chosen = np.argmin(least, axis=1)
+    return np.asarray(data.tensors[np.arange(len(chosen)), chosen])
+
+
+def _body(stress: AdmissibleStress, values: LoadValues) -> Array:
+    """Upper bounds (M,) of ``int |f0 + div s|^2``."""
+    divergence = _divergence(stress)
+    count, corners = divergence.shape[0], divergence.shape[1]
+    square = np.zeros(count)
+    for part in values.parts():
+        owner, piece, points = values.owner[part], values.piece[part], values.points(part)
+        # barycentric coordinates on the piece: corner i of it is the centroid of the cell
+        every = np.arange(len(owner))
+        centre = points[every, :, piece]
+        points = points - centre[:, :, None]
+        points[every, :, piece] = corners * centre
+        force = values.values[part] + np.einsum("kqa,kai->kqi", points, divergence[owner, piece])
+        np.add.at(square, owner, values.measures[part] * np.einsum("q,kqi->k", values.rule[1], force**2))
+    return np.asarray((np.sqrt(square) + np.sqrt(values.square(count))) ** 2)
+
+
+def _divergence(stress: AdmissibleStress) -> Array:
+    """``div s`` at the corners of the pieces of cells, between which it is linear, shape (M, d + 1, d + 1, d)."""
+    data, table = stress.data, stress.data.table
+    dim = table.dim
+    corners = table.mesh.points[table.cells]
+    found = np.zeros((len(corners), dim + 1, dim + 1, dim))
+    for piece in range(dim + 1):
+        own = corners.copy()
+        own[:, piece] = corners.mean(axis=1)
+        inverse = np.linalg.inv((own[:, 1:] - own[:, :1]).transpose(0, 2, 1))
+        gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
+        for corner, point in enumerate(np.eye(dim + 1)):
+            slopes = np.einsum("ab,mbd->mad", shape_derivatives(data.order, point), gradients)
+            for component, (i, j) in enumerate(pairs_of(dim)):
+                slope = np.einsum("ma,mad->md", stress.stresses[:, piece, :, component], slopes)
+                found[:, piece, corner, i] += slope[:, j]
+                if i != j:
+                    found[:, piece, corner, j] += slope[:, i]
+    return found

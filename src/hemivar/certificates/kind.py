@@ -1,0 +1,374 @@
+"""What kind of point a stationary point is: one-sided derivatives first, then curvature on the critical cone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.certificates.bound import Point, snap
+from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm
+from hemivar.discrete.model import quadratic
+from hemivar.discrete.point_kind import PointKind
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.laws import Superpotential
+
+__all__ = ["LocalStudy", "kind_of", "study"]
+
+#: Curvatures (relative to the elastic one) this small are not decided: where the load turns, a point is known to the
+#: square root of rounding only, and so is the curvature there, which is zero.
+_FLAT = 1e-7
+#: A multiplier this near to the end of its interval (relative to the largest multiplier) may leave it; so may a place
+#: that is as near, by the compliance of its point, to a knot where the curvature jumps.
+_AT_END = 1e-8
+#: Contact components up to which all curvatures are computed, not the smallest one alone.
+_FEW = 200
+#: The same for a body that its foundation holds at rest only.
+_MOST = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class LocalStudy:
+    """Result of the study of a stationary point.
+
+    Attributes
+    ----------
+    kind : PointKind
+        LOCAL_MINIMISER, SADDLE, MAXIMUM, DIRECTIONALLY_STATIONARY or CLARKE_STATIONARY.
+    curvature : float or None
+        Smallest ``1 + v'B'W j''(r) B v / v'K v`` over the critical directions: 1 is the curvature of the body alone;
+        -inf at a downward jump; None if not computed.
+    direction : array (m, d) or None
+        Local displacements along which the energy falls, largest component 1.
+    """
+
+    kind: PointKind
+    curvature: float | None
+    direction: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One-sided derivatives of a scalar law at r."""
+
+    below: Array
+    above: Array
+    curvature_below: Array
+    curvature_above: Array
+
+    def take(self, index: IntArray) -> _Part:
+        """Some of them."""
+        return _Part(*(values[index] for values in vars(self).values()))
+
+
+def _sides(law: Superpotential, r: Array, tau: Array, slack: float) -> _Part:
+    """One-sided derivatives; r sits on a knot where it equals it, or where it is as near as ``slack`` is to nothing.
+
+    The latter only at a knot where nothing but the curvature jumps: others were decided by the multiplier.
+    """
+    knots = np.broadcast_to(law.knots, (r.size, law.knots.shape[-1]))
+    lefts, rights = (np.broadcast_to(side, knots.shape) for side in law.knot_slopes())
+    rows = np.arange(r.size)
+    for before in (1, 0):
+        at = np.clip(law.piece_of(r) - before, 0, knots.shape[-1] - 1)
+        with np.errstate(invalid="ignore"):
+            near = np.abs(r - knots[rows, at]) <= slack * tau
+            r = np.where(near & (np.abs(rights[rows, at] - lefts[rows, at]) <= slack), knots[rows, at], r)
+    piece = law.piece_of(r)
+    at = np.minimum(piece, knots.shape[-1] - 1)  # piece i ends at knot i, and a knot belongs to the piece before it
+    knot = knots[rows, at]
+    here = (r == knot) & np.isfinite(knot)
+    left, right = lefts[rows, at], rights[rows, at]
+    after = np.where(here, at + 1, piece)
+    slope = np.broadcast_to(law.piece_derivative(piece, r), r.shape)
+    bend = (np.broadcast_to(law.piece_curvature(i, r), r.shape) for i in (piece, after))
+    below, above = np.where(here, left, slope), np.where(here, right, slope)
+    return _Part(below, above, *(np.array(b) for b in bend))
+
+
+@dataclass(frozen=True, eq=False)
+class _Components:
+    """Contact components of one sort: rows ``axis . B_j``.
+
+    ``point (k,)``, ``axis (k, d)``, and ``bend (k,)``, the curvature of the law.
+    """
+
+    point: IntArray
+    axis: Array
+    bend: Array
+
+    @property
+    def size(self) -> int:
+        return self.point.size
+
+    def where(self, chosen: BoolArray | IntArray) -> _Components:
+        return _Components(self.point[chosen], self.axis[chosen], self.bend[chosen])
+
+    def __add__(self, other: _Components) -> _Components:
+        return _Components(*map(np.concatenate, zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    def ordered(self) -> _Components:
+        """By contact point."""
+        return self.where(np.argsort(self.point, kind="stable"))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sorted:
+    """The components by what they do: move freely, held at a kink, undecided, fall to both sides or to one."""
+
+    free: _Components
+    held: _Components
+    weak: _Components
+    falls: _Components
+    one_sided: _Components
+
+    def __add__(self, other: _Sorted) -> _Sorted:
+        return _Sorted(*(mine + more for mine, more in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+
+def _sort(point: IntArray, axis: Array, lam: Array, sides: _Part, slack: float) -> _Sorted:
+    """Sort components by their one-sided derivatives and multipliers; arrays (k,), ``axis (k, d)``."""
+    below, above = sides.below, sides.above
+    low, high = sides.curvature_below, sides.curvature_above
+    with np.errstate(invalid="ignore"):
+        jump = above - below
+        smooth = np.isfinite(jump) & (np.abs(jump) <= slack)
+        up = ~smooth & (jump > 0.0)
+        inside = (lam - below > slack) & (above - lam > slack)
+        side = np.where(lam - below <= slack, low, high)
+        down = ~smooth & ~up
+        right, left = above - lam < -slack, below - lam > slack
+    weak = (smooth & (low != high)) | (up & ~inside)
+    bend = np.where(smooth, np.where(low == high, low, np.minimum(low, high)), side)
+    outward = np.where(right[:, None], axis, -axis)
+    every = _Components(point, axis, bend)
+    return _Sorted(
+        free=every.where(smooth & (low == high)),
+        held=every.where(up & inside),
+        weak=every.where(weak),
+        falls=every.where(down & right & left),
+        one_sided=_Components(point, outward, bend).where(down & ~(right & left)),
+    )
+
+
+def _components(point: Point) -> _Sorted:
+    """Every contact component, sorted."""
+    problem = point.problem
+    m, d = problem.contact_points, problem.contact.components
+    active = point.active
+    law, tau = point.law(problem.local(point.u), point.lam), point.compliance
+    r = np.where(active, snap(law, problem.local(point.u), point.lam, tau), 0.0)
+    slack = _AT_END * max(float(np.abs(point.lam).max(initial=0.0)), np.finfo(float).tiny)
+    unit = np.eye(d)
+    index = np.flatnonzero(active[:, 0])
+    sides = _sides(law.normal, r[:, 0], tau[:, 0], slack)
+    found = _sort(index, np.broadcast_to(unit[0], (index.size, d)), point.lam[index, 0], sides.take(index), slack)
+    if d == 1 or m == 0:
+        return found
+    size = np.linalg.norm(r[:, 1:], axis=1)
+    radial = _sides(law.tangential, size, tau[:, 1], slack)
+    # at rest: every direction that is not held by a support, with the curvature of first slip
+    force = np.linalg.norm(np.where(active[:, 1:], point.lam[:, 1:], 0.0), axis=1)
+    rest, column = np.nonzero(active[:, 1:] & (size == 0.0)[:, None])
+    still = _Components(rest, unit[1:][column], radial.curvature_above[rest])
+    loose, stuck = radial.above[rest] <= slack, radial.above[rest] - force[rest] > slack
+    # on the move: outward, and in three dimensions across it
+    moving = np.flatnonzero(size > 0.0)
+    outward = np.zeros((moving.size, d))
+    outward[:, 1:] = r[moving, 1:] / size[moving, None]
+    lam = np.einsum("ki,ki->k", outward, point.lam[moving])
+    found += _sort(moving, outward, lam, radial.take(moving), slack)
+    none = still.where(np.zeros(rest.size, dtype=bool))
+    free = still.where(loose)
+    if d == 3:
+        across = np.stack([np.zeros(moving.size), -outward[:, 2], outward[:, 1]], axis=1)
+        turns = np.any((across != 0.0) & active[moving], axis=1)
+        free += _Components(moving, across, lam / size[moving]).where(turns)
+    return found + _Sorted(free.ordered(), still.where(~loose & stuck), still.where(~loose & ~stuck), none, none)
+
+
+def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: Norm) -> PointKind:
+    """The kind of a pair ``u (n,)``, ``lam (m, d)`` that solves a problem, as its certificate finds it.
+
+    Whether it is the only solution is not asked.  A pair whose curvature does not decide is a global minimiser where
+    the law is convex and the problem has an energy.
+    """
+    kind = study(Point(problem, energy, u, lam)).kind
+    if kind is PointKind.DIRECTIONALLY_STATIONARY and not problem.law.state_dependent:
+        parts = (problem.law.normal, problem.law.tangential)
+        if all(law.convex and not law.alpha_sampled for law in parts):
+            return PointKind.GLOBAL_MINIMISER
+    return kind
+
+
+def study(point: Point) -> LocalStudy:
+    """Classify a pair that is stationary up to rounding."""
+    m, d = point.problem.contact_points, point.problem.contact.components
+    parts = _components(point)
+    free, held, weak, falls, one_sided = parts.free, parts.held, parts.weak, parts.falls, parts.one_sided
+
+    alone = point.energy.definite  # else curvatures are those of a body on springs, of which the sign counts
+
+    def shown(of: _Components) -> Array:
+        out = np.zeros((m, d))
+        out[of.point[0]] = of.axis[0]
+        return out
+
+    if one_sided.size and not falls.size:
+        return LocalStudy(PointKind.CLARKE_STATIONARY, -np.inf, shown(one_sided))
+    if falls.size:
+        everywhere = not (held.size or weak.size or one_sided.size) and (point.energy.factorised or not free.size)
+        if everywhere and free.size:
+            curvatures, _ = _curvatures(point, free, falls, every=True)
+            everywhere = curvatures is not None and bool(np.all(curvatures < -_FLAT))
+        return LocalStudy(PointKind.MAXIMUM if everywhere else PointKind.SADDLE, -np.inf, shown(falls))
+    few = free.size <= _FEW and point.energy.factorised
+    strict, direction = _curvatures(point, free, held + weak, every=few)
+    if strict is None:
+        return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, None, None)
+    lowest = float(strict.min(initial=1.0))
+    if lowest < -_FLAT:
+        whole = alone and few and not held.size and not weak.size and bool(np.all(strict < -_FLAT))
+        kind = PointKind.MAXIMUM if whole else PointKind.SADDLE
+        return LocalStudy(kind, lowest if alone else None, direction)
+    least = lowest
+    if weak.size and lowest > _FLAT:
+        wider, _ = _curvatures(point, free + weak, held, every=few and free.size + weak.size <= _FEW)
+        least = -np.inf if wider is None else float(wider.min(initial=1.0))
+    if least > _FLAT:
+        return LocalStudy(PointKind.LOCAL_MINIMISER, least if alone else None, None)
+    return LocalStudy(PointKind.DIRECTIONALLY_STATIONARY, lowest if alone else None, None)
+
+
+def _rows(point: Point, parts: _Components) -> sp.csr_array:
+    """Rows ``axis . B_j`` of contact components."""
+    problem = point.problem
+    m, d = problem.contact_points, problem.contact.components
+    columns = (parts.point[:, None] * d + np.arange(d)).ravel()
+    starts = np.arange(parts.size + 1) * d
+    select = sp.csr_array((parts.axis.ravel(), columns, starts), shape=(parts.size, m * d))
+    return sp.csr_array(select @ problem.contact.trace)
+
+
+def _curvatures(point: Point, free: _Components, held: _Components, every: bool) -> tuple[Array | None, Array | None]:
+    """Eigenvalues of ``(K + C'W j'' C, K)``, the held rows at rest: those of the contact components, or the lowest.
+
+    Returns them with the local displacements of the lowest one; None where they cannot be had.
+    """
+    problem = point.problem
+    m, d = problem.contact_points, problem.contact.components
+    C = _rows(point, free)
+    weight = problem.contact.weights[free.point] * free.bend
+    count = C.shape[0]
+    if not point.energy.definite:
+        return _curvatures_on_foundation(point, C, weight, held), None
+    if count == 0 or not np.any(weight < 0.0):
+        return np.ones(1), None
+    if isinstance(point.energy, MultigridNorm):
+        return _lowest_by_multigrid(point, point.energy, C, weight, held)
+    solver = _ConstrainedSolver(point.energy, _rows(point, held))
+    if not solver.definite:
+        return None, None
+    if every:
+        bends, force, columns = _dense(solver, C, weight)
+        return bends, _normalised(problem.contact.trace @ (columns @ force), m, d)
+    A = sp.csr_array(C.T @ sp.diags_array(-weight) @ C)
+    n = problem.unknowns
+    inverse = spla.LinearOperator((n, n), matvec=lambda x: solver.solve(x.ravel()), dtype=float)
+    start = solver.solve(np.asarray(C.T @ (1.0 + 0.1 * np.random.default_rng(5).standard_normal(count))))
+    try:
+        top, modes = spla.eigsh(A, k=1, M=point.energy.stiffness, Minv=inverse, which="LA", v0=start, tol=1e-8, ncv=16)
+    except (spla.ArpackNoConvergence, RuntimeError):
+        return None, None
+    return 1.0 - top, _normalised(problem.contact.trace @ modes[:, 0], m, d)
+
+
+def _curvatures_on_foundation(point: Point, C: sp.csr_array, weight: Array, held: _Components) -> Array | None:
+    """The lowest eigenvalue of ``(K + C'W j'' C, K + S)`` for a body that its foundation holds at rest only.
+
+    S are springs as stiff as the body at all contact points, with which K has no kernel.  The sign is that of the
+    curvature of the energy, its size means nothing else.  None where it cannot be had.
+    """
+    problem = point.problem
+    stiffness = quadratic(problem.bulk, "the kind of a point").stiffness
+    if not point.energy.factorised:
+        return None
+    trace = problem.contact.trace
+    seen = np.flatnonzero(np.diff(trace.indptr))
+    if C.shape[0] + seen.size > _MOST:
+        return None
+    d = problem.contact.components
+    springs = (problem.contact.weights[:, None] / np.repeat(point.compliance, [1, d - 1], axis=1)).ravel()[seen]
+    on = sp.csr_array(trace[seen])
+    norm = EnergyNorm(sp.csr_array(stiffness + on.T @ sp.diags_array(springs) @ on))
+    solver = _ConstrainedSolver(norm, _rows(point, held)) if norm.definite else None
+    if solver is None or not solver.definite:
+        return None
+    values, _, _ = _dense(solver, sp.csr_array(sp.vstack([C, on])), np.concatenate([weight, -springs]))
+    return values[:1]
+
+
+def _dense(solver: _ConstrainedSolver, C: sp.csr_array, weight: Array) -> tuple[Array, Array, Array]:
+    """All eigenvalues of ``(K + C' diag(weight) C, K)`` that C sees, the force (k,) of the lowest one, ``K^-1 C'``."""
+    columns = solver.solve(C.T.toarray())
+    F = np.asarray(C @ columns)
+    F = 0.5 * (F + F.T)
+    lift = float(np.abs(np.diagonal(F)).max(initial=0.0))
+    # congruent to W j'' on the range of F: 1 + F^(1/2) W j'' F^(1/2)
+    values, vectors = np.linalg.eigh(F)
+    kept = values > 1e-13 * lift
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    if not kept.any():  # all that C sees is held
+        return np.ones(0), np.zeros(C.shape[0]), columns
+    bends, modes = np.linalg.eigh(np.eye(int(kept.sum())) + root.T @ (weight[:, None] * root))
+    return bends, np.linalg.lstsq(root.T, modes[:, 0], rcond=None)[0], columns
+
+
+def _lowest_by_multigrid(
+    point: Point, energy: MultigridNorm, C: sp.csr_array, weight: Array, held: _Components
+) -> tuple[Array | None, Array | None]:
+    """The lowest eigenvalue alone: what its vector attains where that is negative, else what it is at least."""
+    problem = point.problem
+    m, d = problem.contact_points, problem.contact.components
+    at_rest = np.zeros((m, d), dtype=bool)
+    row, component = np.nonzero(held.axis)
+    if row.size != held.size or np.any(np.diff(row) == 0):  # a direction that is no component
+        return None, None
+    at_rest[held.point[row], component] = True
+    mode = energy.constrained_eigenvalue(C, -weight, at_rest)
+    if mode is None or mode.vector is None:
+        return None, None
+    lowest = 1.0 - (mode.value if mode.value > 1.0 else mode.bound)
+    return np.array([lowest]), _normalised(problem.contact.trace @ mode.vector, m, d)
+
+
+def _normalised(vector: Array, m: int, d: int) -> Array:
+    peak = float(np.abs(vector).max(initial=0.0))
+    return np.asarray(vector / peak if peak > 0.0 else vector).reshape(m, d)
+
+
+class _ConstrainedSolver:
+    """``v`` minimising ``1/2 v'K v - b'v`` subject to ``D v = 0``."""
+
+    def __init__(self, energy: EnergyNorm, held: sp.csr_array) -> None:
+        self._energy = energy
+        self._count = held.shape[0]
+        self._factor: spla.SuperLU | None = None
+        self.definite = energy.definite
+        if self._count == 0:
+            return
+        scale = float(energy.stiffness.diagonal().mean())
+        system = sp.csc_array(sp.block_array([[energy.stiffness, scale * held.T], [scale * held, None]]))
+        try:
+            self._factor = spla.splu(system)
+        except RuntimeError:
+            self.definite = False
+
+    def solve(self, rhs: Array) -> Array:
+        if self._factor is None:
+            return self._energy.solve(rhs)
+        padding = np.zeros((self._count, *rhs.shape[1:]))
+        return np.asarray(self._factor.solve(np.concatenate([rhs, padding]))[: rhs.shape[0]])

@@ -1,0 +1,553 @@
+"""Smallness: whether the body is stiff enough for the laws of its foundation to leave one solution only.
+
+The survey asks for ``(H_s): m_A > (m_alpha + m_L) c_gamma^2``.  On a discrete problem the same can be asked directly,
+and far more sharply: whether ``K - B'W diag(alpha) B`` is positive definite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.deadline import check_time
+from hemivar.basics.types import Array
+from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound, friction_bound
+from hemivar.certificates.continuous.lower_bounds import lower_bounds
+from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import stiffness_matrix
+from hemivar.fem.discretize import discretize
+from hemivar.fem.posed import Posable, posed
+from hemivar.fem.quadrature import quadrature_rule, region_masks
+from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
+from hemivar.laws import ContactLaw, Superpotential
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.scalar import ScalarProblem, Statement
+from hemivar.systems.workspace import Workspace
+
+#: A reach without limits for penetration and slip, and reaches that are tried, in largest displacements.
+_EVERYWHERE = (np.inf, np.inf)
+_REACHES = (10.0, 2.0, 1.25)
+#: A friction bound larger by this part of itself, or of what the penetration can do, counts as the same.
+_NEAR = 1e-6
+#: The energy of this material is the square of the norm of V.
+_NORM = Material.lame(0.0, 0.5)
+#: Roundings of an eigenvalue, in units of the condition number of K scaled to a unit diagonal.
+_HIDDEN = 16.0
+
+__all__ = ["Smallness", "TraceConstants", "ellipticity", "margin_at", "one_solution", "smallness", "trace_constants"]
+
+
+@dataclass(frozen=True)
+class TraceConstants:
+    """Norms of the trace V -> L2(contact boundary)^d, ``|v|_V = |eps(v)|_L2``.
+
+    Attributes
+    ----------
+    both, normal, tangential : float
+        c_gamma of ``v``, and with ``v_nu`` or ``v_tau`` alone; units sqrt(length).
+    """
+
+    both: float
+    normal: float
+    tangential: float
+
+
+@dataclass(frozen=True)
+class Smallness:
+    """Constants that decide whether a solution is the only one.
+
+    Attributes
+    ----------
+    alpha_normal, alpha_tangential : float
+        Largest weak convexity constant of the normal law and of the friction law over the contact boundary (force per
+        area and length); inf where a derivative jumps down. Where the friction bound depends on the penetration, that
+        of the profile times the largest bound that any solution can have; inf if that is not known.
+    alpha_sampled : bool
+        True if a law knows its alpha from samples only; what follows then holds as far as the samples do.
+    m_alpha : float
+        The survey's m_alpha, the larger of both.
+    m_L : float
+        The survey's m_L: Lipschitz constant of the friction bound in the penetration times the largest slope of the
+        friction profile; 0 for bounds that do not depend on the solution, inf for those that jump or need the pressure.
+    m_A : float or None
+        Smallest eigenvalue of the elasticity tensor over the body, ``eps : C eps >= m_A eps : eps``; None for a
+        problem made of arrays.
+    trace_constant : float or None
+        c_gamma on this mesh; :func:`trace_constants` gives its normal and tangential parts as well.
+    survey_condition : bool or None
+        The survey's (H_s), ``m_A > (m_alpha + m_L) c_gamma^2``: True with ``trace_bound`` if that is there, False with
+        the trace constant of this mesh; None too if the true c_gamma, which lies between both, decides.
+    survey_margin : float or None
+        ``1 - (m_alpha + m_L) c_gamma^2 / m_A``, with ``trace_bound`` if that is there; (H_s) holds if it is positive.
+    constant : float
+        c, largest eigenvalue of ``(B'W diag(alpha) B, K)``: the energy (for a state-dependent bound, frozen at any
+        solution) is strictly convex if c < 1.
+    constant_normal, constant_tangential : float or None
+        The same with the normal or the tangential alpha alone; c is at most their sum, at least either.  None where
+        both laws soften and multigrid serves, for each costs as much as c itself.
+    coupling : float
+        Bound of ``sum_j w_j m_L |r_nu(w)| |r_tau(v)|`` over ``|w|_K = |v|_K = 1``; 0 unless the bound depends on the
+        penetration.
+    contraction : float
+        ``coupling / (1 - c)``: factor by which an outer fixed-point step on the state reduces the error in the energy
+        norm; inf if c >= 1.
+    margin : float
+        ``1 - c - coupling``, less the rounding in it; positive if the discrete problem has one solution.
+    m_L_sampled : bool
+        The same as ``alpha_sampled`` for m_L: the friction bound is a function, or a formula without a bound of its
+        slope.
+    trace_bound : float or None
+        Upper bound of the c_gamma of the continuous problem, which those of meshes approach from below
+        (:func:`hemivar.lower_bounds`). It is computed where laws soften, in space, where it takes
+        a second or two, only if asked for; without it (H_s) speaks of this mesh.
+    reach_normal, reach_tangential : float
+        Penetrations (and openings) and slips up to which the constants hold; inf where they hold for all.
+    m_A_sampled : bool
+        Whether m_A is that of the points of a rule, for moduli that are functions of the place: then so is (H_s).
+    """
+
+    alpha_normal: float
+    alpha_tangential: float
+    alpha_sampled: bool
+    m_alpha: float
+    m_L: float  # noqa: N815 - the survey's name
+    m_A: float | None  # noqa: N815 - the survey's name
+    trace_constant: float | None
+    survey_condition: bool | None
+    survey_margin: float | None
+    constant: float
+    constant_normal: float | None
+    constant_tangential: float | None
+    coupling: float
+    contraction: float
+    margin: float
+    m_L_sampled: bool = False  # noqa: N815 - the survey's name
+    trace_bound: float | None = None
+    m_A_sampled: bool = False  # noqa: N815 - the survey's name
+    reach_normal: float = np.inf
+    reach_tangential: float = np.inf
+
+    @property
+    def within(self) -> str:
+        """The penetrations and slips that the constants hold for, in words; empty if they hold for all."""
+        reaches = {"penetrations": self.reach_normal, "slips": self.reach_tangential}
+        limits = [f"{what} within the reach {reach:g}" for what, reach in reaches.items() if reach < np.inf]
+        return " and ".join(limits)
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the margin rests on samples: then it proves nothing."""
+        return self.alpha_sampled or self.m_L_sampled
+
+
+def smallness(
+    problem: Posable,
+    *,
+    displacement: Array | None = None,
+    multiplier: Array | None = None,
+    factor: Norm | None = None,
+    trace_constant: bool = True,
+    workspace: Workspace | None = None,
+) -> Smallness:
+    """The constants of a discrete problem; they hold for all its solutions at once.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    displacement : array (n,), optional
+        Unknowns near a solution, from which the reach of all solutions is bounded: needed where friction weakens with
+        the slip and its bound depends on the penetration.  Without them, or where they bound nothing, its alpha is
+        infinite.
+    multiplier : array (m, d), optional
+        That in equilibrium with ``displacement`` by default.
+    factor : EnergyNorm or MultigridNorm, optional
+        The energy norm, where it is there already.
+    trace_constant : bool
+        Whether to compute c_gamma, which costs a factorisation, or a hierarchy, of its own, and where laws soften a
+        bound of it for the continuous problem.
+    workspace : Workspace, optional
+        Keeps what is expensive for other laws of the same body.
+
+    Returns
+    -------
+    Smallness
+    """
+    problem = posed(problem, "smallness")
+    energy = energy_norm(problem, workspace) if factor is None else factor
+    found = _constants_at(problem, energy, displacement, multiplier)
+    return with_survey(problem, found, trace_constant, workspace)
+
+
+def margin_at(problem: DiscreteProblem, displacement: Array, multiplier: Array, workspace: Workspace) -> float:
+    """The margin of :func:`smallness` alone, of a law that depends on the state, for many steps of one body.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    displacement : array (n,)
+    multiplier : array (m, d)
+    workspace : Workspace
+
+    Returns
+    -------
+    float
+        ``-inf`` without any work where the friction bound depends on the pressure, as Coulomb's does.
+    """
+    visible = np.diff(problem.contact.trace.indptr).reshape(problem.contact_points, problem.contact.components) > 0
+    coupled = visible[:, 0] & visible[:, 1:].any(axis=1)
+    if np.isinf(np.where(coupled, problem.law.lipschitz, 0.0)).any():
+        return -np.inf
+    return _constants_at(problem, energy_norm(problem, workspace), displacement, multiplier).margin
+
+
+def _constants_at(
+    problem: DiscreteProblem, energy: Norm, displacement: Array | None, multiplier: Array | None
+) -> Smallness:
+    """The constants without those of the survey."""
+    bounds: Array | None = None
+    if problem.contact_points and problem.law.state_dependent:
+        point: Point | None = None
+        if displacement is not None:
+            u = np.asarray(displacement, dtype=float)
+            lam = equilibrium_multiplier(problem, u) if multiplier is None else np.asarray(multiplier, dtype=float)
+            point = Point(problem, energy, u, lam)
+        bounds = largest_bounds(problem, energy, point)
+    return _constants(problem, energy, bounds)
+
+
+def with_survey(
+    problem: DiscreteProblem,
+    constants: Smallness,
+    trace_constant: bool,
+    workspace: Workspace | None = None,
+    in_space: bool = True,
+) -> Smallness:
+    """The constants with those of the survey: m_A, and if asked for c_gamma and (H_s).
+
+    ``in_space`` tells whether to look for the c_gamma of the continuous problem in space, too.
+    """
+    if problem.origin is None or not problem.contact_points:
+        return constants
+    m_a, stated = ellipticity(problem.origin), problem.origin
+    sampled = not (stated.homogeneous if isinstance(stated, ScalarProblem) else stated.material.uniform)
+    constants = replace(constants, m_A=m_a, m_A_sampled=sampled)
+    if not trace_constant:
+        return constants
+    trace = _trace_eigenvalues(problem, parts=False, workspace=workspace)[0]
+    steep, above = constants.m_alpha + constants.m_L, None
+    if 0.0 < steep < np.inf and (in_space or problem.origin.mesh.dim == 2):
+        above = _trace_bound(problem.origin, workspace)
+    least, needed = (0.0 if steep == 0.0 else steep * c**2 for c in (trace, trace if above is None else above))
+    return replace(
+        constants,
+        trace_constant=trace,
+        trace_bound=above,
+        survey_condition=True if m_a > needed else None if m_a > least else False,
+        survey_margin=1.0 - needed / m_a,
+    )
+
+
+def _trace_bound(statement: Statement, workspace: Workspace | None) -> float | None:
+    """Upper bound of the c_gamma of a body; None where there is none."""
+    if isinstance(statement, ScalarProblem):
+        return None
+    check_time()
+    try:
+        found = lower_bounds(replace(statement, material=_NORM), workspace=workspace)
+    except ProblemError:
+        return None
+    return float(found.both.lower**-0.5)
+
+
+def unknown_constants(problem: DiscreteProblem) -> Smallness:
+    """What is known of the constants without any work on K: alpha and m_L, and no margin."""
+    dependent = bool(problem.contact_points and problem.law.state_dependent)
+    return _constants(problem, None, np.full(problem.contact_points, np.inf) if dependent else None)
+
+
+def largest_bounds(
+    problem: DiscreteProblem, energy: Norm, point: Point | None, reach: tuple[float, ...] = _EVERYWHERE
+) -> Array:
+    """What the friction bound of each contact point is at most in any solution, (m,); inf where that is not known.
+
+    Only where the friction also weakens with the slip: elsewhere the answer is of no use, and infinite.  The proof is
+    in docs/certificates.md: the law frozen at a pair bounds the distance of all solutions from that pair; of those
+    within ``reach`` if that is finite.
+    """
+    m, d = problem.contact_points, problem.contact.components
+    rate = np.broadcast_to(problem.law.lipschitz, (m,))
+    weakens = np.broadcast_to(problem.law.friction.profile.weak_convexity, (m,)) > 0.0
+    if point is None:
+        r, lam = -problem.offset, np.zeros((m, d))
+        return np.where(rate > 0.0, np.inf, friction_bound(problem, r, lam))
+    if d == 1 or not (energy.definite and np.any(weakens)) or not np.isfinite(rate).all():
+        return np.full(m, np.inf)
+    r = problem.local(point.u)
+    here = friction_bound(problem, r, point.lam)
+    near = here * (1.0 + _NEAR) + rate * _NEAR * float(np.abs(r).max(initial=0.0))
+    margin = _constants(problem, energy, near, reach).margin
+    if not margin > 0.0:
+        return np.full(m, np.inf)
+    radius = error_bound(point, margin, near)
+    # |(B e)_nu| at a contact point is at most |e|_K sqrt(largest eigenvalue of (B_nu'W B_nu, K) / weight)
+    weight = np.zeros((m, d))
+    weight[:, 0] = problem.contact.weights
+    stretch = energy.largest_eigenvalue(problem.contact.trace, weight.ravel()).bound
+    reached = here + rate * radius * np.sqrt(stretch / problem.contact.weights)
+    return near if bool((reached <= near).all()) else np.where(np.isnan(reached), np.inf, reached)
+
+
+def _constants(
+    problem: DiscreteProblem, energy: Norm | None, bounds: Array | None, reach: tuple[float, ...] = _EVERYWHERE
+) -> Smallness:
+    """The constants, the friction bounds (m,) being at most ``bounds`` where they depend on the state.
+
+    A ``reach`` of penetration or slip that is finite asks for the constants that are proved up to it.
+    """
+    m, d = problem.contact_points, problem.contact.components
+    if m:
+        law = problem.law
+        normal = np.broadcast_to(_alpha(law.normal, reach[0]), (m,))
+        if bounds is None:
+            tangential = np.broadcast_to(_alpha(law.tangential, reach[1]), (m,))
+        else:
+            profile = np.broadcast_to(_alpha(law.friction.profile, reach[1]), (m,))
+            with np.errstate(invalid="ignore"):
+                tangential = np.where((profile > 0.0) & (bounds > 0.0), profile * bounds, 0.0)
+        coupling_weight = np.broadcast_to(_coupling(law), (m,))
+        sampled = law.normal.alpha_sampled or law.friction.profile.alpha_sampled
+    else:
+        normal = tangential = coupling_weight = np.zeros(m)
+        sampled = False
+    if d == 1:
+        tangential = coupling_weight = np.zeros(m)
+    visible = np.diff(problem.contact.trace.indptr).reshape(m, d) > 0
+    seen_normal = visible[:, 0]
+    seen_tangential = visible[:, 1:].any(axis=1)
+    normal = np.where(seen_normal, normal, 0.0)
+    tangential = np.where(seen_tangential, tangential, 0.0)
+    coupling_weight = np.where(seen_normal & seen_tangential, coupling_weight, 0.0)
+    w = problem.contact.weights
+
+    def top(on_normal: Array, on_tangential: Array, near: float | None = None) -> float:
+        weight = np.zeros((m, d))
+        weight[:, 0] = on_normal
+        weight[:, 1:] = on_tangential[:, None]
+        if not np.any(weight):
+            return 0.0
+        if energy is None or not (energy.definite and np.isfinite(weight).all()):
+            return np.inf
+        return energy.largest_eigenvalue(problem.contact.trace, (w[:, None] * weight).ravel(), near).bound
+
+    none = np.zeros(m)
+    both = bool(np.any(normal) and np.any(tangential))
+    c_normal: float | None = None
+    c_tangential: float | None = None
+    if both and energy is not None and not energy.factorised:
+        c = top(normal, tangential, 1.0)
+    else:
+        c_normal, c_tangential = top(normal, none, 1.0), top(none, tangential, 1.0)
+        c = top(normal, tangential) if both and np.isfinite(c_normal + c_tangential) else max(c_normal, c_tangential)
+    slips = bool(d > 1 and np.any(seen_normal & seen_tangential))
+    coupling = 0.0
+    if np.any(coupling_weight):
+        coupling = float(np.sqrt(top(coupling_weight, none)) * np.sqrt(top(none, coupling_weight)))
+    alpha_normal, alpha_tangential = float(normal.max(initial=0.0)), float(tangential.max(initial=0.0))
+    m_alpha, m_l = max(alpha_normal, alpha_tangential), float(coupling_weight.max(initial=0.0))
+    return Smallness(
+        alpha_normal=alpha_normal,
+        alpha_tangential=alpha_tangential,
+        alpha_sampled=sampled,
+        m_alpha=m_alpha,
+        m_L=m_l,
+        m_A=None,
+        trace_constant=None,
+        survey_condition=None,
+        survey_margin=None,
+        constant=c,
+        constant_normal=c_normal,
+        constant_tangential=c_tangential,
+        coupling=coupling,
+        contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
+        margin=_margin(energy, c, coupling),
+        m_L_sampled=slips and problem.law.lipschitz_sampled,
+    )
+
+
+def _alpha(law: Superpotential, reach: float) -> Array:
+    return law.weak_convexity if reach == np.inf else law.weak_convexity_within(reach)
+
+
+def _margin(energy: Norm | None, c: float, coupling: float) -> float:
+    """``1 - c - coupling``, less what rounding can hide where K is badly conditioned."""
+    if energy is None or not energy.definite:
+        return -np.inf
+    used = c + coupling
+    hidden = 0.0
+    if energy.factorised and 0.0 < used < 2.0:
+        hidden = _HIDDEN * float(np.finfo(float).eps) * used / max(energy.lowest, float(np.finfo(float).tiny))
+    return 1.0 - used - hidden
+
+
+def one_solution(problem: DiscreteProblem, constants: Smallness) -> bool:
+    """Whether the constants prove that the discrete problem has one solution: nothing sampled, nothing unknown.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+    constants : Smallness
+
+    Returns
+    -------
+    bool
+    """
+    return bool(constants.margin > 0.0 and not constants.sampled and not constants.within)
+
+
+def within_reach(point: Point, constants: Smallness) -> tuple[Smallness, str]:
+    """The constants of penetrations and slips within a reach, where a law has none that are proved for all of them.
+
+    The reach is that of the law, or where it leaves no margin, one found from the displacements of the point: from ten
+    times the largest down to 1.25 times.  Displacements within a reach are a convex set, and on it the proof that there
+    is one solution is the same.
+
+    Parameters
+    ----------
+    point : Point
+        The solution.
+    constants : Smallness
+        Those of all penetrations and slips, as far as they are known.
+
+    Returns
+    -------
+    constants : Smallness
+        The same ones where nothing is proved within a reach either.
+    why : str
+        Why a reach proves nothing about this point, where it lies outside.
+    """
+    problem = point.problem
+    m, d = problem.contact_points, problem.contact.components
+    if not (m and constants.alpha_sampled):
+        return constants, ""
+    r, law = problem.local(point.u), problem.law
+    limits = (law.normal.alpha_reach, law.friction.profile.alpha_reach if d > 1 else np.inf)
+    if min(limits) == 0.0:
+        return constants, ""
+    sizes = float(np.abs(r[:, 0]).max()), float(np.linalg.norm(r[:, 1:], axis=1).max())
+    for what, size, limit in zip(("penetration", "slip"), sizes, limits, strict=True):
+        if size > limit:
+            outside = f"the {what} {size:.4g} lies outside of the reach {limit:g} of its law"
+            return constants, f"{outside}: whether there are other solutions is not known; give the law a larger reach"
+    found = constants
+    for factor in (np.inf, *_REACHES):
+        near = float(f"{factor * max(sizes):.3g}")
+        reach = tuple(min(limit, near) if limit < np.inf else limit for limit in limits)
+        if min(reach) > 0.0:
+            bounds = largest_bounds(problem, point.energy, point, reach) if law.state_dependent else None
+            found = replace(
+                _constants(problem, point.energy, bounds, reach),
+                alpha_sampled=False,
+                reach_normal=reach[0],
+                reach_tangential=reach[1],
+            )
+        if found.margin > 0.0:
+            break
+    return found, ""
+
+
+def _coupling(law: ContactLaw) -> Array:
+    """Lipschitz constant in the penetration of the friction force: that of the bound times the steepest profile."""
+    if not law.state_dependent:
+        return np.zeros(1)
+    rate = law.lipschitz
+    steepest, growing = law.friction.profile.growth
+    steepest = np.where(growing > 0.0, np.inf, steepest)
+    return np.where(rate > 0.0, rate * np.maximum(steepest, np.finfo(float).tiny), 0.0)
+
+
+def ellipticity(statement: Statement) -> float:
+    """m_A, the smallest eigenvalue of the elasticity tensor over the body: ``eps : C eps >= m_A eps : eps``.
+
+    That of the coefficient for one component.  What varies is sampled at the quadrature points of the stiffness matrix.
+
+    Parameters
+    ----------
+    statement : ContactProblem or ScalarProblem
+
+    Returns
+    -------
+    float
+    """
+    if isinstance(statement, ScalarProblem):
+        return least_coefficient(statement)
+    mesh, dim = statement.mesh, statement.mesh.dim
+    if statement.material.homogeneous:
+        tensor = statement.material.stiffness_tensor(mesh.points[:1])
+    else:
+        barycentric, weights = quadrature_rule(dim, 2 * statement.order)
+        points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, dim)
+        masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
+        tensor = statement.material.stiffness_tensor(points, masks)
+    scale = np.ones(tensor.shape[-1])
+    scale[dim:] = np.sqrt(2.0)  # Mandel's form: shear strains as sqrt(2) eps_xy
+    return float(np.linalg.eigvalsh(tensor * np.outer(scale, scale))[:, 0].min())
+
+
+def trace_constants(problem: DiscreteProblem) -> TraceConstants:
+    """c_gamma on the mesh of a problem: ``c_gamma^2`` is the largest eigenvalue of ``(B'W B, M_V)``.
+
+    ``M_V`` is the matrix of ``int eps(u) : eps(v)``, or of ``int grad u . grad v`` for one component; the integral over
+    the contact boundary is that of the discretisation, by nodes or by midpoints.  Grows to its limit as the mesh is
+    refined.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+
+    Returns
+    -------
+    TraceConstants
+
+    Raises
+    ------
+    ProblemError
+        The problem was made of arrays and has no mesh.
+    """
+    return TraceConstants(*_trace_eigenvalues(problem, parts=True))
+
+
+def _trace_eigenvalues(problem: DiscreteProblem, parts: bool, workspace: Workspace | None = None) -> list[float]:
+    """c_gamma, and if asked for that of both parts."""
+    if workspace is None:
+        return _find_trace_eigenvalues(problem, parts)
+    name = "trace constants" if parts else "trace constant"
+    return workspace.once(name, problem.model, lambda: _find_trace_eigenvalues(problem, parts))
+
+
+def _find_trace_eigenvalues(problem: DiscreteProblem, parts: bool) -> list[float]:
+    field = problem.field
+    if field is None:
+        raise ProblemError("a problem made of arrays has no mesh, so the norm of V is not known")
+    check_time()
+    energy: Norm
+    origin = problem.origin
+    if isinstance(origin, ScalarProblem):
+        unit = discretize_scalar(gradient_norm_problem(origin), check_coercivity=False)
+        energy = EnergyNorm(unit.stiffness) if factorises(problem) else MultigridNorm(unit)
+    elif origin is not None and not factorises(problem):
+        body = replace(origin, material=Material.lame(0.0, 0.5), bedding=0.0)
+        energy = MultigridNorm(discretize(body, check_coercivity=False, evolving=True))
+    else:
+        strain = stiffness_matrix(field.mesh, Material.lame(0.0, 0.5), field.order)
+        matrix = sp.csr_array(field.basis.T @ strain @ field.basis)
+        energy = EnergyNorm(sp.csr_array(0.5 * (matrix + matrix.T)))
+    both = np.repeat(problem.contact.weights[:, None], problem.contact.components, axis=1)
+    normal = both * (np.arange(problem.contact.components) == 0)
+    chosen = [both, normal, both - normal] if parts else [both]
+    if not energy.definite:
+        return [np.inf] * len(chosen)
+    return [float(np.sqrt(energy.largest_eigenvalue(problem.contact.trace, w.ravel()).bound)) for w in chosen]

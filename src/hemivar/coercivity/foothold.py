@@ -1,0 +1,162 @@
+"""Bodies that their foundation holds at rest, up to a limit: glue that breaks, friction that weakens.
+
+Far away such a foundation pulls no more, so that the energy has no lower bound along a rigid motion, and
+:func:`hemivar.coercivity.recession.decide` says that the body is not held.  An equilibrium near rest exists all the
+same as long as the load is small enough.  Multipliers in equilibrium with a load f balance its work along each motion
+s,
+
+    f's = sum_j w_j lambda_j . B_j s  <=  sum_j w_j sup { j'(r; B_j s) : r on the way from rest along B_j s },
+
+and the right side is positively homogeneous and a sum of hinges and lengths, as a growth is.  If the difference is
+positive along all motions for a small part of the load, the foundation resists all of them at rest, and the body is
+held up to a limit.  If it is not, nothing holds the body even at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.types import Array, IntArray
+from hemivar.coercivity.recession import SLACK, Growth, Verdict, decide, growth_along, hinges
+from hemivar.coercivity.rigid_modes import FreeMotions
+from hemivar.laws import ContactLaw, Superpotential
+
+if TYPE_CHECKING:
+    from hemivar.discrete.contact import ContactPoints
+    from hemivar.discrete.loading import Loading
+    from hemivar.discrete.space import Field
+
+__all__ = ["NO_MINIMUM", "PERHAPS_NO_MINIMUM", "geometric_slack", "growths", "limit_of", "resistances"]
+
+#: What is said of bodies that are held at rest only.
+NO_MINIMUM = "held by the foundation up to a limit; the energy has no minimum"
+PERHAPS_NO_MINIMUM = "held by the foundation up to a limit; whether the energy has a minimum is not known"
+#: Part of the load against which a foundation must hold a body at rest.
+_SMALL = 1e-6
+#: Displacements, as parts of the size of the body, at which laws are asked how much they resist.
+_SAMPLED = 10.0 ** np.arange(-12.0, 0.1, 0.5)
+
+
+def growths(field: Field, contact: ContactPoints, law: ContactLaw, forces: Array, motions: FreeMotions) -> list[Growth]:
+    """Growth of the energy along the motions of each group of parts, by the recession of the laws.
+
+    Parameters
+    ----------
+    field : Field
+    contact : ContactPoints
+    law : ContactLaw
+    forces : array (nodes * d,)
+        Nodal loads.
+    motions : FreeMotions
+    """
+    slack = geometric_slack(contact.points, contact.weights)
+    return [
+        growth_along(law.take(points) if len(points) else law, rows, contact.weights[points], work, load, slack)
+        for points, rows, work, load in _grouped(field, contact, forces, motions)
+    ]
+
+
+def resistances(
+    field: Field, contact: ContactPoints, loading: Loading, forces: Array, motions: FreeMotions, part: float = _SMALL
+) -> list[Growth | None]:
+    """The most that the laws resist on the way from rest, less the work of a part of the load, for each group.
+
+    None for groups whose laws are convex: the recession decides there.
+    """
+    slack, size = geometric_slack(contact.points, contact.weights), float(np.ptp(field.nodes, axis=0).max())
+    found: list[Growth | None] = []
+    law = loading.law
+    for points, rows, work, load in _grouped(field, contact, forces, motions):
+        own = law.take(points) if len(points) else law
+        if not len(points) or not _softens(own):
+            found.append(None)
+            continue
+        rest, weights = -loading.offset[points], contact.weights[points]
+        up = weights * strongest(own.normal, rest[:, 0], 1.0, size)
+        down = weights * strongest(own.normal, rest[:, 0], -1.0, size)
+        slip = None
+        if rows.shape[1] > 1 and not own.state_dependent:
+            slip = weights * strongest(own.tangential, np.linalg.norm(rest[:, 1:], axis=1), 1.0, size)
+        found.append(hinges(rows, up, down, slip, part * work, part * load, slack))
+    return found
+
+
+def limit_of(field: Field, contact: ContactPoints, loading: Loading) -> str | None:
+    """The sentence for a body that its foundation holds at rest only; None if it is held, or not even at rest."""
+    motions = field.free_motions
+    forces = field.lift.T @ loading.load
+    limit: str | None = None
+    pairs = zip(
+        growths(field, contact, loading.law, forces, motions),
+        resistances(field, contact, loading, forces, motions),
+        strict=True,
+    )
+    for growth, resistance in pairs:
+        hold = decide(growth)
+        if hold.verdict is Verdict.HELD:
+            continue
+        if resistance is None or decide(resistance).verdict is not Verdict.HELD:
+            return None
+        limit = NO_MINIMUM if hold.verdict is Verdict.FALLS else limit or PERHAPS_NO_MINIMUM
+    return limit
+
+
+def strongest(law: Superpotential, rest: Array, sign: float, size: float) -> Array:
+    """The largest derivative of j, against the motion, on the way from ``rest (m,)`` in one direction; (m,).
+
+    At rest, at the knots, far away, and at places between them; +inf where the law ends.
+    """
+    m = rest.size
+    far = rest + sign * size
+    found = np.broadcast_to(law.recession(np.full(m, sign)), (m,)).astype(float)
+    with np.errstate(all="ignore"):
+        for part in (0.0, *_SAMPLED):
+            at = rest + sign * part * size
+            ends = law.domain
+            inside = (at >= ends.lower) & (at <= ends.upper)
+            slope = sign * law.derivative(np.clip(at, ends.lower, ends.upper))
+            found = np.where(inside & (slope > found), slope, found)
+        left, right = law.knot_slopes()
+        knots, left, right = (np.broadcast_to(a, (m, law.knots.shape[-1])) for a in (law.knots, left, right))
+        onward = np.isfinite(knots) & (sign * (knots - rest[:, None]) >= 0.0)
+        steepest = np.where(onward, np.maximum(sign * left, sign * right), -np.inf).max(axis=1, initial=-np.inf)
+    ends_before = np.isfinite(far) & ((far > law.domain.upper) if sign > 0.0 else (far < law.domain.lower))
+    return np.where(ends_before, np.inf, np.maximum(found, steepest))
+
+
+def geometric_slack(points: Array | None, weights: Array) -> float:
+    """What rounding of the coordinates makes of a tangential motion of size one."""
+    if points is None or not len(points):
+        return SLACK
+    length = float(weights.min()) ** (1.0 / max(points.shape[1] - 1, 1))
+    noise = 64.0 * float(np.finfo(float).eps) * float(np.abs(points).max()) / length
+    return float(min(max(SLACK, noise), 1e-6))
+
+
+def _softens(law: ContactLaw) -> bool:
+    """Whether a normal law or the profile of a friction is not convex."""
+    normal, profile = law.normal.weak_convexity, law.friction.profile.weak_convexity
+    return bool(np.any(normal > 0.0) or np.any(profile > 0.0))
+
+
+def _grouped(
+    field: Field, contact: ContactPoints, forces: Array, motions: FreeMotions
+) -> Iterator[tuple[IntArray, Array, Array, float]]:
+    """Of each group of parts: its contact points (k,), their local motions (k, d, a), work of the load along these (a,)
+    and the size of what cancels in it."""
+    if not motions.count:
+        return
+    m, d = contact.count, contact.components
+    local = sp.csc_array(contact.trace @ (field.lift @ motions.motions))
+    for group in motions.groups:
+        moved = motions.motions[:, group.columns]
+        work = np.asarray(moved.T @ forces)
+        own = np.unique(moved.indices)
+        size = float(np.abs(forces[own]) @ abs(moved).max(axis=1).toarray().ravel()[own])
+        seen = local[:, group.columns]
+        points = np.unique(seen.indices // d).astype(np.int64)
+        yield points, seen.toarray().reshape(m, d, work.size)[points], work, size

@@ -1,0 +1,161 @@
+"""Bodies that are free to move, refused in words: which part, along which motion, and what would hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.coercivity.foothold import NO_MINIMUM, PERHAPS_NO_MINIMUM, growths, resistances
+from hemivar.coercivity.recession import Growth, Hold, Verdict, decide
+from hemivar.coercivity.rigid_modes import FreeMotions, MovingGroup, rigid_basis
+from hemivar.errors import SupportError
+
+if TYPE_CHECKING:
+    from hemivar.discrete.problem import DiscreteProblem
+    from hemivar.discrete.space import Field
+
+__all__ = ["describe", "free_growth", "refuse", "refuse_free_motion"]
+
+
+def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> DiscreteProblem:
+    """Refuse a body that is not held.
+
+    Its energy does not grow along each motion without deformation, and its foundation does not resist each at rest.
+
+    Parameters
+    ----------
+    problem : DiscreteProblem
+        With a field map; nothing is refused without one.
+    load : array (nodes * d,), optional
+        The nodal load before the supports took effect; that of the unknowns by default.
+
+    Returns
+    -------
+    DiscreteProblem
+        The problem, known to be held, or to be held up to a limit, where its motions are known.
+
+    Raises
+    ------
+    SupportError
+        Naming the part, the motion, and what would hold it.
+    """
+    if problem.field is None or not problem.field.knows_motions:
+        return problem
+    field, contact, motions = problem.field, problem.contact, problem.field.free_motions
+    forces = field.lift.T @ problem.load if load is None else load
+    holds = [decide(growth) for growth in growths(field, contact, problem.law, forces, motions)]
+    limit: str | None = None
+    if any(hold.verdict is not Verdict.HELD for hold in holds):
+        at_rest = resistances(field, contact, problem.loading, forces, motions)
+        for group, hold, resistance in zip(motions.groups, holds, at_rest, strict=True):
+            if hold.verdict is Verdict.HELD:
+                continue
+            if resistance is None or decide(resistance).verdict is not Verdict.HELD:
+                assert hold.direction is not None or hold.verdict is Verdict.UNDECIDED
+                raise _refusal(problem, motions, group, hold)
+            limit = NO_MINIMUM if hold.verdict is Verdict.FALLS else limit or PERHAPS_NO_MINIMUM
+    return problem.known_to_be_held(limit)
+
+
+def free_growth(problem: DiscreteProblem, motions: FreeMotions) -> list[Growth]:
+    """Growth of the energy along the motions of each group of parts."""
+    assert problem.field is not None
+    forces = problem.field.lift.T @ problem.load
+    return growths(problem.field, problem.contact, problem.law, forces, motions)
+
+
+_REMEDY = "add a support or a law that holds it"
+
+
+def refuse(hold: Hold, motion: str, who: str = "the body", remedy: str = _REMEDY) -> None:
+    """Refuse a body that is not held.
+
+    Parameters
+    ----------
+    hold : Hold
+    motion : str
+        The motion in words.
+    who, remedy : str
+        What moves, and what would hold it.
+
+    Raises
+    ------
+    SupportError
+    """
+    if hold.verdict is Verdict.HELD:
+        return
+    if hold.verdict is Verdict.FALLS:
+        raise SupportError(
+            f"{who} is free to move: the loads push it along the rigid motion {motion} with more than supports and "
+            f"laws can resist (energy falls by {-hold.growth:.3g} per unit of motion); {remedy}"
+        )
+    if hold.verdict is Verdict.BALANCED:
+        raise SupportError(
+            f"{who} is free to move: nothing holds it against the rigid motion {motion} (along it the loads are in "
+            f"balance with what supports and laws can resist); {remedy}"
+        )
+    raise SupportError(
+        f"it could not be decided whether {who} is free to move: far away its laws pull the more the farther it goes; "
+        f"{remedy}, or pass check_coercivity = False to discretize to look for an equilibrium all the same"
+    )
+
+
+def describe(coefficients: Array) -> str:
+    """A rigid motion, 3 or 6 coefficients of :func:`rigid_basis`, or a constant, one coefficient, in words."""
+    if len(coefficients) == 1:
+        return "(adding a constant)"
+    dim = 2 if len(coefficients) == 3 else 3
+    names = rigid_basis(np.eye(dim), (np.zeros(dim), np.ones(dim)))[1]
+    coefficients = np.where(np.abs(coefficients) < 1e-6 * np.abs(coefficients).max(), 0.0, coefficients)
+    words = []
+    if np.any(coefficients[:dim]):
+        words.append(f"translation {_vector(coefficients[:dim])}")
+    turns = [name for name, value in zip(names[dim:], coefficients[dim:], strict=True) if value]
+    if turns:
+        words.append("rotation" + " and".join(turns))
+    return "(" + " with ".join(words) + ")"
+
+
+def _refusal(problem: DiscreteProblem, motions: FreeMotions, group: MovingGroup, hold: Hold) -> SupportError:
+    field = problem.field
+    assert field is not None
+    part, motion = int(group.parts[0]), ""
+    if hold.direction is not None:
+        moved = group.coefficients @ hold.direction
+        fastest = int(np.argmax(np.linalg.norm(moved, axis=1)))
+        part, motion = int(group.parts[fastest]), describe(moved[fastest])
+    who, remedy = _words(field, motions, group, part)
+    if problem.contact_points and problem.law.state_dependent:
+        remedy += " (friction whose bound depends on the solution is not counted, for it may vanish)"
+    try:
+        refuse(hold, motion, who, remedy)
+    except SupportError as error:
+        return error
+    raise AssertionError
+
+
+def _words(field: Field, motions: FreeMotions, group: MovingGroup, part: int) -> tuple[str, str]:
+    """Who moves, and what would hold it."""
+    if motions.parts.count == 1:
+        return "the body", _REMEDY
+    mesh, place = field.mesh, _vector(motions.parts.place(field.mesh, part))
+    who = f"part {part + 1} of {motions.parts.count} of the body, around x = {place},"
+    if group.hinges.size:
+        places = _listed([_vector(x) for x in field.nodes[group.hinges]])
+        who += f" which is joined to others at x = {places} only,"
+    names = _listed([f"'{name}'" for name in motions.parts.boundaries(mesh, part)])
+    where = f" on one of its boundaries ({names})" if names else ""
+    joined = "give it common facets with the others (nodes at one place must be one node)"
+    return who, f"{_REMEDY}{where}, or {joined}"
+
+
+def _listed(words: Sequence[str], most: int = 3) -> str:
+    more = len(words) - most
+    return ", ".join(words[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def _vector(values: Array) -> str:
+    return "(" + ", ".join(f"{value + 0.0:.6g}" for value in values) + ")"

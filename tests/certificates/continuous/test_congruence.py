@@ -1,0 +1,120 @@
+"""Cells that are translates of each other, and rings of one kind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hemivar.basics.types import IntArray
+from hemivar.certificates.continuous.body_data import BodyData, body_data
+from hemivar.certificates.continuous.congruence import congruent_cells
+from hemivar.certificates.continuous.patches import PatchKind, lowering_inverse
+from hemivar.certificates.continuous.rings import ring_batches
+from hemivar.gallery.survey_problems import survey_cube
+from hemivar.mechanics import ContactProblem, Material
+from hemivar.mesh import box, rectangle
+from hemivar.mesh.keys import equal_rows
+from hemivar.mesh.mesh import Mesh
+
+from .bodies import shaken
+
+#: All but one corner of a cube of 6 x 6 x 6 blocks of six cells.
+CUBE = survey_cube("5.1", 6).mesh
+CORNER = np.flatnonzero((CUBE.points[CUBE.cells].mean(axis=1) < 1.0 / 6.0).all(axis=1))
+
+
+def data_on(mesh: Mesh, material: Material | None = None) -> BodyData:
+    problem = ContactProblem(mesh, material or Material.lame(4.0, 3.0))
+    return body_data(problem, np.zeros(mesh.points.shape))
+
+
+def kinds_of(mesh: Mesh) -> int:
+    return len(np.unique(congruent_cells(data_on(mesh))))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e6])
+@pytest.mark.parametrize("place", [0.0, 1.0 / 3.0, 1e3 / 3.0])
+def test_rounding_does_not_part_cells(size: float, place: float) -> None:
+    """Whose edges are powers of two, or none, and whose coordinates are rounded far off."""
+    for count in (7, 8):
+        mesh = rectangle((size, size), count, pattern="right").moved(np.eye(2), size * place)
+        assert kinds_of(mesh) == 2
+    assert kinds_of(box((size, size, size), 3).moved(np.eye(3), size * place)) == 6
+
+
+def test_cells_of_other_size_shape_or_material_are_others() -> None:
+    assert len(CORNER) == 6
+    assert kinds_of(CUBE) == 6
+    assert kinds_of(shaken(CUBE)) > 0.5 * len(CUBE.cells)
+    plane = rectangle((1.0, 1.0), 4, pattern="right")
+    larger = Mesh.oriented(
+        np.vstack([plane.points, 2.0 * plane.points + 3.0]), np.vstack([plane.cells, plane.cells + len(plane.points)])
+    )
+    assert kinds_of(larger) == 4
+    named = CUBE.named({}, {"hard": CORNER, "soft": np.setdiff1d(np.arange(len(CUBE.cells)), CORNER)})
+    material = Material.by_region({"hard": Material.lame(40.0, 3.0), "soft": Material.lame(4.0, 3.0)})
+    alike = congruent_cells(data_on(named, material))
+    assert len(np.unique(alike)) == 12
+    assert not np.isin(alike[CORNER], np.delete(alike, CORNER)).any()
+
+
+def test_rings_of_one_kind_are_translates_of_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hemivar.certificates.continuous.rings._MANY", 8)
+    named = CUBE.named({}, {"hard": CORNER, "soft": np.setdiff1d(np.arange(len(CUBE.cells)), CORNER)})
+    material = Material.by_region({"hard": Material.lame(40.0, 3.0), "soft": Material.lame(4.0, 3.0)})
+    data = data_on(named, material)
+    table, every = data.table, np.ones(len(data.table.facets), dtype=bool)
+    every[(table.mesh.points[table.facets] @ [1.0, 0.0, 10.0]).max(axis=1) < 0.5] = False  # half of the bottom
+    rings, _ = ring_batches(table, PatchKind.EDGE, every, every, alike=congruent_cells(data))
+    each, _ = ring_batches(table, PatchKind.EDGE, every, every)
+    kinds = {ring.kind for ring in rings} - {-1}
+    assert len(kinds) >= 7  # seven edges inside
+    assert sum(len(ring.facets) for ring in rings if ring.kind >= 0) > 0.4 * sum(len(ring.facets) for ring in each)
+    assert _cells(rings) == _cells(each)
+    for kind in kinds:
+        same = [ring for ring in rings if ring.kind == kind]
+        nodes = CUBE.points[table.facets[np.concatenate([ring.facets for ring in same])]]
+        local = nodes - nodes[:, :1, :1]
+        assert len(nodes) >= 8
+        assert np.abs(local - local[0]).max() < 1e-14
+        assert not np.isin(np.concatenate([ring.cells for ring in same]), CORNER).any()  # of these there are few
+        assert len(np.unique(np.concatenate([ring.free for ring in same]), axis=0)) == 1
+
+
+def _cells(rings: list) -> set[tuple[int, ...]]:  # type: ignore[type-arg]
+    return {tuple(sorted(cells)) for ring in rings for cells in ring.cells.tolist()}
+
+
+def test_an_inverse_that_raises_a_misfit_is_not_taken() -> None:
+    """Of matrices that are not definite, or as good as singular; nor numbers that are none."""
+    A = np.random.default_rng(3).normal(size=(8, 5))
+    units = np.diag([1e-6, 1.0, 1e3, 1e9, 1.0])
+    good = units @ A.T @ A @ units
+    assert units @ lowering_inverse(good) @ units @ A.T @ A == pytest.approx(np.eye(5), abs=1e-12)
+    indefinite = good - 2.0 * np.outer(good[:, 1], good[1]) / good[1, 1]
+    turned = A.T @ A - 1.2 * np.linalg.eigvalsh(A.T @ A)[0] * np.eye(5)
+    for bad in (indefinite, turned, np.ones((3, 3)), np.zeros((2, 2)), np.full((2, 2), np.nan)):
+        assert not lowering_inverse(bad).any()
+
+
+def test_equal_rows_have_equal_numbers() -> None:
+    rows = np.random.default_rng(1).integers(-2, 3, size=(3000, 4))
+    number = equal_rows(rows)
+    _, expected = np.unique(rows, axis=0, return_inverse=True)
+    assert _same_parts(number, expected.ravel())
+    assert len(equal_rows(np.empty((0, 3), dtype=np.int64))) == 0
+
+
+def test_rows_that_sum_to_the_same_are_told_apart() -> None:
+    """Their sums with the factors that are taken are equal, by which they are sorted."""
+    a, b = np.random.default_rng(0).integers(1 << 63, size=2, dtype=np.uint64).view(np.int64).tolist()
+    rows = np.array([[0, 0], [b, -a], [0, 0], [b, -a], [1, 0]])
+    number = equal_rows(rows)
+    assert number[0] == number[2] != number[4]
+    assert len({number[0], number[1], number[4]}) == 3  # two rows of such a sum need not be found to be equal
+    assert number[1] not in (number[0], number[4])
+
+
+def _same_parts(first: IntArray, second: IntArray) -> bool:
+    pairs = np.unique(np.column_stack([first, second]), axis=0)
+    return len(pairs) == len(np.unique(first)) == len(np.unique(second))

@@ -1,0 +1,100 @@
+"""The softest mode by itself: a bound that stays one, and no longer grows like 1 / (1 - c)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hemivar.certificates.continuous.body_data import body_data
+from hemivar.certificates.continuous.contact_traces import contact_traces
+from hemivar.certificates.continuous.exact_distance import exact_distance
+from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
+from hemivar.certificates.continuous.trace_bounds import guaranteed_trace_bounds
+from hemivar.certificates.continuous.vertex_moments import shared_forces
+from hemivar.laws import Logarithmic, Softening, SurveyLaw
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mesh import rectangle
+from hemivar.solvers import solve
+from tests.certificates.continuous.test_exact_distance import error_of
+
+
+def softened(alpha: float, normal: bool = False) -> ContactProblem:
+    law = Contact(Softening(4.0, 0.1, alpha)) if normal else Contact(SurveyLaw(0.3, 2.0), Logarithmic(alpha))
+    return ContactProblem(
+        mesh=rectangle((1.0, 1.0), 6, pattern="cross"),
+        material=Material.lame(4.0, 4.0),
+        supports={"left": Clamped()},
+        contact={"bottom": law},
+        body_force=(-0.8, -0.8),
+    )
+
+
+def test_closed_forms() -> None:
+    """psi the mode itself and out of sight: a parabola in y, with its top inside or at the end."""
+    assert confined_error(2.0, 0.0, 0.8, 0.8, 0.3, 0.0) == pytest.approx(2.0 / (2.0 * np.sqrt(0.5 * 0.2)), rel=1e-4)
+    assert confined_error(2.0, 0.0, 0.3, 0.3, 0.1, 0.0) == pytest.approx(2.0 / 0.9, rel=1e-4)
+    assert confined_error(1.0, 0.0, 0.6, 0.6, 0.2, 0.1) == pytest.approx(0.5 / np.sqrt(0.4 * 0.3), rel=1e-4)
+    assert confined_error(1.0, 1.0, 0.9, 0.9, 0.9, 0.0) >= 10.0
+    assert confined_error(1.0, 0.0, 0.9, 0.9, 0.2, 0.1) == np.inf
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.4])
+@pytest.mark.parametrize("seed", range(8))
+def test_nothing_that_fulfils_the_inequality_is_outside(seed: int, gap: float) -> None:
+    """e'(I - T) e <= R'e + G in four dimensions, psi near to the first mode of T or not."""
+    rng = np.random.default_rng(seed)
+    turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    values = np.sort(rng.uniform(0.0, 0.95, 4))[::-1]
+    T = turn @ np.diag(values) @ turn.T
+    psi = turn[:, 0] + 0.3 * rng.uniform() * rng.normal(size=4)
+    psi /= np.linalg.norm(psi)
+    force = rng.normal(size=4)
+    force -= rng.uniform(0.0, 1.0) * (force @ psi) * psi
+    root = np.linalg.cholesky(np.linalg.inv(np.eye(4) - T))
+    centre = 0.5 * root.T @ force
+    around = rng.normal(size=(20_000, 4))
+    around *= np.sqrt(centre @ centre + gap) / np.linalg.norm(around, axis=1, keepdims=True)
+    largest = float(np.linalg.norm((centre + around) @ root.T, axis=1).max())
+    bound = confined_error(
+        float(np.linalg.norm(force)), abs(float(force @ psi)), float(psi @ T @ psi), values[0], values[1], 0.0, gap
+    )
+    assert largest <= bound
+
+
+@pytest.mark.parametrize(("alpha", "normal"), [(4.16, False), (3.3, True)])
+def test_near_the_margin_the_bound_stays_near_the_error(alpha: float, normal: bool) -> None:
+    """c = 0.8 (0.72): by 1 / (1 - c) alone it would be twice as large, more than four times the error."""
+    problem = softened(alpha, normal)
+    solution = solve(problem)
+    constants = guaranteed_trace_bounds(solution.problem)
+    found = exact_distance(problem, solution.displacement, constants)
+    assert found.guaranteed, found.reasons
+    assert 0.65 < found.constant < 0.85
+    parts = found.parts
+    whole = parts.misfit + parts.oscillation + parts.algebraic + parts.contact
+    assert found.distance < 0.6 * whole / (1.0 - found.constant)
+    error = error_of(problem, solution.displacement)
+    assert error < found.distance < 3.3 * error
+
+
+def test_the_mode_of_the_discrete_problem_sees_next_to_nothing() -> None:
+    problem = softened(3.0)
+    solution = solve(problem)
+    data = body_data(problem, solution.displacement)
+    traces = contact_traces(data)
+    assert traces is not None
+    count = len(traces.facets)
+    zeta = traces.allowed(traces.interpolated(shared_forces(data)))
+    modes = SoftModes(traces)
+    mode = modes.softest(np.zeros(count), np.full(count, 3.0))
+    theta, seen = mode.theta, modes.seen(mode, zeta)
+    constants = guaranteed_trace_bounds(solution.problem)
+    assert theta == pytest.approx(3.0 / constants.tangential, rel=0.08)
+    assert theta < 3.0 / constants.tangential
+    whole = exact_distance(problem, solution.displacement, constants).parts
+    assert seen < 0.3 * (whole.misfit + whole.contact)
+    # what is unknown of loads may work against the mode
+    hidden = replace(data, varying=replace(data.varying, unknown=np.ones(len(data.displacement))))
+    assert SoftModes(replace(traces, data=hidden)).seen(mode, zeta) > seen + 1.0
