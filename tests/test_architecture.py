@@ -182,6 +182,17 @@ def test_no_two_modules_share_a_name() -> None:
     assert not twice, "one idea has one name"
 
 
+def test_no_two_classes_share_a_name() -> None:
+    """A traceback, a message of mypy and a page of the reference then say which is meant."""
+    homes: dict[str, list[str]] = {}
+    for path in FILES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes.setdefault(node.name, []).append(module_name(path))
+    twice = {name: found for name, found in homes.items() if len(found) > 1}
+    assert twice.keys() <= {"Memory"}, twice  # of contact laws, and of the method on levels
+
+
 def layer(module: str) -> str:
     return module.split(".")[0]
 

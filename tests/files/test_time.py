@@ -18,7 +18,7 @@ from hemivar.files.problem_file import ProblemFile, parse_problem, parse_problem
 from hemivar.files.time_table import CheckpointSettings, OutputSettings, SchemeSettings, StepSettings, TimeSettings
 from hemivar.files.unsaid import difference
 from hemivar.formula import Formula, FormulaArray
-from hemivar.laws.memory import Chain, Secant
+from hemivar.laws.memory import MemoryChain, Secant
 from hemivar.mechanics.moduli import Moduli
 from hemivar.mesh import Mesh, msh_text, rectangle
 
@@ -269,9 +269,9 @@ def test_every_memory_comes_back(tmp_path: Path) -> None:
 
 def test_memories_of_ones_own_are_refused(tmp_path: Path) -> None:
     problem = read().problem
-    contact = hv.Contact(hv.Signorini(), memory=(Chain((Secant(),)),))
+    contact = hv.Contact(hv.Signorini(), memory=(MemoryChain((Secant(),)),))
     stated = hv.ContactProblem(problem.mesh, problem.material, {"bottom": contact})
-    with pytest.raises(ProblemError, match=r"contact\['bottom'\].memory\[0\] is a Chain.*memories of the kinds"):
+    with pytest.raises(ProblemError, match=r"contact\['bottom'\].memory\[0\] is a MemoryChain.*memories of the kinds"):
         write_problem(stated, tmp_path / "p.toml")
 
 

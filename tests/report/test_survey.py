@@ -10,10 +10,10 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.report import SurveyReport, run_survey
-from hemivar.workflows.events import Stage
+from hemivar.workflows.events import Phase
 
 #: What a run returned and what it told on the way.
-Small = tuple[SurveyReport, list[Stage]]
+Small = tuple[SurveyReport, list[Phase]]
 
 
 @pytest.fixture(scope="module", params=[pytest.param(8, marks=pytest.mark.slow)])
@@ -88,7 +88,7 @@ def test_report_is_one_page(small: Small) -> None:
 
 @pytest.mark.slow
 def test_interruption_leaves_a_report(tmp_path: Path) -> None:
-    def progress(stage: Stage) -> None:
+    def progress(stage: Phase) -> None:
         if stage.name.startswith("Figure 2"):
             raise KeyboardInterrupt
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hemivar.cli import main
-from hemivar.workflows import Diagnosis, Stage, diagnose, diagnosis, result_of
+from hemivar.workflows import Diagnosis, Phase, diagnose, diagnosis, result_of
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_too_many_threads_are_told(one_part: Path, monkeypatch: pytest.MonkeyPat
 
 def test_stages_are_counted(one_part: Path) -> None:
     (one_part / "shaky.py").write_text("", encoding="utf-8")
-    events: list[Stage] = []
+    events: list[Phase] = []
     result_of(diagnose(), events.append)
     assert [event.name for event in events] == ["importing shaky", "solving a small problem"]
     assert all(0 <= event.number < event.count for event in events)

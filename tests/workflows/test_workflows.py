@@ -32,10 +32,10 @@ from hemivar.workflows import (
     Event,
     Found,
     PathOptions,
+    Phase,
     Progress,
     RunOptions,
     SolutionsOptions,
-    Stage,
     SurveyOptions,
     Work,
     equilibria,
@@ -198,7 +198,7 @@ def test_a_comparison_has_an_attempt_for_every_method() -> None:
     assert found.attempts[0].difference == 0.0
     assert 0.0 < (found.attempts[1].difference or 0.0) < 1e-9
     assert [event for event in events if isinstance(event, Attempt)] == list(found.attempts)
-    stages = [event for event in events if isinstance(event, Stage)]
+    stages = [event for event in events if isinstance(event, Phase)]
     assert [(event.name, event.number, event.count) for event in stages] == [
         (tried.name, number, 4) for number, tried in enumerate(found.attempts)
     ]
@@ -213,7 +213,7 @@ def test_a_comparison_has_an_attempt_for_every_method() -> None:
 def test_a_comparison_that_is_interrupted_keeps_its_attempts() -> None:
     found, _ = watched(
         workflows.compare(PROBLEM, CompareOptions(METHODS)),
-        lambda event: isinstance(event, Stage) and event.number == 1,
+        lambda event: isinstance(event, Phase) and event.number == 1,
     )
     assert found.interrupted
     assert [tried.name for tried in found.attempts] == ["newton"]
@@ -321,7 +321,7 @@ def test_a_law_that_is_not_known(arguments: tuple[str, dict[str, str]], words: s
 @pytest.mark.slow
 def test_a_survey_that_is_interrupted_keeps_what_is_done() -> None:
     runs, events = watched(
-        workflows.survey(SurveyOptions(max_n=8)), lambda event: isinstance(event, Stage) and event.number == 1
+        workflows.survey(SurveyOptions(max_n=8)), lambda event: isinstance(event, Phase) and event.number == 1
     )
     assert runs.interrupted
     assert list(runs.figures) == ["figure1"]

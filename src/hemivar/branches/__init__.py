@@ -3,16 +3,16 @@
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follow import PathOptions, follow_path, following
 from hemivar.branches.follower import PathProgress
-from hemivar.branches.path import Fold, Jump, Path, PathEnd
+from hemivar.branches.path import Fold, Path, PathEnd, PathJump
 from hemivar.branches.search import SearchProgress
 from hemivar.branches.solutions import SolutionSet, SolutionsOptions, find_solutions, finding
 
 __all__ = [
     "Chain",
     "Fold",
-    "Jump",
     "Path",
     "PathEnd",
+    "PathJump",
     "PathOptions",
     "PathProgress",
     "SearchProgress",

@@ -13,7 +13,7 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, BoolArray
 from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, PathProgress, Track
-from hemivar.branches.path import Fold, Jump, Path, PathEnd
+from hemivar.branches.path import Fold, Path, PathEnd, PathJump
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import LoadLine, deformation
@@ -313,11 +313,11 @@ def _strained(system: CondensedProblem, line: LoadLine, t: Array, local: Array, 
     return (told,) if told else ()
 
 
-def _jumps(chain: Chain, track: Track, force0: Array, force1: Array, local: Array) -> tuple[Jump, ...]:
+def _jumps(chain: Chain, track: Track, force0: Array, force1: Array, local: Array) -> tuple[PathJump, ...]:
     """Where stability is lost while the load goes up, or down, and where the next stable stretch at that load is."""
     t = np.array([point.t for point in track.points])
     stable = [stretch.stable for stretch in track.stretches]
-    jumps: list[Jump] = []
+    jumps: list[PathJump] = []
     for i in range(1, t.size - 1):
         if stable[i - 1] == stable[i]:
             continue
@@ -338,7 +338,7 @@ def _jumps(chain: Chain, track: Track, force0: Array, force1: Array, local: Arra
                 if track.stretches[k].curved:
                     landing, interpolated = _landing(chain, track, k, part, force0 + t[i] * force1, landing)
                 break
-        jumps.append(Jump(float(t[i]), i, loading, landing, interpolated=interpolated))
+        jumps.append(PathJump(float(t[i]), i, loading, landing, interpolated=interpolated))
     return tuple(jumps)
 
 

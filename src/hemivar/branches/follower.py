@@ -16,11 +16,11 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.branches.chain import Chain
 from hemivar.branches.path import PathEnd
 
-__all__ = ["Event", "Follower", "Following", "PathProgress", "Track", "trace"]
+__all__ = ["Follower", "Following", "PathEvent", "PathProgress", "Track", "trace"]
 
 
 @dataclass(frozen=True, eq=False)
-class Event:
+class PathEvent:
     """What fixes a point of the path: a component at the end of its segment, or the load (None)."""
 
     component: int | None
@@ -48,7 +48,7 @@ class TrackPoint:
 
     t: float
     theta: Array
-    event: Event | None = None
+    event: PathEvent | None = None
     fold: bool = False
 
 
@@ -158,7 +158,7 @@ class Follower:
                 theta, turn = fold[0], -turn
             fixed = new.component is not None or new.limit
             track.stretches.append(Stretch(segment, chain.stable(0.5 * (theta + new.theta), segment), curved))
-            track.points.append(TrackPoint(new.t, new.theta, Event(new.component, segment) if fixed else None))
+            track.points.append(TrackPoint(new.t, new.theta, PathEvent(new.component, segment) if fixed else None))
             theta, t = new.theta, new.t
             if (yield PathProgress(len(track.points), t)):
                 raise KeyboardInterrupt

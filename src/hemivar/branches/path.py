@@ -15,7 +15,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.fem import LoadLine
 from hemivar.solvers.boundary_result import friction_of
 
-__all__ = ["Fold", "Jump", "Path", "PathEnd"]
+__all__ = ["Fold", "Path", "PathEnd", "PathJump"]
 
 
 #: Part of the limit load by which the first instability may miss it and be the same.
@@ -57,7 +57,7 @@ class Fold:
 
 
 @dataclass(frozen=True, eq=False)
-class Jump:
+class PathJump:
     """Where the body leaves a branch when the load is prescribed.
 
     Attributes
@@ -124,7 +124,7 @@ class Path(Portable, Displayed):
     stable: BoolArray
     curved: BoolArray
     folds: tuple[Fold, ...]
-    jumps: tuple[Jump, ...]
+    jumps: tuple[PathJump, ...]
     ended: PathEnd
     perturbed: bool = False
     snap_size: float | None = None
@@ -168,11 +168,11 @@ class Path(Portable, Displayed):
         return self.folds if len(self.folds) <= _FEW else tuple(fold for fold in self.folds if self._matters(fold))
 
     @cached_property
-    def main_jumps(self) -> tuple[Jump, ...]:
+    def main_jumps(self) -> tuple[PathJump, ...]:
         """The same of the jumps."""
         return self.jumps if len(self.jumps) <= _FEW else tuple(jump for jump in self.jumps if self._matters(jump))
 
-    def _matters(self, event: Fold | Jump) -> bool:
+    def _matters(self, event: Fold | PathJump) -> bool:
         return not event.snaps or event.load_factor in (self.limit_load, self.first_instability)
 
     @property

@@ -17,9 +17,9 @@ def doctor(
 ) -> int:
     """Show versions, optional parts, threads, and what is missing for what."""
     from hemivar.basics.memory import size_in_words
-    from hemivar.workflows import Stage, diagnose, result_of
+    from hemivar.workflows import Phase, diagnose, result_of
 
-    def told(event: Stage) -> None:
+    def told(event: Phase) -> None:
         if sys.stderr.isatty():
             sys.stderr.write(f"\r\x1b[K{event.name} ...")
             sys.stderr.flush()

@@ -128,10 +128,10 @@ class StageView(contextlib.AbstractContextManager["StageView"]):
             Nobody reads it.
         """
         from hemivar.branches import PathProgress, SearchProgress
-        from hemivar.workflows import Stage
+        from hemivar.workflows import Phase
 
         match event:
-            case Stage(name, number, count):
+            case Phase(name, number, count):
                 if not self._console.is_terminal:
                     print(name, flush=True)
                 self._show(name, number, count)

@@ -13,7 +13,7 @@ from hemivar.evolution.discrete import Acting, DiscreteEvolution
 from hemivar.evolution.schemes import Rule, Scheme
 from hemivar.evolution.state import TimeState
 from hemivar.laws import ContactLaw, NoContact, Signorini, Superpotential
-from hemivar.laws.memory import Chain, LocalStep, Memory, friction_in_increments, in_increments, law_of_step
+from hemivar.laws.memory import LocalStep, Memory, MemoryChain, friction_in_increments, in_increments, law_of_step
 from hemivar.laws.stacked import StackedLaw
 from hemivar.laws.transformed import affine, averaged
 from hemivar.mechanics.instants import told_of
@@ -274,13 +274,13 @@ def seen_place(discrete: DiscreteEvolution, moment: TimeState) -> Array:
     for name, index in discrete.blocks:
         if name in moment.memory:
             place = place.copy() if place is moment.local.displacement else place
-            place[index] = Chain(discrete.contacts[name].memory).seen(moment.memory[name], place[index])
+            place[index] = MemoryChain(discrete.contacts[name].memory).seen(moment.memory[name], place[index])
     return place
 
 
 def _memory(discrete: DiscreteEvolution, name: str, index: IntArray) -> Memory:
     """What a boundary remembers, at its contact points."""
-    return Chain(discrete.contacts[name].memory).at(_places(discrete, index))
+    return MemoryChain(discrete.contacts[name].memory).at(_places(discrete, index))
 
 
 def _places(discrete: DiscreteEvolution, index: IntArray) -> Array | None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from hemivar.basics.arguments import suggest
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.toml import Quantity, Table, kind
+from hemivar.files.toml import Quantity, TomlTable, kind
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import VARIABLES
 from hemivar.mechanics.bedding import Bedding
@@ -26,7 +26,7 @@ from hemivar.mesh import Mesh
 __all__ = ["check_boundary", "loads_record", "read_bedding", "read_loads", "read_supports", "supports_record"]
 
 
-def check_boundary(mesh: Mesh, table: Table, name: str) -> None:
+def check_boundary(mesh: Mesh, table: TomlTable, name: str) -> None:
     """Refuse the name of a boundary that the mesh does not have."""
     known = list(mesh.boundaries)
     if name not in known:
@@ -36,7 +36,7 @@ def check_boundary(mesh: Mesh, table: Table, name: str) -> None:
 # ---- loads and supports -----------------------------------------------------------------------------------
 
 
-def read_loads(table: Table, mesh: Mesh) -> tuple[VectorData | float, dict[str, Traction]]:
+def read_loads(table: TomlTable, mesh: Mesh) -> tuple[VectorData | float, dict[str, Traction]]:
     """The body force, and tractions by boundary."""
     body: VectorData | float = 0.0
     if "body" in table:
@@ -55,7 +55,7 @@ def read_loads(table: Table, mesh: Mesh) -> tuple[VectorData | float, dict[str, 
     return body, tractions
 
 
-def read_bedding(table: Table, mesh: Mesh) -> Quantity:
+def read_bedding(table: TomlTable, mesh: Mesh) -> Quantity:
     """The stiffness per volume of a bedding of the body."""
     return table.quantity("bedding", table.data["bedding"], mesh.dim, 0.0) if "bedding" in table else 0.0
 
@@ -85,7 +85,7 @@ def loads_record(
     return record if bedding == 0.0 else record | {"bedding": quantity_record(bedding, "bedding")}
 
 
-def read_supports(table: Table, mesh: Mesh) -> dict[str, Support]:
+def read_supports(table: TomlTable, mesh: Mesh) -> dict[str, Support]:
     """Supports by boundary."""
     found: dict[str, Support] = {}
     for name, value in table.data.items():

@@ -13,7 +13,7 @@ from hemivar.files.body_table import check_boundary
 from hemivar.files.memory_table import memory_record, read_memory
 from hemivar.files.mesh_table import file_name
 from hemivar.files.quantities import quantity_record
-from hemivar.files.toml import KEYS, Table, context, kind, listed
+from hemivar.files.toml import KEYS, TomlTable, context, kind, listed
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula, ScalarFormula
 from hemivar.laws import CoulombBound, Friction, NoFriction, PenetrationBound, Superpotential
@@ -37,7 +37,7 @@ _VECTORS = ("point", "normal", "center", "axis")
 _KIND = {"normal": LawKind.NORMAL, "friction": LawKind.FRICTION, "damping": LawKind.NORMAL}
 
 
-def read_contacts(table: Table, mesh: Mesh, folder: Path) -> dict[str, Contact]:
+def read_contacts(table: TomlTable, mesh: Mesh, folder: Path) -> dict[str, Contact]:
     """Contacts by boundary; tables of laws are looked for in a folder."""
     reader = _Reader(mesh.dim, folder)
     found: dict[str, Contact] = {}
@@ -54,7 +54,7 @@ class _Reader:
         self.dim = dim
         self.folder = folder
 
-    def contact(self, one: Table) -> Contact:
+    def contact(self, one: TomlTable) -> Contact:
         if "normal" not in one:
             raise one.error("normal", f"is missing; name a normal law ({', '.join(NORMAL_LAWS)})")
         normal, friction = self.law(one, "normal", NORMAL_LAWS), self.law(one, "friction", FRICTION_LAWS)
@@ -75,7 +75,7 @@ class _Reader:
         with context(f"{one.where('normal')}:"):
             return Contact(normal, friction, gap, obstacle, normals, damping, memory)
 
-    def obstacle(self, table: Table) -> Obstacle:
+    def obstacle(self, table: TomlTable) -> Obstacle:
         """A rigid obstacle: a table with one of plane, sphere, cylinder and distance."""
         given = table.table("obstacle", tuple(_OBSTACLES), inline=True)
         if len(given.data) != 1:
@@ -105,14 +105,14 @@ class _Reader:
                 return Sphere(vectors["center"], one.positive("radius"), inside)
             return Cylinder(vectors["point"], vectors["axis"], one.positive("radius"), inside)
 
-    def law(self, table: Table, key: str, laws: Mapping[str, LawEntry]) -> Superpotential | Friction:
+    def law(self, table: TomlTable, key: str, laws: Mapping[str, LawEntry]) -> Superpotential | Friction:
         value = table.data.get(key, "none")
         if isinstance(value, str):
             value = {"law": value}
         if not isinstance(value, dict):
             example = f'{{ law = "{next(iter(laws))}", ... }}'
             raise table.error(key, f"must be a law such as {example}, not {kind(value)}")
-        given = Table(value, table.source, table.name, None, f"{table.prefix}{key}.")
+        given = TomlTable(value, table.source, table.name, None, f"{table.prefix}{key}.")
         if "law" not in given:
             raise table.error(key, f"does not name a law; add law = one of {listed(list(laws))}")
         name = value["law"]
@@ -144,7 +144,7 @@ class _Reader:
             made: Superpotential | Friction = entry.make(**parameters)
             return made
 
-    def parameter(self, given: Table, parameter: LawParameter) -> object:
+    def parameter(self, given: TomlTable, parameter: LawParameter) -> object:
         """The value of a law parameter, in whatever form it is written."""
         name, value = parameter.name, given.data[parameter.name]
         match parameter.form:
@@ -160,11 +160,11 @@ class _Reader:
             raise given.error(name, f"must be a list of numbers, not {kind(value)}")
         return [given.number(name, number) for number in value]
 
-    def file(self, given: Table, name: str) -> Path:
+    def file(self, given: TomlTable, name: str) -> Path:
         path = Path(given.text(name))
         return path if path.is_absolute() else self.folder / path
 
-    def bound(self, given: Table, parameter: LawParameter) -> Parameter | StateBound:
+    def bound(self, given: TomlTable, parameter: LawParameter) -> Parameter | StateBound:
         """A friction bound: a number, a formula of x, or a table with one of table, formula and coulomb."""
         name, value = parameter.name, given.data[parameter.name]
         if not isinstance(value, dict):

@@ -10,7 +10,7 @@ import numpy as np
 from hemivar.basics.arguments import suggest
 from hemivar.basics.types import Array
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.toml import KEYS, Table, array, context, kind
+from hemivar.files.toml import KEYS, TomlTable, array, context, kind
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.mechanics.composed_material import ByRegion
@@ -26,7 +26,7 @@ _WAYS = ("lame", "young", "tensor")
 _MATRICES = {"tensor": "elasticity", "viscosity": "viscosity"}
 
 
-def read_material(table: Table, mesh: Mesh) -> Material:
+def read_material(table: TomlTable, mesh: Mesh) -> Material:
     """The material, evaluated once in every cell, so that its errors come before everything else."""
     material = _material(table, mesh)
     if mesh.number_of_cells:  # a rank may have no part of the body
@@ -44,7 +44,7 @@ def read_material(table: Table, mesh: Mesh) -> Material:
     return material
 
 
-def _material(table: Table, mesh: Mesh) -> Material:
+def _material(table: TomlTable, mesh: Mesh) -> Material:
     if "regions" not in table:
         return _one_material(table, mesh.dim)
     for key in table.data:
@@ -63,7 +63,7 @@ def _material(table: Table, mesh: Mesh) -> Material:
         return Material.by_region(parts)
 
 
-def _one_material(table: Table, dim: int) -> Material:
+def _one_material(table: TomlTable, dim: int) -> Material:
     ways = [way for way in _WAYS if way in table]
     if len(ways) != 1:
         found = f"{' and '.join(ways)} are given" if ways else "no elastic constants are given"
@@ -104,7 +104,7 @@ class InTime(TypedDict, total=False):
     branches: list[Branch]
 
 
-def _in_time(table: Table, dim: int) -> InTime:
+def _in_time(table: TomlTable, dim: int) -> InTime:
     """Density, viscosity and branches, as the makers of materials take them."""
     found: InTime = {}
     if "density" in table:
@@ -129,8 +129,8 @@ def _in_time(table: Table, dim: int) -> InTime:
     return found
 
 
-def _branch(table: Table, number: int, value: Mapping[str, object], dim: int) -> Branch:
-    one = Table(value, table.source, table.name, _BRANCH, f"{table.prefix}branches[{number}].")
+def _branch(table: TomlTable, number: int, value: Mapping[str, object], dim: int) -> Branch:
+    one = TomlTable(value, table.source, table.name, _BRANCH, f"{table.prefix}branches[{number}].")
     ways = [way for way in _WAYS if way in one]
     if len(ways) != 1:
         found = f"{' and '.join(ways)} are given" if ways else "no elastic constants are given"
@@ -151,7 +151,7 @@ def _branch(table: Table, number: int, value: Mapping[str, object], dim: int) ->
         return Branch(**given)
 
 
-def _matrix(table: Table, key: str, dim: int) -> Array | Callable[[Array], object]:
+def _matrix(table: TomlTable, key: str, dim: int) -> Array | Callable[[Array], object]:
     size = 3 if dim == 2 else 6
     what = f"{size} lists of {size} numbers or formulas, the rows of the {_MATRICES[key]} matrix"
     rows = table.items(key, table.data[key], (size,), what)
@@ -159,7 +159,7 @@ def _matrix(table: Table, key: str, dim: int) -> Array | Callable[[Array], objec
     return array(entries, (size, size))
 
 
-def _tensor(table: Table, dim: int, more: InTime) -> Material:
+def _tensor(table: TomlTable, dim: int, more: InTime) -> Material:
     matrix = _matrix(table, "tensor", dim)
     out = table.numbers("out_of_plane", 3, "a list of three numbers") if "out_of_plane" in table else None
     with context(f"{table.where('tensor')}:"):

@@ -8,7 +8,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any
 
 from hemivar.files.quantities import quantity_record
-from hemivar.files.toml import Table, context, kind, listed
+from hemivar.files.toml import TomlTable, context, kind, listed
 from hemivar.files.unsaid import unsaid
 from hemivar.laws import memory
 
@@ -26,7 +26,7 @@ def _is_parameter(field: Field[object]) -> bool:
     return field.init and str(field.type).split(" ")[0] in ("Parameter", "float")
 
 
-def read_memory(table: Table, dim: int) -> tuple[memory.Memory, ...]:
+def read_memory(table: TomlTable, dim: int) -> tuple[memory.Memory, ...]:
     """The memories of a contact, in the order in which they are stated."""
     if "memory" not in table:
         return ()
@@ -38,7 +38,7 @@ def read_memory(table: Table, dim: int) -> tuple[memory.Memory, ...]:
     for number, one in enumerate(value):
         if not isinstance(one, dict):
             raise table.error("memory", f"must be a list of tables such as {example}; it holds {kind(one)}")
-        given = Table(one, table.source, table.name, None, f"{table.prefix}memory[{number}].")
+        given = TomlTable(one, table.source, table.name, None, f"{table.prefix}memory[{number}].")
         if "kind" not in given:
             raise given.error("kind", f"is missing; add kind = one of {listed(list(kinds))}")
         name = given.text("kind", None, list(kinds))

@@ -10,7 +10,7 @@ from typing import Literal, cast
 
 from hemivar.basics.memory import problem_bytes, refined_cells, require
 from hemivar.errors import ProblemError
-from hemivar.files.toml import Table, context, printable
+from hemivar.files.toml import TomlTable, context, printable
 from hemivar.mechanics.statement import Quadrature
 from hemivar.mesh import Grid, Mesh, MeshRecipe
 
@@ -34,7 +34,7 @@ class StatedMesh:
     recipe: MeshRecipe
     order: int
     quadrature: Quadrature
-    table: Table
+    table: TomlTable
 
     def begin(self, halvings: int = 0) -> Mesh:
         """The mesh before refinement, from numbers of cells halved so many times."""
@@ -67,7 +67,7 @@ class StatedMesh:
             require(problem_bytes(dim, cells, self.order), f"a problem on {cells:.3g} cells{degree}")
 
 
-def read_mesh_table(table: Table, folder: Path) -> StatedMesh:
+def read_mesh_table(table: TomlTable, folder: Path) -> StatedMesh:
     """What the table says; mesh files are looked for in a folder."""
     sources = [key for key in ("rectangle", "box", "file") if key in table]
     if len(sources) != 1:
@@ -83,7 +83,7 @@ def read_mesh_table(table: Table, folder: Path) -> StatedMesh:
     return StatedMesh(MeshRecipe(source, scale, refine), order, quadrature, table)
 
 
-def _file(table: Table, folder: Path) -> Path:
+def _file(table: TomlTable, folder: Path) -> Path:
     for key in ("cells", "pattern", "origin"):
         if key in table:
             raise table.error(key, "belongs to a rectangle or a box, but the mesh comes from a file; remove it")
@@ -91,7 +91,7 @@ def _file(table: Table, folder: Path) -> Path:
     return path if path.is_absolute() else folder / path
 
 
-def _grid(table: Table, shape: str) -> Grid:
+def _grid(table: TomlTable, shape: str) -> Grid:
     dim, number, axes, sides = 3, "three", "x, y and z", "lengths along x, y and z"
     if shape == "rectangle":
         dim, number, axes, sides = 2, "two", "x and y", "width and height"

@@ -28,7 +28,7 @@ from hemivar.files.mesh_table import StatedMesh, mesh_record, read_mesh_table
 from hemivar.files.scalar_tables import SCALAR_KEYS, read_scalar, scalar_record
 from hemivar.files.thermal_table import HEAT_KEYS, heat_record, read_heat
 from hemivar.files.time_table import OutputSettings, TimeSettings, output_record, read_output, read_time, time_record
-from hemivar.files.toml import KEYS, Table, context, printable, text_of
+from hemivar.files.toml import KEYS, TomlTable, context, printable, text_of
 from hemivar.files.unsaid import difference, unsaid
 from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
@@ -211,7 +211,7 @@ def parse_problem_file(
         raise ProblemError(f"{name}: not valid TOML ({error}); mend it") from None
     data = changed(data, changes, name)
     scalar = "kind" in data
-    top = Table(data, name, "", SCALAR_KEYS if scalar else KEYS[""])
+    top = TomlTable(data, name, "", SCALAR_KEYS if scalar else KEYS[""])
     for key in ("mesh", "material"):
         if key not in data:
             raise ProblemError(f"{name}: the table [{key}] is missing; add it")
@@ -275,7 +275,7 @@ def _inside(value: object) -> Iterable[object]:
 
 
 def _in_time(
-    top: Table, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None
+    top: TomlTable, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None
 ) -> tuple[TimeSettings | None, OutputSettings | None]:
     """The tables [time] and [output]."""
     time = read_time(top.table("time", KEYS["time"]), mesh, inert, scalar) if "time" in top else None
@@ -285,7 +285,7 @@ def _in_time(
     return time, output
 
 
-def _solver(table: Table) -> SolverSettings:
+def _solver(table: TomlTable) -> SolverSettings:
     return SolverSettings(
         method=table.text("method", None, list(METHODS)) if "method" in table else None,
         rtol=table.positive("rtol") if "rtol" in table else None,

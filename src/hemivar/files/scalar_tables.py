@@ -16,7 +16,7 @@ from hemivar.basics.arguments import suggest
 from hemivar.files.body_table import check_boundary
 from hemivar.files.contact_table import Aside, _friction_record, _law_record, _Reader
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.toml import Table, array, context, kind
+from hemivar.files.toml import TomlTable, array, context, kind
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.laws import Friction
@@ -48,7 +48,7 @@ SCALAR_KEYS = (
 )  # fmt: skip
 
 
-def read_scalar(top: Table, mesh: Mesh, order: int, folder: Path) -> ScalarProblem:
+def read_scalar(top: TomlTable, mesh: Mesh, order: int, folder: Path) -> ScalarProblem:
     """The problem that a file states on its mesh; tables of laws are looked for in a folder."""
     chosen = ScalarKind(top.text("kind", None, [one.value for one in ScalarKind]))
     if mesh.dim == 3 and chosen is not ScalarKind.HEAT:
@@ -88,11 +88,11 @@ def read_scalar(top: Table, mesh: Mesh, order: int, folder: Path) -> ScalarProbl
     return problem
 
 
-def _quantity(table: Table, key: str, dim: int, minimum: float = -np.inf, timed: bool = False) -> ScalarData:
+def _quantity(table: TomlTable, key: str, dim: int, minimum: float = -np.inf, timed: bool = False) -> ScalarData:
     return table.quantity(key, table.data[key], dim, minimum, timed=timed)
 
 
-def _read_rate(table: Table, key: str, mesh: Mesh) -> object:
+def _read_rate(table: TomlTable, key: str, mesh: Mesh) -> object:
     """Density, viscosity or capacity: over the whole mesh, or in every region of it."""
     regions = table.data.get("regions")
     inside = [name for name, one in regions.items() if key in one] if isinstance(regions, dict) else []
@@ -109,7 +109,7 @@ def _read_rate(table: Table, key: str, mesh: Mesh) -> object:
     return {name: _quantity(parts.table(name, None), key, mesh.dim, 0.0) for name in inside}
 
 
-def _read_coefficient(table: Table, name: str, more: tuple[str, ...], mesh: Mesh) -> object:
+def _read_coefficient(table: TomlTable, name: str, more: tuple[str, ...], mesh: Mesh) -> object:
     if (name in table) == ("regions" in table):
         given = "both are given" if name in table else "none is given"
         raise table.error(f"{name}, regions", f"{given}; give one of the two")
@@ -131,7 +131,7 @@ def _read_coefficient(table: Table, name: str, more: tuple[str, ...], mesh: Mesh
     return found
 
 
-def _one_coefficient(table: Table, name: str, dim: int) -> object:
+def _one_coefficient(table: TomlTable, name: str, dim: int) -> object:
     value = table.data[name]
     if not isinstance(value, list):
         return table.quantity(name, value, dim, above=0.0)
@@ -141,7 +141,7 @@ def _one_coefficient(table: Table, name: str, dim: int) -> object:
     return array(entries, (dim, dim))
 
 
-def _read_contact(table: Table, reader: _Reader) -> ScalarContact:
+def _read_contact(table: TomlTable, reader: _Reader) -> ScalarContact:
     if ("normal" in table) == ("friction" in table):
         given = "both are given" if "normal" in table else "none is given"
         raise table.error("normal, friction", f"{given}; name one law, of the penetration or of the slip")
@@ -153,7 +153,7 @@ def _read_contact(table: Table, reader: _Reader) -> ScalarContact:
         return ScalarContact(law, level, Side(side))
 
 
-def _read_area(top: Table, mesh: Mesh, reader: _Reader) -> ScalarContact | dict[str, ScalarContact]:
+def _read_area(top: TomlTable, mesh: Mesh, reader: _Reader) -> ScalarContact | dict[str, ScalarContact]:
     area = top.table("area", None)
     if any(key in area for key in _CONTACT):
         area.only(_CONTACT)

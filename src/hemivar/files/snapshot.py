@@ -13,7 +13,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import DiscreteEvolution
 from hemivar.evolution.history import Frame
 from hemivar.fem.thermal_stress import cell_thermal_stress
-from hemivar.laws.memory import Chain
+from hemivar.laws.memory import MemoryChain
 from hemivar.solvers.boundary_result import ContactValues
 from hemivar.solvers.contact_states import ContactStates, contact_states
 
@@ -122,7 +122,7 @@ def moving_states(discrete: DiscreteEvolution, frame: Frame) -> ContactStates:
         known = {what: values[index] for what, values in frame.memory.items()}
         state = {what: values for what, values in known.items() if not np.isnan(values).any()}
         if index.size and state:
-            memory = Chain(discrete.contacts[name].memory)
+            memory = MemoryChain(discrete.contacts[name].memory)
             seen[index] = memory.seen(state, seen[index])
             past_peak[index] = memory.past_peak(law.take(index), state)
     past_peak |= law.normal.past_peak(seen[:, 0])

@@ -11,7 +11,7 @@ from hemivar.basics.arguments import suggest
 from hemivar.files.body_table import check_boundary
 from hemivar.files.contact_table import Aside, _law_record, _Reader
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.toml import Table, array, context, kind
+from hemivar.files.toml import TomlTable, array, context, kind
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.laws.registry import NORMAL_LAWS
@@ -29,7 +29,7 @@ _CONTACT = ("conductance", "temperature", "share", "exchange")
 _TOUCHING = ("closed", "per_pressure", "exponent")
 
 
-def read_heat(table: Table, problem: ContactProblem, reader: _Reader) -> Heat:
+def read_heat(table: TomlTable, problem: ContactProblem, reader: _Reader) -> Heat:
     """The table [heat] of a body."""
     mesh, dim = problem.mesh, problem.mesh.dim
     for key in ("conductivity", "capacity"):
@@ -58,7 +58,7 @@ def read_heat(table: Table, problem: ContactProblem, reader: _Reader) -> Heat:
     return heat
 
 
-def _by_region(table: Table, key: str, mesh: Mesh) -> object:
+def _by_region(table: TomlTable, key: str, mesh: Mesh) -> object:
     value = table.data[key]
     if not isinstance(value, dict):
         return _one(table, key, value, mesh.dim)
@@ -69,7 +69,7 @@ def _by_region(table: Table, key: str, mesh: Mesh) -> object:
     return {name: _one(parts, name, one, mesh.dim, key) for name, one in value.items()}
 
 
-def _one(table: Table, key: str, value: object, dim: int, what: str | None = None) -> object:
+def _one(table: TomlTable, key: str, value: object, dim: int, what: str | None = None) -> object:
     if (what or key) == "conductivity" and isinstance(value, list):
         shape = f"a number, a formula, or {dim} lists of {dim} of these"
         rows = [table.items(key, row, (dim,), shape) for row in table.items(key, value, (dim,), shape)]
@@ -77,7 +77,7 @@ def _one(table: Table, key: str, value: object, dim: int, what: str | None = Non
     return table.quantity(key, value, dim, 0.0)
 
 
-def _read_contact(table: Table, reader: _Reader) -> HeatContact:
+def _read_contact(table: TomlTable, reader: _Reader) -> HeatContact:
     found: dict[str, Any] = {}
     if "conductance" in table:
         value = table.data["conductance"]

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from hemivar.evolution.jumps import Jump
 from hemivar.files.quantities import entries_record, quantity_record
-from hemivar.files.toml import Table, kind
+from hemivar.files.toml import TomlTable, kind
 from hemivar.mechanics.conditions import ScalarData, VectorData
 from hemivar.mechanics.scalar import ScalarKind
 from hemivar.mesh import Mesh
@@ -159,7 +159,7 @@ class OutputSettings:
 # ---- [time] -----------------------------------------------------------------------------------------------
 
 
-def read_time(table: Table, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None) -> TimeSettings:
+def read_time(table: TomlTable, mesh: Mesh, inert: bool, scalar: ScalarKind | None = None) -> TimeSettings:
     """The table [time] of a body that has a density or not, or of a scalar problem of some kind."""
     if "until" not in table:
         raise table.error("until", "is missing; give the end of time, which begins at 0")
@@ -190,7 +190,7 @@ def read_time(table: Table, mesh: Mesh, inert: bool, scalar: ScalarKind | None =
     return TimeSettings(until, step, scheme, inertia, found.get(names[0]), found.get("velocity"), jump, stops)
 
 
-def _stops(table: Table, until: float) -> tuple[float, ...]:
+def _stops(table: TomlTable, until: float) -> tuple[float, ...]:
     value = table.data["stops"]
     if not isinstance(value, list):
         raise table.error("stops", f"must be a list of times, not {kind(value)}")
@@ -201,7 +201,7 @@ def _stops(table: Table, until: float) -> tuple[float, ...]:
     return stops
 
 
-def _step(table: Table, until: float) -> float | StepSettings | None:
+def _step(table: TomlTable, until: float) -> float | StepSettings | None:
     value = table.data.get("step")
     if value is None:
         return None
@@ -228,7 +228,7 @@ def _step(table: Table, until: float) -> float | StepSettings | None:
     return StepSettings(found["rtol"], found.get("first"), found.get("min"), found.get("max"))
 
 
-def _scheme(table: Table) -> SchemeSettings:
+def _scheme(table: TomlTable) -> SchemeSettings:
     value = table.data["scheme"]
     if isinstance(value, str):
         return SchemeSettings(table.text("scheme", None, list(SCHEMES)))
@@ -276,7 +276,7 @@ def time_record(time: TimeSettings, scalar: ScalarKind | None = None) -> dict[st
 # ---- [output] ---------------------------------------------------------------------------------------------
 
 
-def read_output(table: Table, mesh: Mesh) -> OutputSettings:
+def read_output(table: TomlTable, mesh: Mesh) -> OutputSettings:
     """The table [output]."""
     probes = table.table("probes", None, inline=True)
     what = f"a list of {mesh.dim} numbers, the place of the probe"
@@ -290,7 +290,7 @@ def read_output(table: Table, mesh: Mesh) -> OutputSettings:
     )
 
 
-def _file(table: Table, key: str, endings: tuple[str, ...]) -> str | None:
+def _file(table: TomlTable, key: str, endings: tuple[str, ...]) -> str | None:
     if key not in table:
         return None
     name = table.text(key)
@@ -299,7 +299,7 @@ def _file(table: Table, key: str, endings: tuple[str, ...]) -> str | None:
     return name
 
 
-def _checkpoint(table: Table) -> CheckpointSettings:
+def _checkpoint(table: TomlTable) -> CheckpointSettings:
     value = table.data["checkpoint"]
     if isinstance(value, dict):
         given = table.table("checkpoint", ("file", "minutes"), inline=True)

@@ -16,7 +16,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import TIME, VARIABLES, Formula, FormulaArray
 
-__all__ = ["KEYS", "Quantity", "Table", "array", "context", "kind", "listed", "printable", "text_of"]
+__all__ = ["KEYS", "Quantity", "TomlTable", "array", "context", "kind", "listed", "printable", "text_of"]
 
 _MATERIAL = ("lame", "young", "poisson", "tensor", "out_of_plane", "plane", "density", "viscosity", "branches")
 
@@ -56,7 +56,7 @@ _SHOWN = 60
 Quantity = float | Formula
 
 
-class Table:
+class TomlTable:
     """A table of a file that knows where it stands; every accessor raises an error that says so.
 
     Parameters
@@ -120,14 +120,14 @@ class Table:
                 advice = "remove it"
             raise self.error(key, f"unknown {what}; {advice} (known here: {', '.join(keys) or 'none'})")
 
-    def table(self, key: str, keys: Iterable[str] | None, inline: bool = False) -> Table:
+    def table(self, key: str, keys: Iterable[str] | None, inline: bool = False) -> TomlTable:
         """The table under a key, empty if it is missing."""
         value = self.data.get(key, {})
         if not isinstance(value, dict):
             raise self.error(key, f"must be a table, not {kind(value)}; write [{self._path(key)}]")
         if inline:
-            return Table(value, self.source, self.name, keys, f"{self.prefix}{key}.")
-        return Table(value, self.source, self._path(key), keys)
+            return TomlTable(value, self.source, self.name, keys, f"{self.prefix}{key}.")
+        return TomlTable(value, self.source, self._path(key), keys)
 
     def _path(self, key: str) -> str:
         return f"{self.name}.{key}" if self.name else key

@@ -24,10 +24,10 @@ from hemivar.laws.friction import (
 )
 from hemivar.laws.memory import (
     Bonding,
-    Chain,
     DampedContact,
     LocalStep,
     Memory,
+    MemoryChain,
     MemoryState,
     PenetrationMemory,
     RateAndState,
@@ -62,7 +62,6 @@ __all__ = [
     "Bilateral",
     "Bonding",
     "Capped",
-    "Chain",
     "Compliance",
     "ContactLaw",
     "CoulombBound",
@@ -79,6 +78,7 @@ __all__ = [
     "LocalStep",
     "Logarithmic",
     "Memory",
+    "MemoryChain",
     "MemoryState",
     "NoContact",
     "NoFriction",

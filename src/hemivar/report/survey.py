@@ -28,7 +28,7 @@ from hemivar.report.saving import save, svg
 from hemivar.report.tables import PAPER_TABLE_1, Table, comparison_table
 from hemivar.solvers import Solution, Status
 from hemivar.workflows.comparison import energy_norm_difference
-from hemivar.workflows.events import Event, Stage
+from hemivar.workflows.events import Event, Phase
 from hemivar.workflows.survey_runs import (
     CAPTIONS,
     DATA,
@@ -61,7 +61,7 @@ def run_survey(
     max_n: int = 128,
     method_time_limit: float = 60.0,
     bounds: bool = True,
-    progress: Callable[[Stage], None] | None = None,
+    progress: Callable[[Phase], None] | None = None,
 ) -> SurveyReport:
     """Reproduce the simulations of the survey (section 5.3) and write a report.
 
@@ -87,7 +87,7 @@ def run_survey(
     bounds : bool
         Bound the distance of every solution of Figure 5 to the exact one, too.
     progress : function, optional
-        Called with every :class:`~hemivar.workflows.Stage` when it begins.
+        Called with every :class:`~hemivar.workflows.Phase` when it begins.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def run_survey(
     report = SurveyReport(make_folder(out), options)
 
     def told(event: Event) -> None:
-        if isinstance(event, Stage) and progress is not None:
+        if isinstance(event, Phase) and progress is not None:
             progress(event)
         report(event)
 

@@ -17,7 +17,7 @@ from hemivar.workflows.certification import CertifyOptions, certify
 from hemivar.workflows.comparison import Attempt, CompareOptions, Comparison, Condensed, compare, energy_norm_difference
 from hemivar.workflows.diagnosis import Diagnosis, Part, diagnose
 from hemivar.workflows.equilibria import path, solutions
-from hemivar.workflows.events import Begun, Certified, Chosen, Event, Found, Notice, Stage, Warned, Work
+from hemivar.workflows.events import Begun, Certified, Chosen, Event, Found, Notice, Phase, Warned, Work
 from hemivar.workflows.law_study import LawStudy, study_law
 from hemivar.workflows.marching import MarchSettings, Ready, Taken, evolution_of, march, plan_of
 from hemivar.workflows.solving import RunOptions, RunResult, run
@@ -46,6 +46,7 @@ __all__ = [
     "Part",
     "PathOptions",
     "PathProgress",
+    "Phase",
     "Progress",
     "Ready",
     "Refined",
@@ -53,7 +54,6 @@ __all__ = [
     "RunResult",
     "SearchProgress",
     "SolutionsOptions",
-    "Stage",
     "Study",
     "StudyLevel",
     "StudyOptions",

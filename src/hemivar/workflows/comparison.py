@@ -13,7 +13,7 @@ from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
 from hemivar.solvers import METHODS, Controls, Solution, Solver, Status, solving, suited
 from hemivar.systems import Workspace
-from hemivar.workflows.events import Notice, Stage, Work
+from hemivar.workflows.events import Notice, Phase, Work
 
 __all__ = ["Attempt", "CompareOptions", "Comparison", "Condensed", "compare", "energy_norm_difference"]
 
@@ -107,7 +107,7 @@ class Comparison:
 def compare(problem: Posable, options: CompareOptions | None = None) -> Work[Comparison]:
     """Solve a problem by several methods, the reference first: newton, or multigrid where no factorisation fits.
 
-    Yields :class:`Condensed`, then for every method :class:`Stage`, its steps and :class:`Attempt`.  A method that is
+    Yields :class:`Condensed`, then for every method :class:`Phase`, its steps and :class:`Attempt`.  A method that is
     refused or fails is an attempt as well.
 
     Parameters
@@ -135,7 +135,7 @@ def compare(problem: Posable, options: CompareOptions | None = None) -> Work[Com
     interrupted = False
     try:
         for number, (name, solver) in enumerate(methods.items()):
-            yield Stage(name, number, len(methods))
+            yield Phase(name, number, len(methods))
             tried = yield from attempt(name, solver, problem, options.controls, shared, reference)
             reference = tried if reference is None and tried.solution is not None else reference
             attempts.append(tried)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.machine import cores, import_fails, system
 from hemivar.basics.memory import available_bytes
-from hemivar.workflows.events import Stage
+from hemivar.workflows.events import Phase
 
 __all__ = ["Diagnosis", "Part", "diagnose"]
 
@@ -114,7 +114,7 @@ class Diagnosis:
         return self.failed is None and all(part.works for part in self.required)
 
 
-def diagnose(*, limit: float = 30.0) -> Generator[Stage, bool | None, Diagnosis]:
+def diagnose(*, limit: float = 30.0) -> Generator[Phase, bool | None, Diagnosis]:
     """Look at the installation; yields what is looked at.
 
     Parameters
@@ -138,7 +138,7 @@ def diagnose(*, limit: float = 30.0) -> Generator[Stage, bool | None, Diagnosis]
         if version is None:
             optional.append(Part(name, None, serves, remedy))
             continue
-        yield Stage(f"importing {name}", number, len(_OPTIONAL) + 1)
+        yield Phase(f"importing {name}", number, len(_OPTIONAL) + 1)
         broken = import_fails(module, limit)
         optional.append(Part(name, version, serves, remedy if broken else "", broken))
     for name, serves, remedy in _PROGRAMS:
@@ -147,7 +147,7 @@ def diagnose(*, limit: float = 30.0) -> Generator[Stage, bool | None, Diagnosis]
     seconds: float | None = None
     failed: str | None = None
     if all(part.works for part in required):
-        yield Stage("solving a small problem", len(_OPTIONAL), len(_OPTIONAL) + 1)
+        yield Phase("solving a small problem", len(_OPTIONAL), len(_OPTIONAL) + 1)
         seconds, failed = _tried()
     threads = _threads()
     return Diagnosis(

@@ -11,7 +11,7 @@ from hemivar.certificates import Certificate
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.solvers import Progress, Solution, Solver
 
-__all__ = ["Begun", "Certified", "Chosen", "Event", "Found", "Notice", "Stage", "Warned", "Work"]
+__all__ = ["Begun", "Certified", "Chosen", "Event", "Found", "Notice", "Phase", "Warned", "Work"]
 
 
 class Notice:
@@ -33,7 +33,7 @@ class Warned(Notice):
 
 
 @dataclass(frozen=True, eq=False)
-class Stage(Notice):
+class Phase(Notice):
     """A part of long work begins: what it is, and which of how many (from 0).
 
     Attributes

@@ -37,7 +37,7 @@ from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
-from hemivar.workflows.events import Begun, Chosen, Notice, Stage, Warned, Work
+from hemivar.workflows.events import Begun, Chosen, Notice, Phase, Warned, Work
 from hemivar.workflows.survey_runs import observed_order
 
 __all__ = ["QUANTITIES", "Study", "StudyLevel", "StudyOptions", "study", "study_digest", "studying"]
@@ -227,8 +227,8 @@ class Study(Displayed):
 def studying(problem: Statement | KnownStatement | str | Path, options: StudyOptions | None = None) -> Work[Study]:
     """Solve a problem on meshes that are halved, each from the solution on the one before, and measure the errors.
 
-    Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Stage`, :class:`Begun`, the steps of the solve and
-    :class:`StudyLevel`; of a mesh that was kept or that another process solves, :class:`Stage` and :class:`StudyLevel`.
+    Yields :class:`Warned`, :class:`Chosen`, for every mesh :class:`Phase`, :class:`Begun`, the steps of the solve and
+    :class:`StudyLevel`; of a mesh that was kept or that another process solves, :class:`Phase` and :class:`StudyLevel`.
     An interruption ends the work; where the finest mesh is the reference, it is the finest then reached.  Every mesh is
     solved by one thread, so that the numbers depend neither on the number of processes nor on what was kept.
     Where a problem has several solutions, that on each mesh is the one that its coarser neighbour leads to.
@@ -341,7 +341,7 @@ def _levels(
         last = there[number].solution(discretize(stated.on(mesh)))
         if number == 0:
             yield from _opening(last.problem, options)
-        yield Stage(f"{_named(mesh, last.problem)}: kept", number, count)
+        yield Phase(f"{_named(mesh, last.problem)}: kept", number, count)
         levels.append(_level(last, mesh, options))
         yield levels[-1]
         number += 1
@@ -354,7 +354,7 @@ def _levels(
         discrete = discretize(stated.on(mesh))
         if mine == 0:
             yield from _opening(discrete, options)
-        yield Stage(_named(mesh, discrete), mine, count)
+        yield Phase(_named(mesh, discrete), mine, count)
         yield Begun(discrete, mine, count)
         last = yield from _solving(discrete, last, options)
         if last.status in _NO_LEVEL:
@@ -442,7 +442,7 @@ def _by_processes(
                         return solution.status is Status.INTERRUPTED
                     _keep(kept, mine, solution)
                     levels.append(done.pop(mine))
-                    yield Stage(f"h = {size:.4g}, {solution.problem.unknowns} unknowns: done", mine, count)
+                    yield Phase(f"h = {size:.4g}, {solution.problem.unknowns} unknowns: done", mine, count)
                     if (yield levels[-1]):
                         return len(levels) < count
     return False

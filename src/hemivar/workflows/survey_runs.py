@@ -22,7 +22,7 @@ from hemivar.mechanics import ContactProblem
 from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS, Controls, Solution, Status, solving, transfer_solution
 from hemivar.systems import Workspace
-from hemivar.workflows.events import Notice, Stage, Work
+from hemivar.workflows.events import Notice, Phase, Work
 
 __all__ = [
     "CAPTIONS",
@@ -190,7 +190,7 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
     starts at h = 1/2 from zero and on every finer mesh from its own coarser solution, on the problem condensed onto the
     contact boundary.
 
-    Yields :class:`Stage`, the steps of all solves, and :class:`Advanced`. An interruption ends the work with what
+    Yields :class:`Phase`, the steps of all solves, and :class:`Advanced`. An interruption ends the work with what
     there is.
 
     Parameters
@@ -209,7 +209,7 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
     try:
         for key, caption in CAPTIONS.items():
             text = f"Figure {key[-1]}: h = 1/{FIGURE_CELLS}, {caption} and all other methods"
-            yield Stage(text, stage, count)
+            yield Phase(text, stage, count)
             stage += 1
             solutions = yield from _figure(key, controls)
             runs = replace(runs, figures={**runs.figures, key: solutions})
@@ -218,20 +218,20 @@ def survey(options: SurveyOptions | None = None) -> Work[SurveyRuns]:
                 runs = replace(runs, friction=(yield from _friction(solutions[DEFAULT], max_n, controls)))
                 yield Advanced("friction", runs)
         for n in _halved(max_n):
-            yield Stage(f"Table 1 and Figure 5: h = 1/{n}", stage, count)
+            yield Phase(f"Table 1 and Figure 5: h = 1/{n}", stage, count)
             stage += 1
             level = yield from _level(n, (*SURVEY_METHODS.values(), DEFAULT), runs, controls)
             runs = replace(runs, meshes=(*runs.meshes, level))
             yield Advanced("mesh", runs)
-        yield Stage(f"Figure 5: references at h = 1/{2 * max_n}", stage, count)
+        yield Phase(f"Figure 5: references at h = 1/{2 * max_n}", stage, count)
         finest = yield from _level(2 * max_n, tuple(SURVEY_METHODS.values()), runs, controls)
-        yield Stage("Figure 5: errors", stage + 1, count)
+        yield Phase("Figure 5: errors", stage + 1, count)
         runs = replace(runs, errors=_errors(runs.meshes, finest), meshes=(*runs.meshes, finest))
         yield Advanced("errors", runs)
         if runs.options.bounds:
             constants = None
             for number, level in enumerate(runs.meshes[:-1]):
-                yield Stage(f"Figure 5: distance to the exact solution, h = 1/{level.n}", stage + 2 + number, count)
+                yield Phase(f"Figure 5: distance to the exact solution, h = 1/{level.n}", stage + 2 + number, count)
                 constants = constants or guaranteed_trace_bounds(level.problem)
                 runs = _bounded(runs, level, constants)
             yield Advanced("bounds", runs)

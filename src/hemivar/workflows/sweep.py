@@ -31,7 +31,7 @@ from hemivar.files.sweep_point import SweepPoint
 from hemivar.linear.threads import one_thread
 from hemivar.solvers import Controls
 from hemivar.systems.workspace import Workspace
-from hemivar.workflows.events import Notice, Stage, Work
+from hemivar.workflows.events import Notice, Phase, Work
 
 __all__ = ["Sweep", "SweepAxis", "SweepOptions", "Swept", "read_axis", "sweep", "sweep_digest", "sweeping"]
 
@@ -290,7 +290,7 @@ def sweeping(
     nor on what was kept of earlier work.  A point at which the problem cannot be stated or solved has failed, with a
     note.
 
-    Yields :class:`Stage` and :class:`Swept` for every point.  An interruption ends the work with what is done.
+    Yields :class:`Phase` and :class:`Swept` for every point.  An interruption ends the work with what is done.
 
     Parameters
     ----------
@@ -344,7 +344,7 @@ def sweeping(
                     record.add(point)
                 done[point.place] = point
                 named = ", ".join(f"{k} = {v}" for k, v in zip(keys, _values(given, point.place), strict=True))
-                yield Stage(f"{named}: {_outcome(point)}", len(done) - 1, len(places))
+                yield Phase(f"{named}: {_outcome(point)}", len(done) - 1, len(places))
                 if (yield Swept(point)):
                     interrupted = len(done) < len(places)
                     break

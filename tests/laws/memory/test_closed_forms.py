@@ -9,11 +9,11 @@ import pytest
 
 from hemivar.laws import (
     Bonding,
-    Chain,
     Compliance,
     ContactLaw,
     DampedContact,
     LocalStep,
+    MemoryChain,
     NoContact,
     PenetrationMemory,
     PiecewiseQuadratic,
@@ -163,7 +163,7 @@ def test_a_step_of_the_rate_in_rate_and_state_friction() -> None:
 def test_a_chain_lets_the_law_beneath_see_what_is_left() -> None:
     """Wear above memory of penetration: the memory acts at r less the wear."""
     law, tau = ContactLaw(Compliance(24.0)), 0.1
-    chain = Chain((PenetrationMemory(30.0, 0.4), Wear(0.02)))
+    chain = MemoryChain((PenetrationMemory(30.0, 0.4), Wear(0.02)))
     r, lam = column(0.05, 0.0), column(0.7, 0.0)
     state = chain.start(law, r)
     for _ in range(5):

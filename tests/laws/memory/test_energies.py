@@ -10,11 +10,11 @@ import pytest
 from hemivar.laws import (
     Adhesive,
     Bonding,
-    Chain,
     Compliance,
     ContactLaw,
     Layered,
     LocalStep,
+    MemoryChain,
     NoContact,
     PenetrationMemory,
     SawTooth,
@@ -67,7 +67,10 @@ def path(count: int) -> np.ndarray:
         (Bonding(50.0, 0.0, 2.0), Compliance(20.0), True),
         (ViscousFoundation(30.0), Compliance(20.0), True),
         pytest.param(
-            Chain((Bonding(5.0, 0.01, 1.0), ViscousFoundation(30.0))), Compliance(20.0), True, marks=pytest.mark.slow
+            MemoryChain((Bonding(5.0, 0.01, 1.0), ViscousFoundation(30.0))),
+            Compliance(20.0),
+            True,
+            marks=pytest.mark.slow,
         ),
         (PenetrationMemory(-30.0, 0.4), Compliance(200.0), True),
         (PenetrationMemory(30.0, 0.4), Compliance(20.0), False),
@@ -139,7 +142,7 @@ def test_friction_weakens_with_the_sum_of_slips_and_does_not_recover() -> None:
 
 
 def test_states_cannot_be_changed_and_rejected_steps_leave_no_trace() -> None:
-    law, memory = ContactLaw(Layered([0.1], [3.0], base=2.0)), Chain((Secant(), ViscousFoundation(2.0)))
+    law, memory = ContactLaw(Layered([0.1], [3.0], base=2.0)), MemoryChain((Secant(), ViscousFoundation(2.0)))
     r = np.zeros((2, 1))
     state = memory.start(law, r)
     step = LocalStep(0.1, 10.0, r)

@@ -11,10 +11,10 @@ from hemivar.errors import ProblemError
 from hemivar.laws import Compliance, ContactLaw, NoContact, PiecewiseQuadratic, Signorini, SlipWeakening, Tresca
 from hemivar.laws.memory import (
     Bonding,
-    Chain,
     DampedContact,
     LocalStep,
     Memory,
+    MemoryChain,
     PenetrationMemory,
     RateAndState,
     Secant,
@@ -126,7 +126,7 @@ EACH: dict[str, Memory] = {
     "secant": Secant(),
     "slip sum": SlipSum(),
     "rate and state": RateAndState(0.01, np.array([0.015, 0.02, 0.01]), 8e-3, 0.6, 1e-3, np.array([1.0, 2.0, 3.0])),
-    "chain": Chain((PenetrationMemory(np.array([30.0, 20.0, 10.0]), 0.4), Wear(np.array([0.1, 0.2, 0.3])))),
+    "chain": MemoryChain((PenetrationMemory(np.array([30.0, 20.0, 10.0]), 0.4), Wear(np.array([0.1, 0.2, 0.3])))),
 }
 
 
@@ -188,9 +188,9 @@ def test_two_makers_of_the_friction_law_are_refused() -> None:
     rate = EACH["rate and state"]
     for parts in ((SlipSum(), SlipSum()), (rate, rate)):
         with pytest.raises(ProblemError, match="both make the friction law"):
-            Chain(parts)
+            MemoryChain(parts)
     with pytest.raises(ProblemError, match=r"such as Secant\(\)"):
-        Chain((NoContact(),))  # type: ignore[arg-type]
+        MemoryChain((NoContact(),))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("order", [0, 1])
@@ -199,13 +199,13 @@ def test_friction_of_the_slip_sum_sees_no_rate_in_a_chain(order: int) -> None:
     friction = SlipWeakening(2.0, 1.0, 0.4, 3.0)
     law, step = ContactLaw(Compliance(20.0), friction), LocalStep(0.1, 10.0, np.zeros((1, 2)))
     parts = (SlipSum(), PenetrationMemory(5.0, 0.4))
-    chain = Chain(parts if order else parts[::-1])
+    chain = MemoryChain(parts if order else parts[::-1])
     assert chain.of_slip
     state = chain.start(law, np.zeros((1, 2)))
     d = np.array([0.05])
     slope = law_of_step(law, chain, state, step).tangential.derivative(d)[0]
     assert slope == pytest.approx(2.0 * (0.4 + 0.6 * np.exp(-3.0 * 0.05)), rel=1e-12)
-    alone = Chain((PenetrationMemory(5.0, 0.4),))
+    alone = MemoryChain((PenetrationMemory(5.0, 0.4),))
     assert not alone.of_slip
     slope = law_of_step(law, alone, alone.start(law, np.zeros((1, 2))), step).tangential.derivative(d)[0]
     assert slope == pytest.approx(2.0 * (0.4 + 0.6 * np.exp(-3.0 * 0.5)), rel=1e-12)

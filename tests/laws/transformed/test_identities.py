@@ -29,7 +29,7 @@ from hemivar.laws import (
     secant,
     slipped,
 )
-from hemivar.laws.memory import Chain, LocalStep, ViscousFoundation, Wear
+from hemivar.laws.memory import LocalStep, MemoryChain, ViscousFoundation, Wear
 from hemivar.laws.stacked import StackedLaw, stack
 from hemivar.laws.testing import check_law
 from hemivar.laws.transformed.affine import AffineLaw
@@ -100,7 +100,7 @@ def test_an_affine_law_asked_by_itself_is_the_table(name: str) -> None:
 
 def test_a_worn_surface_on_a_foundation_that_creeps() -> None:
     """Two depths in series with a smooth law: the law of the step is an envelope of an envelope."""
-    law, chain = ContactLaw(Compliance(5.0, 2.5)), Chain((ViscousFoundation(3.0), Wear(0.4)))
+    law, chain = ContactLaw(Compliance(5.0, 2.5)), MemoryChain((ViscousFoundation(3.0), Wear(0.4)))
     r, lam = np.array([[0.5, 0.2]]), np.array([[0.3, 0.0]])
     state = {"0.depth": np.array([0.05]), "1.depth": np.array([0.02])}
     step = LocalStep(0.3, 1.0 / 0.3, r, r, lam)

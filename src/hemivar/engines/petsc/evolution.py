@@ -45,7 +45,7 @@ __all__ = ["BulkOnRanks", "EvolutionOnRanks", "OperatorOnRanks", "discretize_on_
 _SOLVED = 1e-13
 
 
-class Frame:
+class OwnUnknowns:
     """Unknowns and prescribed displacements of this rank's nodes, ``U = P u + E z``.
 
     Attributes
@@ -89,13 +89,13 @@ class OperatorOnRanks(Operator):
     frame : Frame
     """
 
-    def __init__(self, matrix: PETSc.Mat, frame: Frame) -> None:
+    def __init__(self, matrix: PETSc.Mat, frame: OwnUnknowns) -> None:
         object.__setattr__(self, "_matrix", matrix)
         object.__setattr__(self, "_frame", frame)
         object.__setattr__(self, "_vectors", matrix.createVecs())
 
     _matrix: PETSc.Mat
-    _frame: Frame
+    _frame: OwnUnknowns
     _vectors: tuple[PETSc.Vec, PETSc.Vec]
 
     @property
@@ -208,7 +208,7 @@ class EvolutionOnRanks(DiscreteEvolution):
     pieces: tuple[Piece, ...] = ()
     state: Callable[[Mesh], Evolution] = None  # type: ignore[assignment]
     body: BodyOnRanks = None  # type: ignore[assignment]
-    frame: Frame = None  # type: ignore[assignment]
+    frame: OwnUnknowns = None  # type: ignore[assignment]
     skin: Mesh = None  # type: ignore[assignment]
     seen: IntArray = None  # type: ignore[assignment]
 
@@ -333,7 +333,7 @@ def discretize_on_ranks(
     owned = np.zeros(skin.number_of_nodes, dtype=bool)
     owned[: body.owned.size] = body.owned
     moved, seen = ranks.agree(lambda: _moved(_present(state(skin).body), at_start, skin, owned))
-    frame = Frame(body, moved)
+    frame = OwnUnknowns(body, moved)
     problem = _own_problem(body)
     blocks = []
     for number, name in enumerate(problem.contact.names):
@@ -388,7 +388,7 @@ class _Matrices:
         ranks: Ranks,
         piece: Piece,
         body: BodyOnRanks,
-        frame: Frame,
+        frame: OwnUnknowns,
         at_start: Callable[[Mesh], ContactProblem],
     ) -> None:
         self.ranks, self.body, self.frame, self.mesh = ranks, body, frame, piece.mesh

@@ -1,7 +1,7 @@
 """What contact points remember from one time step to the next, and the laws of a step that come of it.
 
-:class:`Memory` is the interface, :class:`Chain` puts several one after the other, and :func:`law_of_step` makes the
-contact law of a step of the law stated, its memory and its damping.
+:class:`Memory` is the interface, :class:`MemoryChain` puts several one after the other, and :func:`law_of_step` makes
+the contact law of a step of the law stated, its memory and its damping.
 """
 
 from hemivar.laws.memory.beside import Bonding, PenetrationMemory
@@ -10,14 +10,14 @@ from hemivar.laws.memory.damage import Secant, SlipSum
 from hemivar.laws.memory.damped import DampedContact
 from hemivar.laws.memory.in_series import ViscousFoundation, Wear
 from hemivar.laws.memory.rate_and_state import RateAndState
-from hemivar.laws.memory.step_law import Chain, friction_in_increments, in_increments, law_of_step
+from hemivar.laws.memory.step_law import MemoryChain, friction_in_increments, in_increments, law_of_step
 
 __all__ = [
     "Bonding",
-    "Chain",
     "DampedContact",
     "LocalStep",
     "Memory",
+    "MemoryChain",
     "MemoryState",
     "PenetrationMemory",
     "RateAndState",

@@ -18,7 +18,7 @@ from hemivar.laws.transformed import affine, plus
 from hemivar.laws.transformed.exact_table import as_examined
 from hemivar.laws.transformed.slipped import homogeneous
 
-__all__ = ["Chain", "friction_in_increments", "in_increments", "law_of_step"]
+__all__ = ["MemoryChain", "friction_in_increments", "in_increments", "law_of_step"]
 
 
 def friction_in_increments(friction: Friction, rate: float) -> Friction:
@@ -44,7 +44,7 @@ def friction_in_increments(friction: Friction, rate: float) -> Friction:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain(Memory):
+class MemoryChain(Memory):
     """Several memories, one after the other: the first is given the law, every other one the law of the one before.
 
     A chain of none is no memory.  The entries of its state are those of its parts, with the number of the part in

@@ -15,7 +15,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.formula import ScalarFormula
 from hemivar.formula.smooth import WIDE, SmoothFormula, Supremum, graded, supremum_of_pieces
-from hemivar.laws.own.own_law import OwnLaw, Piece, check_joined, middle_of
+from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FormulaLaw"]
@@ -70,20 +70,20 @@ class _FormulaLaw(OwnLaw):
         keep = [i for i in range(len(switches)) if branches[i].node != branches[i + 1].node]
         return switches[keep], [branches[0], *(branches[i + 1] for i in keep)], sure
 
-    def _pieces(self) -> tuple[Array, tuple[Piece, ...]]:
+    def _pieces(self) -> tuple[Array, tuple[LawPiece, ...]]:
         shown = self._formula.shown
         switches, branches, _ = self._branches
         ends = np.concatenate([[self._start], switches, [np.inf]])
         count = int(np.clip(40_000 // len(branches), 60, 1000))
         knots = [switches, np.array([k for k in map(float, self.kinks_at) if k > 0.0 or not self.even])]
-        plain: dict[int, Piece] = {}
+        plain: dict[int, LawPiece] = {}
         sure, seen = True, 0.0
         for node in dict.fromkeys(branch.node for branch in branches):
             here = [i for i, branch in enumerate(branches) if branch.node == node]
             smooth = branches[here[0]]
             slope = smooth.derivative()
             bend = slope.derivative()
-            plain[node] = Piece(smooth, slope, bend, str(slope))
+            plain[node] = LawPiece(smooth, slope, bend, str(slope))
             low, high = ends[here], ends[np.array(here) + 1]
             inside = [self._inside(a, b, count) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
             places = np.concatenate(inside)

@@ -14,7 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.laws.consistency import check_consistency
 from hemivar.laws.own.differences import Differences, differences
-from hemivar.laws.own.own_law import OwnLaw, Piece, check_joined, middle_of
+from hemivar.laws.own.own_law import LawPiece, OwnLaw, check_joined, middle_of
 from hemivar.laws.superpotential import Superpotential
 
 __all__ = ["FunctionLaw"]
@@ -72,7 +72,7 @@ class _FunctionLaw(OwnLaw):
                 raise ProblemError(f"a function of law '{self.name}' failed at a number r: {error}") from error
         return values
 
-    def _pieces(self) -> tuple[Array, tuple[Piece, ...]]:
+    def _pieces(self) -> tuple[Array, tuple[LawPiece, ...]]:
         start = 0.0 if self.even else -np.inf
         kinks = np.unique(np.asarray(self.kinks_at, dtype=float))
         if self.even:
@@ -104,7 +104,7 @@ class _FunctionLaw(OwnLaw):
         high = np.concatenate([table, [np.inf]])
         return table, tuple(plain[int(np.sum(kinks < middle_of(a, b)))] for a, b in zip(low, high, strict=True))
 
-    def _piece(self, low: float, high: float, scale: float) -> Piece:
+    def _piece(self, low: float, high: float, scale: float) -> LawPiece:
         """Functions that stay inside ``(low, high)``."""
         margin = 1e-9 * scale
 
@@ -149,7 +149,7 @@ class _FunctionLaw(OwnLaw):
                 return np.zeros(np.shape(r))
             return found(self.potential, r).first_error
 
-        return Piece(value, derivative, curvature, error=error)
+        return LawPiece(value, derivative, curvature, error=error)
 
     @property
     def by_differences(self) -> bool:
@@ -185,9 +185,9 @@ def _refined(r: Array, of: Callable[[Array], Array]) -> tuple[Array, Array]:
     return r, values
 
 
-def _anchored(plain: list[Piece], kinks: Array, even: bool) -> list[Piece]:
+def _anchored(plain: list[LawPiece], kinks: Array, even: bool) -> list[LawPiece]:
     """Pieces whose values, each an integral from its own end, are joined to one continuous potential."""
-    joined: list[Piece] = []
+    joined: list[LawPiece] = []
     base = 0.0
     for i, piece in enumerate(plain):
         if i > 0:
@@ -197,8 +197,8 @@ def _anchored(plain: list[Piece], kinks: Array, even: bool) -> list[Piece]:
     return joined
 
 
-def _shifted(piece: Piece, base: float) -> Piece:
-    return Piece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text, piece.error)
+def _shifted(piece: LawPiece, base: float) -> LawPiece:
+    return LawPiece(lambda r: piece.value(r) + base, piece.derivative, piece.curvature, piece.text, piece.error)
 
 
 def _extrema(r: Array, curvature: Array, rounding: float) -> list[float]:

@@ -16,7 +16,7 @@ from hemivar.errors import ProblemError
 from hemivar.laws.scaled import ScaledLaw
 from hemivar.laws.superpotential import Interval, Superpotential
 
-__all__ = ["ArrayFunction", "OwnLaw", "Piece", "check_joined", "middle_of"]
+__all__ = ["ArrayFunction", "LawPiece", "OwnLaw", "check_joined", "middle_of"]
 
 #: A function of an array, of its shape.
 ArrayFunction = Callable[[Array], Array]
@@ -24,7 +24,7 @@ _FAR = (1.0, 3.0, 10.0, 100.0, 1e4, 1e6)
 
 
 @dataclass(frozen=True)
-class Piece(Portable):
+class LawPiece(Portable):
     """Value, derivative and curvature on one piece, and what the derivative is off by."""
 
     value: ArrayFunction
@@ -42,11 +42,11 @@ class OwnLaw(Superpotential):
     even: bool
 
     @abstractmethod
-    def _pieces(self) -> tuple[Array, tuple[Piece, ...]]:
+    def _pieces(self) -> tuple[Array, tuple[LawPiece, ...]]:
         """Knots and the pieces between them; for an even law those for r > 0 (the knot zero left out)."""
 
     @cached_property
-    def _own(self) -> tuple[Array, tuple[Piece, ...]]:
+    def _own(self) -> tuple[Array, tuple[LawPiece, ...]]:
         knots, pieces = self._pieces()
         return (knots, pieces) if self.even or knots.size else (np.zeros(1), pieces * 2)
 
@@ -63,7 +63,7 @@ class OwnLaw(Superpotential):
     def domain(self) -> Interval:
         return Interval(np.array([-np.inf]), np.array([np.inf]))
 
-    def _mirrored(self, piece: int) -> tuple[Piece, float]:
+    def _mirrored(self, piece: int) -> tuple[LawPiece, float]:
         """A piece of the whole line, and -1 if it is the mirror image of a piece for r > 0."""
         pieces = self._own[1]
         if not self.even:
@@ -82,7 +82,7 @@ class OwnLaw(Superpotential):
         return out
 
     @cached_property
-    def _different(self) -> list[tuple[Piece, float]]:
+    def _different(self) -> list[tuple[LawPiece, float]]:
         """The pieces of the whole line, each once."""
         all_ = [self._mirrored(i) for i in range(self._knots.size + 1)]
         return list({(id(smooth), sign): (smooth, sign) for smooth, sign in all_}.values())
@@ -229,7 +229,7 @@ class OwnLaw(Superpotential):
         return low + (high - low) * np.unique(np.concatenate([even, close, 1.0 - close]))
 
 
-def check_joined(where: str, knots: Array, pieces: Sequence[Piece], reach: float, step: float = 0.0) -> None:
+def check_joined(where: str, knots: Array, pieces: Sequence[LawPiece], reach: float, step: float = 0.0) -> None:
     """Refuse a potential that is not continuous, seen from ``step`` to the left and to the right of its knots."""
     for i, knot in enumerate(knots):
         with np.errstate(all="ignore"):

@@ -19,7 +19,18 @@ from hemivar.laws.piecewise import PiecewiseQuadratic
 from hemivar.laws.scaled import ScaledLaw
 from hemivar.laws.superpotential import Superpotential
 
-__all__ = ["MANY", "Table", "as_examined", "count_knots", "filled", "merged", "pick", "separated", "table", "table_of"]
+__all__ = [
+    "MANY",
+    "ExactTable",
+    "as_examined",
+    "count_knots",
+    "filled",
+    "merged",
+    "pick",
+    "separated",
+    "table",
+    "table_of",
+]
 
 #: The kind of number that columns hold.
 Entry = TypeVar("Entry", bound=np.generic)
@@ -29,7 +40,7 @@ MANY = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Table(PiecewiseQuadratic):
+class ExactTable(PiecewiseQuadratic):
     """A piecewise-quadratic law with the derivatives next to its knots as they are told; see :func:`table`."""
 
     below: Array | float = 0.0
@@ -88,7 +99,7 @@ class Table(PiecewiseQuadratic):
         times = factor[:, None]
         return self._like(self._told, times * self.slopes, times * self._left, times * self._right)
 
-    def take(self, index: IntArray) -> Table:
+    def take(self, index: IntArray) -> ExactTable:
         if len(self.breakpoints) == 1:
             return self
         return table(
@@ -100,13 +111,13 @@ class Table(PiecewiseQuadratic):
             self.name,
         )
 
-    def _like(self, knots: Array, slopes: Array, below: Array, above: Array) -> Table:
+    def _like(self, knots: Array, slopes: Array, below: Array, above: Array) -> ExactTable:
         return table(knots, slopes, below, above, (np.asarray(self.lower), np.asarray(self.upper)), self.name)
 
 
 def table(
     knots: Array, slopes: Array, below: Array, above: Array, ends: tuple[Array | float, Array | float], name: str
-) -> Table:
+) -> ExactTable:
     """The law with these knots (m, K), slopes (m, K + 1) of j', and j' just below and above every knot (m, K).
 
     Unused knots stand at the end and are +inf; what is told about them is not looked at.
@@ -116,12 +127,12 @@ def table(
     ends : pair of arrays (m,)
         Domain; an end is infinite or one of the knots.
     """
-    return Table(knots, slopes, above, 0.0, *ends, name=name, below=below, above=above)
+    return ExactTable(knots, slopes, above, 0.0, *ends, name=name, below=below, above=above)
 
 
 def table_of(law: Superpotential) -> PiecewiseQuadratic | None:
     """The piecewise-quadratic table that a law is, None if it is none (or one with many knots for many points)."""
-    if type(law) in (PiecewiseQuadratic, Table):
+    if type(law) in (PiecewiseQuadratic, ExactTable):
         assert isinstance(law, PiecewiseQuadratic)
         return law
     if isinstance(law, NamedLaw) and type(law).__module__.startswith("hemivar."):
