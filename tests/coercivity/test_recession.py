@@ -207,7 +207,7 @@ def test_turned_bodies_fly_off_as_the_upright_ones_do(dim: int) -> None:
         problem = statement(mesh, turned_by(dim, seed), seed)
         upright = discretize(statement(mesh, np.eye(dim), seed), check_coercivity=False)
         assert upright.field is not None
-        growths = free_growth(upright, upright.field.free_motions)
+        growths = free_growth(upright, upright.model.free_motions)
         least = min((least_growth(growth) for growth in growths), default=np.inf)
         if least < 1e-6 and least > -1e-6:
             continue  # nothing holds it, nothing pushes it: refused in words, tested elsewhere

@@ -85,9 +85,8 @@ def resistances(
     return found
 
 
-def limit_of(field: Field, contact: ContactPoints, loading: Loading) -> str | None:
+def limit_of(field: Field, contact: ContactPoints, loading: Loading, motions: FreeMotions) -> str | None:
     """The sentence for a body that its foundation holds at rest only; None if it is held, or not even at rest."""
-    motions = field.free_motions
     forces = field.lift.T @ loading.load
     limit: str | None = None
     pairs = zip(

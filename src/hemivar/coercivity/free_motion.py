@@ -44,7 +44,7 @@ def refuse_free_motion(problem: DiscreteProblem, load: Array | None = None) -> D
     """
     if problem.field is None or not problem.field.knows_motions:
         return problem
-    field, contact, motions = problem.field, problem.contact, problem.field.free_motions
+    field, contact, motions = problem.field, problem.contact, problem.model.free_motions
     forces = field.lift.T @ problem.load if load is None else load
     holds = [decide(growth) for growth in growths(field, contact, problem.law, forces, motions)]
     limit: str | None = None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.portable import Portable
+from hemivar.coercivity.rigid_modes import FreeMotions, no_motions
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.space import Field, Space
@@ -37,6 +38,8 @@ class Model(Portable):
         The fields that the unknowns describe.
     origin : ContactProblem, ScalarProblem or None
         What was discretised; the same on a coarser mesh serves multigrid.
+    resisted : bool
+        Whether an elastic bedding of the body, or its inertia in a step in time, resists every motion.
 
     Raises
     ------
@@ -48,6 +51,7 @@ class Model(Portable):
     contact: ContactPoints
     space: Space | None = None
     origin: Statement | None = None
+    resisted: bool = False
 
     def __post_init__(self) -> None:
         expect(self.bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
@@ -67,6 +71,12 @@ class Model(Portable):
     def field(self) -> Field | None:
         """The first field of the space, the displacement of the body; None for a model made of arrays."""
         return None if self.space is None else self.space.fields[0]
+
+    @property
+    def free_motions(self) -> FreeMotions:
+        """The motions without energy, of a model whose field knows its motions."""
+        assert self.field is not None
+        return no_motions(self.field) if self.resisted else self.field.free_motions
 
     @property
     def linear(self) -> Quadratic:

@@ -283,7 +283,7 @@ class DiscreteProblem(Portable, Displayed):
             return None if self.shown is None else self.shown.limit
         if self.field is None or not isinstance(self.bulk, Quadratic):
             return None
-        return limit_of(self.field, self.contact, self.loading)
+        return limit_of(self.field, self.contact, self.loading, self.model.free_motions)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.coercivity.constants import free_constants
-from hemivar.coercivity.rigid_modes import FreeMotions, free_motions, no_motions
+from hemivar.coercivity.rigid_modes import FreeMotions, free_motions
 from hemivar.errors import ProblemError
 from hemivar.mesh.mesh import Mesh
 
@@ -45,8 +45,6 @@ class Field(Portable):
         What the field is.
     lift : sparse array, shape (n, nodes * components), optional
         A left inverse of the basis, ``lift P = 1``; ``P'`` by default, for which the columns of P must be orthonormal.
-    bedded : bool
-        Whether an elastic bedding of the body, or its inertia in a step in time, resists every motion.
     constants : bool
         The energy is one of the gradient of one component: its free motions are the constants.
 
@@ -63,7 +61,6 @@ class Field(Portable):
     components: int = 0
     name: str = "displacement"
     lift: sp.csr_array = None
-    bedded: bool = False
     constants: bool = False
 
     def __post_init__(self) -> None:
@@ -120,9 +117,7 @@ class Field(Portable):
 
     @cached_property
     def free_motions(self) -> FreeMotions:
-        """The motions without energy that supports and bedding leave to a displacement, or to one component."""
-        if self.bedded:
-            return no_motions(self)
+        """The motions without strain, or without gradient, that supports leave to a displacement or one component."""
         return free_constants(self) if self.constants else free_motions(self)
 
     def full(self, unknowns: Array) -> Array:

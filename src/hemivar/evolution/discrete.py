@@ -359,13 +359,13 @@ class Bodies:
             field.components,
             field.name,
             field.lift,
-            bedded=discrete.mass is not None or discrete.stores or field.bedded,
             constants=field.constants,
         )
+        resisted = base.model.resisted or discrete.mass is not None or discrete.stores
         stiffness = combined(parts) if len(parts) > 1 else base.stiffness
         # The load of each step is another one, and steps go downhill by themselves: nothing is shown.
         return DiscreteProblem(
-            Model(Quadratic(stiffness, assembled=True), base.contact, Space((quiet,)), origin),
+            Model(Quadratic(stiffness, assembled=True), base.contact, Space((quiet,)), origin, resisted),
             Loading(np.zeros(base.unknowns), base.offset, base.law),
             base.warnings,
             law_known=True,

@@ -100,7 +100,7 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
     prescribed, bedding = conditions.prescribed, bedding_of(problem.bedding)
     reaction = np.zeros_like(prescribed)
     blocks = body_blocks(mesh, problem.material, bedding, node_graph(mesh, order))
-    bedded = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
+    resisted = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
     if prescribed.any():
         reaction = blocks.times(supports.value).ravel()
     blocks.turn(conditions.directions)
@@ -122,8 +122,9 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
         Model(
             Quadratic(stiffness, assembled=True),
             contact,
-            Space((Field(mesh, order, basis, prescribed, bedded=bedded),)),
+            Space((Field(mesh, order, basis, prescribed),)),
             problem,
+            resisted,
         ),
         Loading(load, offset, law, constant + energy),
         tuple(sentence for sentence in (locking_warning(problem), left_out) if sentence is not None),

@@ -87,14 +87,14 @@ def discretize_scalar(problem: ScalarProblem, *, check_coercivity: bool = True) 
     reaction = np.zeros(len(nodes))
     bedding = problem.mass_of_step
     blocks = scalar_blocks(problem, node_graph(mesh, order))
-    bedded = resists(mesh, order, bedding, blocks.diagonal[:, 0])
+    resisted = resists(mesh, order, bedding, blocks.diagonal[:, 0])
     if prescribed.any():
         reaction = blocks.times(prescribed[:, None]).ravel()
     stiffness = blocks.matrix(free[:, None])
     contact, offset, law, energy = contact_of(problem, nodes, basis, prescribed)
-    field = Field(mesh, order, basis, prescribed, 1, problem.kind.unknown, bedded=bedded, constants=True)
+    field = Field(mesh, order, basis, prescribed, 1, problem.kind.unknown, constants=True)
     discrete = DiscreteProblem(
-        Model(Quadratic(stiffness, assembled=True), contact, Space((field,)), problem),
+        Model(Quadratic(stiffness, assembled=True), contact, Space((field,)), problem, resisted),
         Loading(basis.T @ (full - reaction), offset, law, float(prescribed @ (0.5 * reaction - full)) + energy),
     )
     if check_coercivity:

@@ -42,7 +42,7 @@ def free_unknowns(problem: DiscreteProblem) -> Array | None:
     field = problem.field
     if field is None or not field.knows_motions:
         return None
-    motions = field.free_motions
+    motions = problem.model.free_motions
     unknowns = np.asarray((field.lift @ motions.motions).toarray())
     if not motions.count:
         return unknowns

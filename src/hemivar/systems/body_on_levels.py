@@ -152,8 +152,7 @@ class BodyProblem(Body):
         """
         problem = self.problem
         if free_unknowns(problem) is not None:
-            assert problem.field is not None
-            return free_growth(problem, problem.field.free_motions)
+            return free_growth(problem, problem.model.free_motions)
         if problem.unknowns > COARSEST:
             return []
         root = np.sqrt(problem.linear.diagonal)

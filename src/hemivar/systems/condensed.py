@@ -160,8 +160,7 @@ class CondensedProblem(Portable):
     def free_growth(self) -> list[Growth]:
         """Growth of the energy along the motions that deform nothing, by groups of parts that move by themselves."""
         if self.body.free_unknowns is not None:
-            assert self.problem.field is not None
-            return free_growth(self.problem, self.problem.field.free_motions)
+            return free_growth(self.problem, self.problem.model.free_motions)
         modes = self.rigid_modes
         if not len(modes):
             return []

@@ -46,8 +46,8 @@ def supported(
     def look() -> bool | None:
         if piece.whole is None:
             return None
-        field = unrefined(piece.whole, state, evolving).field
-        return field is not None and field.free_motions.count == 0
+        model = unrefined(piece.whole, state, evolving).model
+        return model.field is not None and model.free_motions.count == 0
 
     return bool(ranks.mpi.bcast(ranks.agree(look)))
 
