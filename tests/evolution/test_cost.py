@@ -15,12 +15,12 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.certificates.smallness import smallness
+from hemivar.discrete.operators import Operator
 from hemivar.evolution import Evolution, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.march import March, marching
 from hemivar.evolution.margin import Margins
-from hemivar.evolution.operators import Operator
 from hemivar.evolution.save import Save
 from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.stage import expected_multiplier, forces, left_over, stage_state

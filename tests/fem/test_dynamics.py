@@ -15,10 +15,11 @@ from skfem.helpers import ddot, dot, sym_grad, trace
 from hemivar.certificates import smallness
 from hemivar.certificates.smallness import trace_constants
 from hemivar.discrete import DiscreteProblem
+from hemivar.discrete.operators import Multiple, Operator
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
-from hemivar.fem.dynamics import body_matrices
+from hemivar.fem.dynamics import body_family
 from hemivar.fem.hierarchy import coarser
 from hemivar.fem.mass import mass_matrix, resists
 from hemivar.fem.reactions import support_reactions
@@ -137,7 +138,7 @@ def test_matrices_are_those_of_the_full_body(make: Callable[[], Mesh], order: in
     """``U = P u + E z`` in matrices of all nodal components, by scikit-fem alone."""
     problem = moving(make(), order)
     discrete = discretize(problem)
-    matrices = body_matrices(problem)
+    matrices = body_family(problem)
     field = discrete.field
     assert field is not None
     mesh = problem.mesh
@@ -157,7 +158,7 @@ def test_matrices_are_those_of_the_full_body(make: Callable[[], Mesh], order: in
         assert part is not None
         scale = abs(full).max()
         for mine, theirs in (
-            (part.matrix, field.basis.T @ full @ field.basis),
+            (part.inner, field.basis.T @ full @ field.basis),
             (part.coupling, field.basis.T @ full @ E),
             (part.held, E.T @ full @ E),
         ):
@@ -165,25 +166,34 @@ def test_matrices_are_those_of_the_full_body(make: Callable[[], Mesh], order: in
         rng = np.random.default_rng(2)
         u, z = rng.standard_normal(discrete.unknowns), rng.standard_normal(len(matrices.moved))
         U = field.basis @ u + E @ z
-        assert abs(part.energy(u, z) - 0.5 * U @ (full @ U)) < 1e-12 * scale * (U @ U)
-        np.testing.assert_allclose(part.times(u, z), field.basis.T @ (full @ U), atol=1e-12 * scale)
+        x = np.concatenate([u, z])
+        assert abs(part.energy(x) - 0.5 * U @ (full @ U)) < 1e-12 * scale * (U @ U)
+        forces = np.concatenate([field.basis.T @ (full @ U), E.T @ (full @ U)])
+        np.testing.assert_allclose(part.times(x), forces, atol=1e-12 * scale)
 
 
 @pytest.mark.parametrize(("make", "order"), three_dimensional_or_second_order())
 def test_all_matrices_share_one_sparsity(make: Callable[[], Mesh], order: int) -> None:
     problem = moving(make(), order)
     discrete = discretize(problem)
-    matrices = body_matrices(problem, discrete)
+    matrices = body_family(problem, discrete)
     K = discrete.stiffness
-    assert matrices.stiffness.matrix is K
+    assert matrices.stiffness.inner is K
     assert matrices.viscosity is not None
     assert matrices.mass is not None
-    parts = [matrices.viscosity, matrices.mass, *(part for _, part in matrices.branches)]
-    step = matrices.effective(1.0, (2.0, 3.0), 4.0)
-    for part in (*parts, step):
-        assert part.matrix.indices is K.indices
-        assert part.matrix.indptr is K.indptr
-    alone = body_matrices(problem).stiffness.matrix
+    step = matrices.combined(1.0, 4.0, (2.0, 3.0))
+    assert step.indices is K.indices
+    assert step.indptr is K.indptr
+    rows = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
+    for part in (matrices.viscosity, matrices.mass, *(part for _, part in matrices.branches)):
+        if part.places is None:
+            assert part.inner.indices is K.indices
+            assert part.inner.indptr is K.indptr
+            continue
+        entries = part.inner.tocoo()
+        assert np.array_equal(K.indices[part.places], entries.col)
+        assert np.array_equal(rows[part.places], entries.row)
+    alone = body_family(problem).stiffness.inner
     assert np.array_equal(alone.indices, K.indices)
     assert np.array_equal(alone.indptr, K.indptr)
     assert abs(alone - K).max() == 0.0
@@ -192,7 +202,7 @@ def test_all_matrices_share_one_sparsity(make: Callable[[], Mesh], order: int) -
 @pytest.mark.parametrize(("make", "order"), three_dimensional_or_second_order())
 def test_the_effective_body_is_the_sum_of_the_matrices(make: Callable[[], Mesh], order: int) -> None:
     problem = moving(make(), order, bedding=0.7)
-    matrices = body_matrices(problem)
+    matrices = body_family(problem)
     a, g, b = 7.0, (0.3, 0.6), 11.0
     discrete = discretize(problem.effective(a, g, b))
     K = discrete.stiffness
@@ -200,26 +210,23 @@ def test_the_effective_body_is_the_sum_of_the_matrices(make: Callable[[], Mesh],
     assert matrices.mass is not None
     parts = [(1.0, matrices.stiffness), (a, matrices.viscosity), (b, matrices.mass)]
     parts += [(share, part) for share, (_, part) in zip(g, matrices.branches, strict=True)]
-    whole = sum(factor * part.matrix.toarray() for factor, part in parts)
+    whole = sum(factor * part.inner.toarray() for factor, part in parts)
     scale = np.abs(whole).max()
     assert np.abs(K.toarray() - whole).max() < 1e-14 * scale
-    step = matrices.effective(a, g, b)
-    assert np.array_equal(step.matrix.indices, K.indices)
-    assert np.array_equal(step.matrix.indptr, K.indptr)
-    assert np.abs(step.matrix.toarray() - whole).max() < 1e-14 * scale
-    assert np.abs(step.coupling.toarray() - sum(factor * part.coupling.toarray() for factor, part in parts)).max() < (
-        1e-14 * scale
-    )
-    assert np.abs(step.held.toarray() - sum(factor * part.held.toarray() for factor, part in parts)).max() < (
-        1e-14 * scale
+    step = matrices.combined(a, b, g)
+    assert np.array_equal(step.indices, K.indices)
+    assert np.array_equal(step.indptr, K.indptr)
+    assert np.abs(step.toarray() - whole).max() < 1e-14 * scale
+    coupling, held = (
+        sum(factor * getattr(part, name).toarray() for factor, part in parts) for name in ("coupling", "held")
     )
     field = discrete.field
     assert field is not None
     assert discrete.model.resisted
     assert discrete.model.free_motions.count == 0
     z = field.prescribed[matrices.moved]
-    np.testing.assert_allclose(discrete.load, -(step.coupling @ z), atol=1e-13 * scale)
-    assert abs(discrete.constant - 0.5 * z @ (step.held @ z)) < 1e-13 * scale
+    np.testing.assert_allclose(discrete.load, -(coupling @ z), atol=1e-13 * scale)
+    assert abs(discrete.constant - 0.5 * z @ (held @ z)) < 1e-13 * scale
 
 
 @pytest.mark.parametrize("make", [lambda: rectangle((2, 1), (4, 2)).refined(), lambda: cube(2).refined()])
@@ -229,18 +236,58 @@ def test_the_coarser_level_is_rediscretised(make: Callable[[], Mesh]) -> None:
     below = coarser(discretize(step))
     assert below is not None
     assert problem.mesh.parent is not None
-    coarse = body_matrices(problem.on(problem.mesh.parent.mesh)).effective(3.0, (0.5, 0.25), 10.0)
+    coarse = body_family(problem.on(problem.mesh.parent.mesh)).combined(3.0, 10.0, (0.5, 0.25))
     K = below.problem.stiffness
-    assert abs(K - coarse.matrix).max() < 1e-14 * abs(K).max()
+    assert abs(K - coarse).max() < 1e-14 * abs(K).max()
     assert below.problem.model.resisted
-    assert np.array_equal(K.indices, coarse.matrix.indices)
+    assert np.array_equal(K.indices, coarse.indices)
+
+
+def test_a_viscosity_in_proportion_to_the_stiffness_is_not_stored_again() -> None:
+    """Also with supports that move, and where a bedding makes them differ it is."""
+    material = Material.lame(3.0, 2.0, viscosity=(0.3, 0.2), branches=[Branch(lame=(6.0, 4.0), time=1.0)])
+    for changes in ({}, {"bedding": 2.0}):
+        family = body_family(moving(rectangle((2, 1), (4, 2)), material=material, **changes))
+        assert family.viscosity is not None
+        assert isinstance(family.viscosity, Multiple) is not bool(changes)
+        assert isinstance(family.branches[0][1], Multiple) is not bool(changes)
+        plain = Material.lame(3.0, 2.0)
+        one = body_family(moving(rectangle((2, 1), (4, 2)), material=plain)).stiffness
+        x = np.cos(np.arange(one.unknowns + len(family.moved)))
+        for part, factor in ((family.viscosity, 0.1), (family.branches[0][1], 2.0)):
+            np.testing.assert_allclose(part.times(x), factor * one.times(x), rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(part.row_sums, factor * one.row_sums, rtol=1e-12)
+            assert part.energy(x) == pytest.approx(factor * one.energy(x))
+            for name in ("inner", "coupling", "held"):
+                difference = abs(getattr(part, name) - factor * getattr(one, name)).max() if part.held.nnz else 0.0
+                assert difference < 1e-13
+        step = family.combined(7.0, 0.0, (0.5,)) - family.stiffness.inner
+        assert abs(step - (0.7 + 1.0) * one.inner).max() < 1e-12
+
+
+def test_a_multiple_is_one_where_supports_move_as_well() -> None:
+    K, coupling, held = (sp.csr_array(np.array(a)) for a in ([[2.0, -1.0], [-1.0, 2.0]], [[-1.0], [0.0]], [[3.0]]))
+    base = Operator(K, coupling, held)
+    assert Operator(3.0 * K, 3.0 * coupling, 3.0 * held).multiple_of(base) == 3.0
+    assert Operator(3.0 * K, 3.0 * coupling, 2.0 * held).multiple_of(base) is None
+    assert Operator(3.0 * K, 2.0 * coupling, 3.0 * held).multiple_of(base) is None
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_mass_takes_the_memory_of_one_component(dim: int) -> None:
+    problem = ContactProblem(
+        rectangle(cells=(8, 8)) if dim == 2 else box(cells=3), Material.lame(1.0, 1.0, density=2.0)
+    )
+    family = body_family(problem)
+    assert family.mass is not None
+    assert family.mass.inner.nnz * dim == family.stiffness.inner.nnz
 
 
 def test_supports_that_do_not_move_couple_to_nothing() -> None:
     problem = moving(rectangle(), supports={"left": Clamped(), "top": Roller(), "right": Fixed(x=0.0)})
-    matrices = body_matrices(problem)
+    matrices = body_family(problem)
     assert matrices.moved.size == 0
-    assert matrices.stiffness.coupling.shape == (matrices.stiffness.matrix.shape[0], 0)
+    assert matrices.stiffness.coupling.shape == (matrices.stiffness.unknowns, 0)
     assert matrices.stiffness.held.shape == (0, 0)
 
 
@@ -250,13 +297,13 @@ def test_an_oblique_roller_beside_a_support_that_moves() -> None:
     problem = moving(mesh, supports={"top": Roller(), "left": Fixed(x=0.1)}, contact={})
     discrete = discretize(problem, check_coercivity=False)
     assert discrete.field is not None
-    moved = body_matrices(problem).moved
+    moved = body_family(problem).moved
     assert np.isin(np.flatnonzero(discrete.field.prescribed), moved).all()
     assert len(moved) == 5  # x of the four nodes of the left side, and y of its upper one
 
 
 def test_what_a_body_does_not_have_is_none() -> None:
-    matrices = body_matrices(moving(rectangle(), material=Material.lame(1.0, 1.0)))
+    matrices = body_family(moving(rectangle(), material=Material.lame(1.0, 1.0)))
     assert matrices.viscosity is None
     assert matrices.mass is None
     assert matrices.branches == ()
@@ -476,11 +523,11 @@ def test_implicit_euler_of_a_viscoelastic_block(
     mesh = rectangle((2.5, 1.0), (5, 2), "cross")
     problem = ContactProblem(mesh=mesh, material=body, supports={"left": Clamped()}, body_force=(0.0, 0.2))
     discrete = discretize(problem)
-    matrices = body_matrices(problem, discrete)
+    matrices = body_family(problem, discrete)
     assert matrices.viscosity is not None
-    K, C, f = matrices.stiffness.matrix, matrices.viscosity.matrix, discrete.load
-    M = sp.csr_array(K.shape) if matrices.mass is None else matrices.mass.matrix
-    solver = spla.splu(sp.csc_array(matrices.effective(1 / tau, (), rho / tau**2).matrix))
+    K, C, f = matrices.stiffness.inner, matrices.viscosity.inner, discrete.load
+    M = sp.csr_array(K.shape) if matrices.mass is None else matrices.mass.inner
+    solver = spla.splu(sp.csc_array(matrices.combined(1 / tau, rho / tau**2)))
     u, v = np.zeros(len(f)), np.zeros(len(f))
     viscous = numerical = 0.0
     for _ in range(steps):

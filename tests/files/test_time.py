@@ -12,7 +12,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.errors import ProblemError
-from hemivar.fem.dynamics import body_matrices
+from hemivar.fem.dynamics import body_family
 from hemivar.files.memory_table import memory_kinds
 from hemivar.files.problem_file import ProblemFile, parse_problem, parse_problem_file, read_problem_file, write_problem
 from hemivar.files.time_table import CheckpointSettings, OutputSettings, SchemeSettings, StepSettings, TimeSettings
@@ -158,12 +158,12 @@ def test_everything_comes_back(tmp_path: Path) -> None:
     given, found = (
         parse_problem((tmp_path / name).read_text(encoding="utf-8")) for name in ("given.toml", "again.toml")
     )
-    one, other = (body_matrices(problem.at_time(0.7)) for problem in (given, found))
+    one, other = (body_family(problem.at_time(0.7)) for problem in (given, found))
     for name in ("stiffness", "viscosity", "mass"):
-        np.testing.assert_array_equal(getattr(one, name).matrix.data, getattr(other, name).matrix.data)
+        np.testing.assert_array_equal(getattr(one, name).inner.data, getattr(other, name).inner.data)
     for (time, branch), (again, other_branch) in zip(one.branches, other.branches, strict=True):
         assert time == again
-        np.testing.assert_array_equal(branch.matrix.data, other_branch.matrix.data)
+        np.testing.assert_array_equal(branch.inner.data, other_branch.inner.data)
 
 
 @pytest.mark.parametrize(
@@ -206,9 +206,9 @@ def test_regions_have_their_own(tmp_path: Path) -> None:
     round_trip(text, tmp_path)
     found = read_problem_file(tmp_path / "given.toml").problem
     assert found.material.relaxation_times == (2.0,)
-    mass = body_matrices(found).mass
+    mass = body_family(found).mass
     assert mass is not None
-    assert mass.matrix.sum() == pytest.approx(2.0 * (2.0 + 3.0))
+    assert mass.inner.sum() == pytest.approx(2.0 * (2.0 + 3.0))
     (tmp_path / "given.toml").write_text(text.replace("density = 2\n", ""), encoding="utf-8")
     with pytest.raises(ProblemError, match=r"\[material\] regions: .*region 'left' has no density"):
         read_problem_file(tmp_path / "given.toml")

@@ -13,7 +13,7 @@ import pytest
 
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize
-from hemivar.fem.dynamics import body_matrices
+from hemivar.fem.dynamics import body_family
 from hemivar.formula import Formula, FormulaArray
 from hemivar.laws import Adhesive, Compliance, CoulombBound, Friction, SlipWeakening, Tresca
 from hemivar.laws.memory import Secant
@@ -194,8 +194,8 @@ def test_a_problem_without_time_is_itself() -> None:
 def test_supports_at_a_time_count_as_moved() -> None:
     """Also at a time at which they are at zero: the matrices serve every time."""
     stated = problem(supports={"left": Fixed(x=Formula("0.1 * t"), y=0.0), "right": Clamped()})
-    assert len(body_matrices(stated.at_time(0.0)).moved) == 10
-    assert len(body_matrices(problem(supports={"left": Fixed(x=0.0)})).moved) == 0
+    assert len(body_family(stated.at_time(0.0)).moved) == 10
+    assert len(body_family(problem(supports={"left": Fixed(x=0.0)})).moved) == 0
 
 
 def test_everything_at_once() -> None:

@@ -15,7 +15,7 @@ from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 
-__all__ = ["Bulk", "Quadratic", "without_zeros"]
+__all__ = ["FEW_ZEROS", "Bulk", "Quadratic", "without_zeros"]
 
 _SYMMETRY_TOLERANCE = 1e-10
 #: Least work of a load against the diagonal stiffness, and the inverse of the largest one.
@@ -23,7 +23,7 @@ _LEAST_WORK = 1e-270
 #: Rows of a matrix looked at in one go.
 _PORTION = 1 << 16
 #: Part of the stored entries of a matrix that are none of them zeros, above which zeros are left where they are.
-_FEW_ZEROS = 0.95
+FEW_ZEROS = 0.95
 
 
 @runtime_checkable
@@ -152,7 +152,7 @@ class Quadratic(Portable):
 
 def without_zeros(matrix: sp.csr_array) -> sp.csr_array:
     """The matrix without stored zeros, for products; the matrix itself where they are few."""
-    if np.count_nonzero(matrix.data) > _FEW_ZEROS * matrix.nnz:
+    if np.count_nonzero(matrix.data) > FEW_ZEROS * matrix.nnz:
         return matrix
     found = matrix.copy()
     found.eliminate_zeros()

@@ -15,16 +15,17 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
+from hemivar.discrete.operator_family import OperatorFamily
+from hemivar.discrete.operators import Operator, combined
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete_heat import DiscreteHeat, coupled_heat
 from hemivar.evolution.evolution_problem import Evolution, Mass
-from hemivar.evolution.operators import Operator, combined
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.discretize import discretize
-from hemivar.fem.dynamics import body_matrices
-from hemivar.fem.scalar_dynamics import scalar_acting, scalar_matrices
+from hemivar.fem.hierarchy import family_of
+from hemivar.fem.scalar_dynamics import scalar_acting
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.laws import ContactLaw, Superpotential
 from hemivar.linear.vectors import WHOLE, Vectors
@@ -70,11 +71,8 @@ class DiscreteEvolution(Portable):
     evolution : Evolution
     problem : DiscreteProblem
         The elastic body at the start.
-    stiffness : Operator
-    viscosity, mass : Operator or None
-    branches : tuple of (relaxation time, Operator)
-    moved : int array (k,)
-        Nodal components that supports may move.
+    family : OperatorFamily
+        Its matrices.
     blocks : tuple of (boundary, int array)
         Contact points of each boundary, in their order.
     heat : DiscreteHeat or None
@@ -82,13 +80,34 @@ class DiscreteEvolution(Portable):
 
     evolution: Evolution
     problem: DiscreteProblem
-    stiffness: Operator
-    viscosity: Operator | None
-    mass: Operator | None
-    branches: tuple[tuple[float, Operator], ...]
-    moved: IntArray
+    family: OperatorFamily
     blocks: tuple[tuple[str, IntArray], ...]
     heat: DiscreteHeat | None = field(default=None, kw_only=True)
+
+    @cached_property
+    def stiffness(self) -> Operator:
+        """Stiffness at the start."""
+        return self.family.stiffness
+
+    @cached_property
+    def viscosity(self) -> Operator | None:
+        """Viscosity; of heat the capacity."""
+        return self.family.viscosity
+
+    @cached_property
+    def mass(self) -> Operator | None:
+        """Mass, if the evolution has inertia."""
+        return self.family.mass
+
+    @cached_property
+    def branches(self) -> tuple[tuple[float, Operator], ...]:
+        """Relaxation time and stiffness of each branch."""
+        return self.family.branches
+
+    @cached_property
+    def moved(self) -> IntArray:
+        """Nodal components (k,) that supports may move."""
+        return self.family.moved
 
     @property
     def vectors(self) -> Vectors:
@@ -179,36 +198,17 @@ def discretize_evolution(evolution: Evolution) -> DiscreteEvolution:
         # What stores heat holds a temperature within a step.
         held = not (evolution.inertia or stated.capacity is not None)
         problem = discretize(stated, check_coercivity=held, evolving=True)
-        matrices = scalar_matrices(stated, problem)
     else:
         problem = discretize(stated, check_coercivity=not evolution.inertia, evolving=True)
-        matrices = body_matrices(stated, problem)
-    mass = matrices.mass if evolution.inertia else None
-    operators = {
-        name: None if part is None else Operator(part.matrix, part.coupling, part.held)
-        for name, part in (("stiffness", matrices.stiffness), ("viscosity", matrices.viscosity), ("mass", mass))
-    }
-    if operators["mass"] is not None and evolution.mass is Mass.REDISTRIBUTED:
-        operators["mass"] = _redistributed(operators["mass"], problem, matrices.moved)
-    branches = tuple((time, Operator(part.matrix, part.coupling, part.held)) for time, part in matrices.branches)
+    family = family_of(problem, evolution.inertia)
+    if family.mass is not None and evolution.mass is Mass.REDISTRIBUTED:
+        family = replace(family, mass=_redistributed(family.mass, problem, family.moved))
     contact = problem.contact
     blocks = tuple((name, contact.on(name)) for name in contact.names if contact.on(name).size)
     for name, index in blocks:
         if np.any(np.diff(index) != 1):
             raise ProblemError(f"contact points of boundary '{name}' are not numbered one after another")
-    stiffness = operators["stiffness"]
-    assert stiffness is not None
-    return DiscreteEvolution(
-        evolution,
-        problem,
-        stiffness,
-        operators["viscosity"],
-        operators["mass"],
-        branches,
-        matrices.moved,
-        blocks,
-        heat=_heat(evolution, stated, problem, matrices.moved),
-    )
+    return DiscreteEvolution(evolution, problem, family, blocks, heat=_heat(evolution, stated, problem, family.moved))
 
 
 def _heat(evolution: Evolution, stated: Statement, problem: DiscreteProblem, moved: IntArray) -> DiscreteHeat | None:
@@ -239,8 +239,10 @@ def _redistributed(mass: Operator, problem: DiscreteProblem, moved: IntArray) ->
     node = np.concatenate([basis.indices[basis.indptr[:-1]], moved]) // field.components
     spread = _spread(whole, massless, node)
     if not moved.size:
-        return Operator(spread, mass.coupling, mass.held)
-    return Operator(spread[:n, :n], spread[:n, n:], spread[n:, n:])
+        return replace(mass, inner=spread)
+    inner = spread[:n, :n]
+    assert inner.nnz == mass.inner.nnz  # nothing is joined that was not, and zeros stay
+    return replace(mass, inner=inner, coupling=spread[:n, n:], held=spread[n:, n:])
 
 
 def _spread(M: sp.csr_array, massless: Array, node: IntArray) -> sp.csr_array:
@@ -336,21 +338,14 @@ class Bodies:
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete
-        parts = [(1.0, discrete.stiffness.inner)]
-        if discrete.viscosity is not None:
-            parts.append((viscous, discrete.viscosity.inner))
-        if discrete.mass is not None:
-            parts.append((inert, discrete.mass.inner))
-        parts += [(g, part.inner) for g, (_, part) in zip(branches, discrete.branches, strict=True)]
         base, field = discrete.problem, discrete.field
+        # An elastic body asks for neither, whatever the scheme multiplies them with.
+        viscous = viscous if discrete.viscosity is not None else 0.0
+        inert = inert if discrete.mass is not None else 0.0
         origin = base.origin
-        if len(parts) > 1:
+        if viscous or inert or branches:
             assert origin is not None
-            origin = origin.effective(
-                viscous if discrete.viscosity is not None else 0.0,
-                branches,
-                inert if discrete.mass is not None else 0.0,
-            )
+            origin = origin.effective(viscous, branches, inert)
         quiet = Field(
             field.mesh,
             field.order,
@@ -362,7 +357,7 @@ class Bodies:
             constants=field.constants,
         )
         resisted = base.model.resisted or discrete.mass is not None or discrete.stores
-        stiffness = combined(parts) if len(parts) > 1 else base.stiffness
+        stiffness = discrete.family.combined(viscous, inert, branches)
         # The load of each step is another one, and steps go downhill by themselves: nothing is shown.
         return DiscreteProblem(
             Model(Quadratic(stiffness, assembled=True), base.contact, Space((quiet,)), origin, resisted),

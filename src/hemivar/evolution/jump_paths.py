@@ -33,16 +33,15 @@ from hemivar.branches.follower import Follower, Track, TrackPoint
 from hemivar.branches.path import PathEnd
 from hemivar.certificates.smallness import smallness
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.operators import Operator, of_arrays
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
 from hemivar.evolution.descent import bottom, downhill, slowed
 from hemivar.evolution.discrete import Bodies, DiscreteEvolution
 from hemivar.evolution.jumps import Jump, Leap
-from hemivar.evolution.operators import combined
 from hemivar.evolution.stage import Stage
-from hemivar.fem.dynamics import body_matrices
+from hemivar.fem.hierarchy import family_of
 from hemivar.fem.load_line import LoadLine
-from hemivar.fem.scalar_dynamics import scalar_matrices
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, Solution, Solver, Status, solve
@@ -160,15 +159,11 @@ class JumpPaths:
         return _ended(fall, problem, landed.unknowns, leaps)
 
     @cached_property
-    def mass(self) -> sp.csr_array:
+    def mass(self) -> Operator:
         """Mass of a body with density, on the sparsity of its stiffness."""
-        stated = self.discrete.evolution.problem.at_time(self.discrete.evolution.start)
-        if isinstance(stated, ScalarProblem):
-            found = scalar_matrices(stated, self.discrete.problem).mass
-        else:
-            found = body_matrices(stated, self.discrete.problem).mass
+        found = family_of(self.discrete.problem, True).mass
         assert found is not None
-        return found.matrix
+        return found
 
 
 def _ended(
@@ -238,11 +233,11 @@ class _Fall:
         size = _norm(K, way)
         if not self.leap(1.0, problem, u, there):
             return there
-        return self._swung(problem, u + _PUSH * way, size, size / _norm(self.paths.mass, way))
+        return self._swung(problem, u + _PUSH * way, size, size / _norm(self.paths.mass.inner, way))
 
     def _swung(self, problem: DiscreteProblem, u: Array, size: float, rate: float) -> Solution:
         """By inertia, from rest; the way is about ``size`` in the energy norm, the motion about as fast as ``rate``."""
-        K, M = problem.stiffness, self.paths.mass
+        K, M = problem.stiffness, self.paths.mass.inner
         swing, start = _Swing(self.paths, problem, rate), u
         rung = swing.unique(6)
         v, turned, largest, time = np.zeros_like(u), False, 0.0, 0.0
@@ -299,7 +294,10 @@ class _Swing:
         """The problem with the stiffness ``K + M/step^2``."""
         if rung not in self._made:
             problem, inert = self.problem, self.step(rung) ** -2
-            matrix = combined([(1.0, problem.stiffness), (inert, self.paths.mass)])
+            K = problem.stiffness
+            data = K.data.copy()
+            self.paths.mass.add_to(data, inert)
+            matrix = of_arrays(data, K.indices, K.indptr)
             origin = problem.origin
             if isinstance(origin, ContactProblem | ScalarProblem):
                 origin = origin.effective(0.0, (), inert)
@@ -310,7 +308,7 @@ class _Swing:
     def posed(self, rung: int, u: Array, v: Array) -> DiscreteProblem:
         """A step from a place and a velocity."""
         step = self.step(rung)
-        load = self.problem.load + self.paths.mass @ (u / step + v) / step
+        load = self.problem.load + self.paths.mass.inner @ (u / step + v) / step
         return self.heavy(rung).with_(load=load)
 
     def unique(self, rung: int) -> int:

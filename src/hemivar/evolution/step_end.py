@@ -9,10 +9,10 @@ import numpy as np
 
 from hemivar.basics.relaxation import squares_of_relaxation
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.operators import Operator
 from hemivar.evolution.discrete import Acting, DiscreteEvolution
 from hemivar.evolution.energy_balance import EnergyBalance
 from hemivar.evolution.jumps import Leap
-from hemivar.evolution.operators import Operator
 from hemivar.evolution.schemes import Rule
 from hemivar.evolution.stage import Stage, StageState, momentum, stiffness_force
 from hemivar.evolution.state import Kinematics, LastStep, Rates, TimeState

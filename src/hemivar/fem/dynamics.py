@@ -2,101 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.arguments import expect
-from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.operator_family import OperatorFamily
+from hemivar.discrete.operators import Multiple, Operator, of_arrays
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
-from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.discretize import discretize
+from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.mass import body_blocks, mass_blocks
 from hemivar.fem.supports import Supports
 from hemivar.fem.unknowns import nodal_conditions
 from hemivar.mechanics.bedding import Bedding, bedding_of
 from hemivar.mechanics.composed_material import Combination
 from hemivar.mechanics.conditions import Support, prescribed_values
-from hemivar.mechanics.material import Material
 from hemivar.mechanics.statement import ContactProblem
 
-__all__ = ["BodyMatrices", "BodyMatrix", "body_matrices", "moved_components"]
+__all__ = ["Reduction", "body_family", "moved_components"]
 
 
-@dataclass(frozen=True, eq=False)
-class BodyMatrix(Portable):
-    """A symmetric matrix A of nodal displacements ``U = P u + E z``, z the displacements that supports prescribe.
+class Reduction:
+    """Makes operators of a body of the blocks of its nodes and edges, on the sparsity of its stiffness.
 
-    Attributes
+    Parameters
     ----------
-    matrix : sparse array, shape (n, n)
-        ``P'A P``.
-    coupling : sparse array, shape (n, k)
-        ``P'A E``.
-    held : sparse array, shape (k, k)
-        ``E'A E``.
+    problem : DiscreteProblem
+        The elastic body.
+    moved : int array (k,)
+        Nodal components that supports may move.
+    free : bool array (nodes, c)
+        Which components of the nodes are unknowns.
+    directions : array (nodes, c, c), optional
+        Along which they go; by default along the axes.
     """
 
-    matrix: sp.csr_array
-    coupling: sp.csr_array
-    held: sp.csr_array
+    def __init__(
+        self, problem: DiscreteProblem, moved: IntArray, free: BoolArray, directions: Array | None = None
+    ) -> None:
+        assert problem.field is not None
+        self.problem, self.moved, self.free, self.directions = problem, moved, free, directions
+        if problem.unknowns != int(free.sum()):
+            raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
 
-    def energy(self, u: Array, z: Array) -> float:
-        """``U'A U / 2`` of unknowns (n,) and prescribed displacements (k,)."""
-        return 0.5 * float(u @ (self.matrix @ u)) + float(u @ (self.coupling @ z)) + 0.5 * float(z @ (self.held @ z))
+    def stiffness(self, blocks: EdgeBlocks | None) -> Operator:
+        """The operator of the stiffness, which is that of the problem; None where no support moves."""
+        return Operator(self.problem.stiffness, *self._coupled(blocks))
 
-    def times(self, u: Array, z: Array) -> Array:
-        """``P'A U``, shape (n,)."""
-        return np.asarray(self.matrix @ u + self.coupling @ z)
+    def part(self, blocks: EdgeBlocks, of: Operator | None = None) -> Operator:
+        """Another operator, a multiple of the one ``of`` if it is one up to rounding. The blocks are used up."""
+        coupling, held = self._coupled(blocks)
+        if self.directions is not None:
+            blocks.turn(self.directions)
+        pattern, data = self.problem.stiffness, blocks.matrix(self.free).data
+        if of is not None:
+            whole = Operator(of_arrays(data, pattern.indices, pattern.indptr), coupling, held)
+            factor = whole.multiple_of(of)
+            if factor is not None:
+                return Multiple(of, factor)
+        return Operator.like(pattern, data, coupling, held)
 
-
-@dataclass(frozen=True, eq=False)
-class BodyMatrices(Portable):
-    """What a body is made of, reduced to the unknowns of :func:`discretize`; the arrays of the sparsity are shared.
-
-    Attributes
-    ----------
-    stiffness : BodyMatrix
-        With the bedding that is stated.
-    viscosity : BodyMatrix or None
-    mass : BodyMatrix or None
-    branches : tuple of (relaxation time, BodyMatrix)
-        In the order of :attr:`Material.relaxation_times`.
-    moved : int array, shape (k,)
-        Nodal components, ``node * d + c``, whose prescribed displacements z may differ from zero.
-    """
-
-    stiffness: BodyMatrix
-    viscosity: BodyMatrix | None
-    mass: BodyMatrix | None
-    branches: tuple[tuple[float, BodyMatrix], ...]
-    moved: IntArray
-
-    def effective(self, viscous: float = 0.0, branches: Sequence[float] = (), inertia: float = 0.0) -> BodyMatrix:
-        """``K + viscous C + inertia M + sum_i branches_i K_i``; the sparsity is shared.
-
-        Parameters
-        ----------
-        viscous, inertia : float
-        branches : sequence of float
-            One for each branch; none leaves them out.
-        """
-        parts = [(viscous, self.viscosity), (inertia, self.mass)]
-        parts += [(share, part) for share, (_, part) in zip(branches, self.branches, strict=True)] if branches else []
-        stiffness = self.stiffness
-        data = stiffness.matrix.data.copy()
-        coupling, held = stiffness.coupling, stiffness.held
-        for factor, part in parts:
-            if factor and part is not None:
-                data += factor * part.matrix.data
-                coupling, held = coupling + factor * part.coupling, held + factor * part.held
-        return BodyMatrix(_like(stiffness.matrix, data), sp.csr_array(coupling), sp.csr_array(held))
+    def _coupled(self, blocks: EdgeBlocks | None) -> tuple[sp.csr_array, sp.csr_array]:
+        assert self.problem.field is not None
+        basis, count = self.problem.field.basis, len(self.moved)
+        if blocks is None or not count:
+            return sp.csr_array((basis.shape[1], count)), sp.csr_array((count, count))
+        columns = blocks.columns(self.moved)
+        return sp.csr_array(basis.T @ columns), sp.csr_array(columns[self.moved])
 
 
-def body_matrices(problem: ContactProblem, discrete: DiscreteProblem | None = None) -> BodyMatrices:
+def body_family(
+    problem: ContactProblem, discrete: DiscreteProblem | None = None, *, inertia: bool = True
+) -> OperatorFamily:
     """The matrices of a body: its stiffness is that of :func:`discretize`, the others stand on the same sparsity.
 
     Parameters
@@ -104,7 +83,9 @@ def body_matrices(problem: ContactProblem, discrete: DiscreteProblem | None = No
     problem : ContactProblem
         At one time, where it depends on time.
     discrete : DiscreteProblem, optional
-        What :func:`discretize` made of the same problem: its stiffness is taken, and the arrays of its sparsity.
+        What :func:`discretize` made of the same problem.
+    inertia : bool
+        Whether the mass is asked for.
 
     Raises
     ------
@@ -112,52 +93,25 @@ def body_matrices(problem: ContactProblem, discrete: DiscreteProblem | None = No
         A density is not positive, a viscosity or a branch not positive semidefinite, or as in :func:`discretize`.
     """
     problem = expect(problem, ContactProblem, "what to make matrices of", "give the ContactProblem")
-    material, bedding = problem.material, bedding_of(problem.bedding)
-    conditions = nodal_conditions(problem)
-    maker = _Maker(problem, conditions.supports)
-    known = None if discrete is None else discrete.stiffness
-    if known is not None and known.shape[0] != conditions.basis.shape[1]:
-        raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
-    mesh, graph = problem.mesh, node_graph(problem.mesh, problem.order)
-
-    def make(elastic: Material | None, dense: Bedding, like: sp.csr_array | None) -> BodyMatrix:
-        blocks = mass_blocks(mesh, dense, graph) if elastic is None else body_blocks(mesh, elastic, dense, graph)
-        coupling, held = maker.coupled(blocks.columns(maker.moved), conditions.basis)
-        if elastic is material and known is not None:
-            return BodyMatrix(known, coupling, held)
-        blocks.turn(conditions.directions)
-        matrix = blocks.matrix(conditions.free)
-        return BodyMatrix(matrix if like is None else _like(like, matrix.data), coupling, held)
-
-    stiffness = make(material, bedding, None)
-    like = stiffness.matrix
+    discrete = discretize(problem, check_coercivity=False, evolving=True) if discrete is None else discrete
+    material, bedding, mesh = problem.material, bedding_of(problem.bedding), problem.mesh
+    conditions, graph = nodal_conditions(problem), node_graph(mesh, problem.order)
+    moved = moved_components(problem, conditions.supports)
+    reduction = Reduction(discrete, moved, conditions.free, conditions.directions)
+    stiffness = reduction.stiffness(body_blocks(mesh, material, bedding, graph) if moved.size else None)
     times = material.relaxation_times
     none = (0.0,) * len(times)
-    viscosity = make(Combination(material, 0.0, 1.0, none), Bedding(), like) if material.viscous else None
-    mass = make(None, Bedding(0.0, material, 1.0), like) if material.inert else None
-    branches = tuple(
-        (time, make(Combination(material, 0.0, 0.0, (*none[:i], 1.0, *none[i + 1 :])), Bedding(), like))
-        for i, time in enumerate(times)
-    )
-    return BodyMatrices(stiffness, viscosity, mass, branches, maker.moved)
 
+    def made(viscous: float, shares: tuple[float, ...]) -> Operator:
+        blocks = body_blocks(mesh, Combination(material, 0.0, viscous, shares), Bedding(), graph)
+        return reduction.part(blocks, stiffness)
 
-def _like(matrix: sp.csr_array, data: Array) -> sp.csr_array:
-    """A matrix of other entries that shares the arrays of the sparsity."""
-    made = sp.csr_array(matrix.shape)
-    made.data, made.indices, made.indptr = data, matrix.indices, matrix.indptr
-    made.has_sorted_indices = made.has_canonical_format = True
-    return made
-
-
-class _Maker:
-    """What the displacements that supports prescribe take of a matrix."""
-
-    def __init__(self, problem: ContactProblem, supports: Supports) -> None:
-        self.moved = moved_components(problem, supports)
-
-    def coupled(self, columns: sp.csr_array, basis: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
-        return sp.csr_array(basis.T @ columns), sp.csr_array(columns[self.moved])
+    viscosity = made(1.0, none) if material.viscous else None
+    mass = None
+    if inertia and material.inert:
+        mass = reduction.part(mass_blocks(mesh, Bedding(0.0, material, 1.0), graph))
+    branches = tuple((time, made(0.0, (*none[:i], 1.0, *none[i + 1 :]))) for i, time in enumerate(times))
+    return OperatorFamily(discrete, stiffness, viscosity, mass, branches, moved)
 
 
 def moved_components(problem: ContactProblem, supports: Supports) -> IntArray:

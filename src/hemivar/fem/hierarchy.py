@@ -10,11 +10,15 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, IntArray
 from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
+from hemivar.fem.dynamics import body_family
+from hemivar.fem.scalar_dynamics import scalar_family
+from hemivar.mechanics.scalar import ScalarProblem
 
-__all__ = ["Coarser", "coarser", "rigid_motions"]
+__all__ = ["Coarser", "coarser", "family_of", "rigid_motions"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +84,21 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     prolongation.eliminate_zeros()
     step = Coarser(coarse, prolongation, field, _shared_points(problem.contact, coarse.contact, parent.interpolation))
     return replace(step, problem=step.posed(problem))
+
+
+def family_of(problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
+    """The matrices in time of an elastic body that was discretised, with its mass if that is asked for.
+
+    Raises
+    ------
+    ProblemError
+        As :func:`hemivar.fem.dynamics.body_family`.
+    """
+    stated = problem.origin
+    assert stated is not None
+    if isinstance(stated, ScalarProblem):
+        return scalar_family(stated, problem, inertia=inertia)
+    return body_family(stated, problem, inertia=inertia)
 
 
 def _shared_points(fine: ContactPoints, coarse: ContactPoints, interpolation: sp.csr_array) -> IntArray:

@@ -8,18 +8,18 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.errors import ProblemError
-from hemivar.fem.dynamics import BodyMatrices, BodyMatrix
-from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.dynamics import Reduction
+from hemivar.fem.edge_blocks import EdgeBlocks, node_graph
 from hemivar.fem.scalar_energy import contact_of, held_values, scalar_blocks, scalar_load
 from hemivar.laws import ContactLaw
 from hemivar.mechanics.scalar import ScalarKind, ScalarProblem, Shares
 
-__all__ = ["scalar_acting", "scalar_matrices"]
+__all__ = ["scalar_acting", "scalar_family"]
 
 
-def scalar_matrices(problem: ScalarProblem, discrete: DiscreteProblem) -> BodyMatrices:
+def scalar_family(problem: ScalarProblem, discrete: DiscreteProblem, *, inertia: bool = True) -> OperatorFamily:
     """Stiffness, viscosity (of heat its capacity) and mass, reduced to the unknowns of :func:`discretize_scalar`.
 
     Parameters
@@ -28,6 +28,8 @@ def scalar_matrices(problem: ScalarProblem, discrete: DiscreteProblem) -> BodyMa
         At one time, where it depends on time.
     discrete : DiscreteProblem
         What :func:`discretize_scalar` made of it.
+    inertia : bool
+        Whether the mass is asked for.
 
     Raises
     ------
@@ -36,28 +38,21 @@ def scalar_matrices(problem: ScalarProblem, discrete: DiscreteProblem) -> BodyMa
     """
     field = discrete.field
     assert field is not None
-    basis, stiffness = field.basis, discrete.stiffness
     graph, moved = node_graph(problem.mesh, problem.order), moved_nodes(problem)
-    free = np.diff(basis.indptr)[:, None] > 0
-    if stiffness.shape[0] != basis.shape[1]:
-        raise ProblemError("the discrete problem is not made of this statement; discretize the statement")
+    reduction = Reduction(discrete, moved, np.diff(field.basis.indptr)[:, None] > 0)
 
-    def part(shares: Shares | None = None, only_mass: bool = False) -> BodyMatrix:
-        stated = problem if shares is None else replace(problem, bedding=0.0, shares=shares)
-        blocks = scalar_blocks(stated, graph, only_mass=only_mass)
-        data = stiffness.data if shares is None else blocks.matrix(free).data
-        inner = sp.csr_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
-        columns = blocks.columns(moved)
-        return BodyMatrix(inner, sp.csr_array(basis.T @ columns), sp.csr_array(columns[moved]))
+    def part(shares: Shares, only_mass: bool = False) -> EdgeBlocks:
+        return scalar_blocks(replace(problem, bedding=0.0, shares=shares), graph, only_mass=only_mass)
 
+    stiffness = reduction.stiffness(scalar_blocks(problem, graph) if moved.size else None)
     viscosity = mass = None
     if problem.viscosity is not None:
-        viscosity = part(Shares(viscous=1.0, elastic=0.0))
+        viscosity = reduction.part(part(Shares(viscous=1.0, elastic=0.0)), stiffness)
     if problem.capacity is not None:
-        viscosity = part(Shares(viscous=1.0), only_mass=True)
-    if problem.density is not None:
-        mass = part(Shares(inert=1.0), only_mass=True)
-    return BodyMatrices(part(), viscosity, mass, (), moved)
+        viscosity = reduction.part(part(Shares(viscous=1.0), only_mass=True))
+    if inertia and problem.density is not None:
+        mass = reduction.part(part(Shares(inert=1.0), only_mass=True))
+    return OperatorFamily(discrete, stiffness, viscosity, mass, (), moved)
 
 
 def moved_nodes(problem: ScalarProblem) -> IntArray:

@@ -12,6 +12,8 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
+from hemivar.discrete.operator_family import OperatorFamily
+from hemivar.discrete.operators import Operator
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.engines.petsc.assembly import BodyOnRanks, _present, _with_facets_around, assemble
 from hemivar.engines.petsc.matrices import stiffness_and_load
@@ -22,7 +24,6 @@ from hemivar.engines.petsc.stiffness import applied
 from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, Mass
 from hemivar.evolution.discrete import Acting, Bodies, DiscreteEvolution, dampings
-from hemivar.evolution.operators import Operator
 from hemivar.fem.assembly import load_vector
 from hemivar.fem.dynamics import moved_components
 from hemivar.fem.edge_blocks import EdgeBlocks
@@ -343,8 +344,8 @@ def discretize_on_ranks(
     evolution = replace(evolution, problem=evolution.problem)
     make = _Matrices(ranks, piece, body, frame, at_start)
     return EvolutionOnRanks(
-        evolution, problem, make.stiffness(), make.viscosity(), make.mass() if evolution.inertia else None,
-        make.branches(), moved, tuple(blocks), ranks, tuple(pieces), state, body, frame, skin, seen,
+        evolution, problem, make.family(problem, evolution.inertia), tuple(blocks), ranks, tuple(pieces), state, body,
+        frame, skin, seen,
     )  # fmt: skip
 
 
@@ -394,6 +395,10 @@ class _Matrices:
         self.ranks, self.body, self.frame, self.mesh = ranks, body, frame, piece.mesh
         self.stated = ranks.agree(lambda: at_start(piece.mesh))
         self.material = self.stated.material
+
+    def family(self, problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
+        mass = self.mass() if inertia else None
+        return OperatorFamily(problem, self.stiffness(), self.viscosity(), mass, self.branches(), self.frame.moved)
 
     def stiffness(self) -> OperatorOnRanks:
         bedding = bedding_of(self.stated.bedding)

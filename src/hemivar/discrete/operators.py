@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator, cg
 
-from hemivar.basics.first_use import cached_property
+from hemivar.basics.first_use import IMPORTS, cached_property
 from hemivar.basics.portable import Portable
-from hemivar.basics.types import Array
-from hemivar.discrete.bulk import without_zeros
+from hemivar.basics.types import Array, IntArray
+from hemivar.discrete.bulk import FEW_ZEROS, without_zeros
 
-__all__ = ["Operator", "combined"]
+__all__ = ["Multiple", "Operator", "combined", "of_arrays"]
 
 #: Rounding of entries that are sums over cells, in units of the diagonal.
 _ROUNDED = 16.0 * float(np.finfo(float).eps)
@@ -31,11 +30,36 @@ class Operator(Portable):
     inner : sparse array, shape (n, n)
     coupling : sparse array, shape (n, k)
     held : sparse array, shape (k, k)
+    places : int array or None
+        Where the entries of ``inner`` stand among those of the matrix that it is added to; None if it has the same.
     """
 
     inner: sp.csr_array
     coupling: sp.csr_array
     held: sp.csr_array
+    places: IntArray | None = None
+
+    @staticmethod
+    def like(pattern: sp.csr_array, data: Array, coupling: sp.csr_array, held: sp.csr_array) -> Operator:
+        """With entries (nnz,) on the sparsity of another matrix, whose arrays it shares unless many of them are zero.
+
+        The mass of a body couples no component with another one, so that half of its entries or more are.
+        """
+        there = data != 0.0
+        if np.count_nonzero(there) > FEW_ZEROS * data.size:
+            return Operator(of_arrays(data, pattern.indices, pattern.indptr), coupling, held)
+        places = np.flatnonzero(there)
+        before = np.zeros(data.size + 1, dtype=pattern.indptr.dtype)
+        np.cumsum(there, out=before[1:])
+        inner = of_arrays(data[places], pattern.indices[places], before[pattern.indptr])
+        return Operator(inner, coupling, held, places.astype(pattern.indices.dtype))
+
+    def add_to(self, data: Array, factor: float) -> None:
+        """Add a multiple to the entries (nnz,) of the matrix whose sparsity it stands on, in place."""
+        if self.places is None:
+            data += factor * self.inner.data
+        else:
+            data[self.places] += factor * self.inner.data
 
     @property
     def unknowns(self) -> int:
@@ -61,7 +85,7 @@ class Operator(Portable):
         return np.concatenate([self._entries @ u + self.coupling @ z, self.coupling.T @ u + self.held @ z])
 
     def multiple_of(self, other: Operator) -> float | None:
-        """The number t with ``inner = t other.inner`` up to the rounding of its entries; None if there is none."""
+        """The number t with ``A = t B``, B the other one, up to the rounding of entries; None if there is none."""
         own, base = self.inner, other.inner
         first, diagonal = own.diagonal(), base.diagonal()
         if own.nnz != base.nnz or not diagonal.size or diagonal.min() <= 0.0:
@@ -79,6 +103,11 @@ class Operator(Portable):
             size = np.repeat(root[start : start + _PORTION], np.diff(rows)) * root[columns]
             if (np.abs(own.data[part] - ratio * base.data[part]) > least * size).any():
                 return None
+        moved = np.sqrt(other.held.diagonal())
+        for one, two, rows in ((self.coupling, other.coupling, root), (self.held, other.held, moved)):
+            rest = sp.coo_array(one - ratio * two)
+            if (np.abs(rest.data) > least * rows[rest.row] * moved[rest.col]).any():
+                return None
         return ratio
 
     def energy(self, x: Array) -> float:
@@ -87,6 +116,9 @@ class Operator(Portable):
 
     def solved(self, right: Array) -> Array | None:
         """Unknowns u (n,) with ``inner u = right`` (n,), zero where the diagonal is; None if they are not found."""
+        with IMPORTS:
+            from scipy.sparse.linalg import LinearOperator, cg  # only here: most bodies start without it
+
         diagonal = self.inner.diagonal()
         there = diagonal > 0.0
         scaled = LinearOperator(self.inner.shape, matvec=lambda x: x / np.where(there, diagonal, 1.0))
@@ -97,6 +129,61 @@ class Operator(Portable):
     def numbers(self) -> tuple[Array, ...]:
         """All entries, for comparisons."""
         return self.inner.data, self.coupling.data, self.held.data
+
+
+class Multiple(Operator):
+    """A multiple of another operator, which is all that is stored of it.
+
+    Attributes
+    ----------
+    base : Operator
+    factor : float
+    """
+
+    def __init__(self, base: Operator, factor: float) -> None:
+        object.__setattr__(self, "base", base)
+        object.__setattr__(self, "factor", float(factor))
+
+    base: Operator
+    factor: float
+
+    @cached_property
+    def inner(self) -> sp.csr_array:
+        return self.factor * self.base.inner
+
+    @property
+    def coupling(self) -> sp.csr_array:
+        return self.factor * self.base.coupling
+
+    @property
+    def held(self) -> sp.csr_array:
+        return self.factor * self.base.held
+
+    @property
+    def unknowns(self) -> int:
+        return self.base.unknowns
+
+    @cached_property
+    def row_sums(self) -> Array:
+        return abs(self.factor) * self.base.row_sums
+
+    def times(self, x: Array) -> Array:
+        return self.factor * self.base.times(x)
+
+    def multiple_of(self, other: Operator) -> float | None:
+        return self.factor if other is self.base else super().multiple_of(other)
+
+    @property
+    def numbers(self) -> tuple[Array, ...]:
+        return np.array([self.factor]), *self.base.numbers
+
+
+def of_arrays(data: Array, indices: IntArray, indptr: IntArray) -> sp.csr_array:
+    """A square matrix of arrays that are in order."""
+    made = sp.csr_array((indptr.size - 1,) * 2)
+    made.data, made.indices, made.indptr = data, indices, indptr
+    made.has_sorted_indices = made.has_canonical_format = True
+    return made
 
 
 def combined(parts: Sequence[tuple[float, sp.csr_array]]) -> sp.csr_array:
