@@ -15,6 +15,7 @@ from skfem.helpers import ddot, dot, sym_grad, trace
 from hemivar.certificates import smallness
 from hemivar.certificates.smallness import trace_constants
 from hemivar.discrete import DiscreteProblem
+from hemivar.discrete.operator_family import Composition
 from hemivar.discrete.operators import Multiple, Operator
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem import discretize
@@ -229,18 +230,60 @@ def test_the_effective_body_is_the_sum_of_the_matrices(make: Callable[[], Mesh],
     assert abs(discrete.constant - 0.5 * z @ (held @ z)) < 1e-13 * scale
 
 
-@pytest.mark.parametrize("make", [lambda: rectangle((2, 1), (4, 2)).refined(), lambda: cube(2).refined()])
-def test_the_coarser_level_is_rediscretised(make: Callable[[], Mesh]) -> None:
-    problem = moving(make())
-    step = problem.effective(3.0, (0.5, 0.25), 10.0)
-    below = coarser(discretize(step))
-    assert below is not None
-    assert problem.mesh.parent is not None
-    coarse = body_family(problem.on(problem.mesh.parent.mesh)).combined(3.0, 10.0, (0.5, 0.25))
-    K = below.problem.stiffness
-    assert abs(K - coarse).max() < 1e-14 * abs(K).max()
-    assert below.problem.model.resisted
-    assert np.array_equal(K.indices, coarse.indices)
+def in_step(problem: ContactProblem, *factors: Any) -> DiscreteProblem:
+    """The body of a step in time."""
+    family = body_family(problem)
+    base = family.problem
+    return replace(base, model=Composition(family, *factors).model(True), law_known=True)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: rectangle((2, 1), (4, 2)).refined(2), lambda: cube(2).refined()], ids=["plane", "space"]
+)
+def test_coarser_levels_of_a_step_are_combined_of_those_of_the_body(make: Callable[[], Mesh]) -> None:
+    """On every level the sum of the matrices there, whose sparsity is that of the elastic body."""
+    problem = moving(make(), bedding=0.7)
+    step, elastic = in_step(problem, 3.0, 10.0, (0.5, 0.25), 2.0), discretize(problem)
+    mesh, levels = problem.mesh, 0
+    while mesh.parent is not None:
+        mesh = mesh.parent.mesh
+        below, static = coarser(step), coarser(elastic)
+        assert below is not None
+        assert static is not None
+        there = body_family(problem.on(mesh))
+        assert there.viscosity is not None
+        assert there.mass is not None
+        parts = [(1.0, there.stiffness), (3.0, there.viscosity), (10.0, there.mass)]
+        parts += [(share, part) for share, (_, part) in zip((0.5, 0.25), there.branches, strict=True)]
+        whole = 2.0 * sum(factor * part.inner.toarray() for factor, part in parts)
+        K = below.problem.stiffness
+        assert np.abs(K.toarray() - whole).max() < 1e-14 * np.abs(whole).max()
+        assert np.array_equal(K.indices, static.problem.stiffness.indices)
+        assert abs(below.prolongation - static.prolongation).max() == 0.0
+        assert below.problem.model.free_motions.count == 0
+        assert below.problem.field is not None
+        assert not below.problem.field.prescribed.any()
+        step, elastic, levels = below.problem, static.problem, levels + 1
+    assert levels > 0
+
+
+def test_nothing_is_assembled_for_another_length_of_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    family = body_family(moving(rectangle((2, 1), (4, 2)).refined(2)))
+
+    def levels(*factors: float) -> list[DiscreteProblem]:
+        found = [replace(family.problem, model=Composition(family, *factors).model(True), law_known=True)]
+        while (below := coarser(found[-1])) is not None:
+            found.append(below.problem)
+        return found
+
+    first = levels(3.0, 10.0)
+    for module, name in (("hierarchy", "discretize"), ("mass", "stiffness_blocks"), ("dynamics", "mass_blocks")):
+        monkeypatch.setattr(importlib.import_module(f"hemivar.fem.{module}"), name, None)
+    second = levels(6.0, 40.0)
+    assert len(second) == len(first) >= 3
+    for one, other in zip(first, second, strict=True):
+        assert one.stiffness.shape == other.stiffness.shape
+        assert abs(one.stiffness - other.stiffness).max() > 1.0
 
 
 def test_a_viscosity_in_proportion_to_the_stiffness_is_not_stored_again() -> None:

@@ -14,6 +14,7 @@ from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
+    from hemivar.discrete.operator_family import Composition
     from hemivar.mechanics.scalar import Statement
 
 __all__ = ["Model", "quadratic"]
@@ -40,6 +41,8 @@ class Model(Portable):
         What was discretised; the same on a coarser mesh serves multigrid.
     resisted : bool
         Whether an elastic bedding of the body, or its inertia in a step in time, resists every motion.
+    parts : Composition, optional
+        What the stiffness of a step in time is made of; the same of the matrices on a coarser mesh serves multigrid.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class Model(Portable):
     space: Space | None = None
     origin: Statement | None = None
     resisted: bool = False
+    parts: Composition | None = None
 
     def __post_init__(self) -> None:
         expect(self.bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)

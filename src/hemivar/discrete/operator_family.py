@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.recent import Recent
 from hemivar.basics.types import IntArray
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.model import Model
 from hemivar.discrete.operators import Multiple, Operator, of_arrays
+from hemivar.discrete.space import Space
 
 if TYPE_CHECKING:
     from hemivar.discrete.problem import DiscreteProblem
@@ -70,6 +74,13 @@ class OperatorFamily(Portable):
         return of_arrays(data, base.inner.indices, base.inner.indptr)
 
     @cached_property
+    def space(self) -> Space:
+        """The fields of the body, which no support displaces."""
+        space = self.problem.space
+        assert space is not None
+        return Space(tuple(replace(one, prescribed=np.zeros_like(one.prescribed)) for one in space.fields))
+
+    @cached_property
     def known(self) -> Recent[str, object]:
         """What others found out about it: its coarser level."""
         return Recent(1)
@@ -99,6 +110,18 @@ class Composition(Portable):
         """The stiffness."""
         whole = self.family.combined(self.viscous, self.inertia, self.branches)
         return whole if self.scale == 1.0 else sp.csr_array(self.scale * whole)
+
+    def model(self, resisted: bool) -> Model:
+        """The body with this stiffness, whose supports move nothing.
+
+        Parameters
+        ----------
+        resisted : bool
+            Whether it resists every motion, beside what the elastic body does.
+        """
+        elastic = self.family.problem.model
+        bulk = Quadratic(self.matrix(), assembled=True)
+        return Model(bulk, elastic.contact, self.family.space, elastic.origin, resisted or elastic.resisted, self)
 
     def of(self, family: OperatorFamily) -> Composition:
         """The same of other matrices."""

@@ -15,10 +15,10 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
-from hemivar.discrete.operator_family import OperatorFamily
+from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.operators import Operator, combined
 from hemivar.discrete.problem import DiscreteProblem
-from hemivar.discrete.space import Field, Space
+from hemivar.discrete.space import Field
 from hemivar.errors import ProblemError
 from hemivar.evolution.discrete_heat import DiscreteHeat, coupled_heat
 from hemivar.evolution.evolution_problem import Evolution, Mass
@@ -304,7 +304,8 @@ class Bodies:
 
     def slower(self, problem: DiscreteProblem, resistance: float) -> DiscreteProblem:
         """The problem with a stiffness that is larger by a factor: one step against a resistance in the energy norm."""
-        slow = self._stiffer(problem, resistance, lambda K: combined([(1.0 + resistance, K)]))
+        factor = 1.0 + resistance
+        slow = self._stiffer(problem, resistance, lambda K: combined([(factor, K)]), factor)
         return replace(problem, model=slow, law_known=True)
 
     def on_its_foundation(self, problem: DiscreteProblem, alpha: float) -> tuple[DiscreteProblem, sp.csr_array]:
@@ -318,12 +319,15 @@ class Bodies:
         slow = self._stiffer(problem, -alpha, with_springs)
         return replace(problem, model=slow, law_known=True), sp.csr_array(slow.linear.stiffness - problem.stiffness)
 
-    def _stiffer(self, problem: DiscreteProblem, key: float, make: Callable[[sp.csr_array], sp.csr_array]) -> Model:
-        """The model of a problem with another stiffness, the last one being known again."""
-        known = self._slow
-        if known is None or known[0] is not problem.model or known[1] != key:
+    def _stiffer(
+        self, problem: DiscreteProblem, key: float, make: Callable[[sp.csr_array], sp.csr_array], factor: float = 1.0
+    ) -> Model:
+        """The model of a problem with another stiffness, on coarser meshes times a factor; the last is known again."""
+        known, model = self._slow, problem.model
+        if known is None or known[0] is not model or known[1] != key:
             bulk = Quadratic(make(problem.stiffness), assembled=True)
-            known = self._slow = problem.model, key, replace(problem.model, bulk=bulk)
+            parts = None if model.parts is None else replace(model.parts, scale=factor * model.parts.scale)
+            known = self._slow = model, key, replace(model, bulk=bulk, parts=parts)
         return known[2]
 
     def posed(self, base: DiscreteProblem, load: Array, offset: Array, law: ContactLaw) -> DiscreteProblem:
@@ -338,29 +342,14 @@ class Bodies:
 
     def _make(self, viscous: float, inert: float, branches: tuple[float, ...]) -> DiscreteProblem:
         discrete = self.discrete
-        base, field = discrete.problem, discrete.field
+        base = discrete.problem
         # An elastic body asks for neither, whatever the scheme multiplies them with.
         viscous = viscous if discrete.viscosity is not None else 0.0
         inert = inert if discrete.mass is not None else 0.0
-        origin = base.origin
-        if viscous or inert or branches:
-            assert origin is not None
-            origin = origin.effective(viscous, branches, inert)
-        quiet = Field(
-            field.mesh,
-            field.order,
-            field.basis,
-            np.zeros_like(field.prescribed),
-            field.components,
-            field.name,
-            field.lift,
-            constants=field.constants,
-        )
-        resisted = base.model.resisted or discrete.mass is not None or discrete.stores
-        stiffness = discrete.family.combined(viscous, inert, branches)
+        parts = Composition(discrete.family, viscous, inert, branches)
         # The load of each step is another one, and steps go downhill by themselves: nothing is shown.
         return DiscreteProblem(
-            Model(Quadratic(stiffness, assembled=True), base.contact, Space((quiet,)), origin, resisted),
+            parts.model(discrete.mass is not None or discrete.stores),
             Loading(np.zeros(base.unknowns), base.offset, base.law),
             base.warnings,
             law_known=True,

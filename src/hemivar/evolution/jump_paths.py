@@ -32,8 +32,7 @@ from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, Track, TrackPoint
 from hemivar.branches.path import PathEnd
 from hemivar.certificates.smallness import smallness
-from hemivar.discrete.bulk import Quadratic
-from hemivar.discrete.operators import Operator, of_arrays
+from hemivar.discrete.operator_family import OperatorFamily
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
 from hemivar.evolution.descent import bottom, downhill, slowed
@@ -42,8 +41,6 @@ from hemivar.evolution.jumps import Jump, Leap
 from hemivar.evolution.stage import Stage
 from hemivar.fem.hierarchy import family_of
 from hemivar.fem.load_line import LoadLine
-from hemivar.mechanics.scalar import ScalarProblem
-from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers import Controls, Solution, Solver, Status, solve
 from hemivar.systems.workspace import Workspace
 
@@ -159,11 +156,15 @@ class JumpPaths:
         return _ended(fall, problem, landed.unknowns, leaps)
 
     @cached_property
-    def mass(self) -> Operator:
-        """Mass of a body with density, on the sparsity of its stiffness."""
-        found = family_of(self.discrete.problem, True).mass
-        assert found is not None
-        return found
+    def family(self) -> OperatorFamily:
+        """The matrices of the body, with its mass."""
+        return replace(self.discrete.family, mass=family_of(self.discrete.problem, True).mass)
+
+    @property
+    def mass(self) -> sp.csr_array:
+        """Mass of a body with density."""
+        assert self.family.mass is not None
+        return self.family.mass.inner
 
 
 def _ended(
@@ -233,11 +234,11 @@ class _Fall:
         size = _norm(K, way)
         if not self.leap(1.0, problem, u, there):
             return there
-        return self._swung(problem, u + _PUSH * way, size, size / _norm(self.paths.mass.inner, way))
+        return self._swung(problem, u + _PUSH * way, size, size / _norm(self.paths.mass, way))
 
     def _swung(self, problem: DiscreteProblem, u: Array, size: float, rate: float) -> Solution:
         """By inertia, from rest; the way is about ``size`` in the energy norm, the motion about as fast as ``rate``."""
-        K, M = problem.stiffness, self.paths.mass.inner
+        K, M = problem.stiffness, self.paths.mass
         swing, start = _Swing(self.paths, problem, rate), u
         rung = swing.unique(6)
         v, turned, largest, time = np.zeros_like(u), False, 0.0, 0.0
@@ -293,22 +294,16 @@ class _Swing:
     def heavy(self, rung: int) -> DiscreteProblem:
         """The problem with the stiffness ``K + M/step^2``."""
         if rung not in self._made:
-            problem, inert = self.problem, self.step(rung) ** -2
-            K = problem.stiffness
-            data = K.data.copy()
-            self.paths.mass.add_to(data, inert)
-            matrix = of_arrays(data, K.indices, K.indptr)
-            origin = problem.origin
-            if isinstance(origin, ContactProblem | ScalarProblem):
-                origin = origin.effective(0.0, (), inert)
-            model = replace(problem.model, bulk=Quadratic(matrix, assembled=True), origin=origin)
-            self._made[rung] = replace(problem, model=model, law_known=True)
+            parts = self.problem.model.parts
+            assert parts is not None
+            heavy = replace(parts.of(self.paths.family), inertia=self.step(rung) ** -2)
+            self._made[rung] = replace(self.problem, model=heavy.model(True), law_known=True)
         return self._made[rung]
 
     def posed(self, rung: int, u: Array, v: Array) -> DiscreteProblem:
         """A step from a place and a velocity."""
         step = self.step(rung)
-        load = self.problem.load + self.paths.mass.inner @ (u / step + v) / step
+        load = self.problem.load + self.paths.mass @ (u / step + v) / step
         return self.heavy(rung).with_(load=load)
 
     def unique(self, rung: int) -> int:

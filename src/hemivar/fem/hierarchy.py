@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,7 +11,7 @@ import scipy.sparse as sp
 from hemivar.basics.types import Array, IntArray
 from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.contact import ContactPoints
-from hemivar.discrete.operator_family import OperatorFamily
+from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
@@ -65,7 +66,7 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
 
     Stiffness and weights are those of the coarser mesh, the load is what the prolongation makes of the finer one, and
     gap and law are taken over at the nodes that both meshes share: so a load, a gap or a law that was changed after
-    discretisation counts as well.
+    discretisation counts as well.  The matrix of a step in time is combined as on the finer mesh, and not assembled.
 
     Parameters
     ----------
@@ -75,6 +76,8 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     field, statement = problem.field, problem.origin
     if field is None or statement is None or field.order != 1 or field.mesh.parent is None:
         return None
+    if problem.model.parts is not None:
+        return _coarser_in_time(problem, problem.model.parts)
     parent = field.mesh.parent
     coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False, evolving=True)
     assert coarse.field is not None
@@ -84,6 +87,23 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     prolongation.eliminate_zeros()
     step = Coarser(coarse, prolongation, field, _shared_points(problem.contact, coarse.contact, parent.interpolation))
     return replace(step, problem=step.posed(problem))
+
+
+def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | None:
+    """That of a step in time: the family on the coarser mesh is made once for all steps."""
+    found = parts.family.known.once("coarser", lambda: _coarser_family(parts.family))
+    if found is None:
+        return None
+    step, family = cast(tuple[Coarser, OperatorFamily], found)
+    coarse = replace(step.problem, model=parts.of(family).model(problem.model.resisted), law_known=True)
+    assert problem.field is not None
+    step = replace(step, problem=coarse, field=problem.field)
+    return replace(step, problem=step.posed(problem))
+
+
+def _coarser_family(family: OperatorFamily) -> tuple[Coarser, OperatorFamily] | None:
+    step = coarser(family.problem)
+    return None if step is None else (step, family_of(step.problem, family.mass is not None))
 
 
 def family_of(problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
