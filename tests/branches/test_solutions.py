@@ -174,7 +174,7 @@ def brute_force(problem: DiscreteProblem, points: int) -> float:
     for _ in range(6):
         axes = [np.linspace(c - reach, c + reach, points) for c in centre]
         grid: Array = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, size)
-        energy = 0.5 * np.einsum("bi,ij,bj->b", grid, system.matrix, grid) - grid @ system.force + system.constant
+        energy = 0.5 * np.einsum("bi,ij,bj->b", grid, system.matrix, grid) - grid @ system.load + system.constant
         rows = grid.reshape(-1, *system.shape)
         for j in range(system.shape[0]):
             law = problem.law.take(np.array([j]))

@@ -283,7 +283,7 @@ def test_a_condensation_serves_other_loads_and_gaps() -> None:
         system = condense(problem)
         other = problem.with_(load=0.3 * problem.load, constant=1.0, offset=problem.offset + np.array([0.01, 0.0]))
         shared, fresh = system.for_problem(other), condense(other)
-        np.testing.assert_allclose(shared.force, fresh.force, atol=1e-14)
+        np.testing.assert_allclose(shared.load, fresh.load, atol=1e-14)
         assert shared.constant == pytest.approx(fresh.constant)
         assert solve(other, workspace=Workspace.holding(shared)).energy == pytest.approx(solve(other).energy)
 

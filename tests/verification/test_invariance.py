@@ -154,7 +154,7 @@ def brute_force(problem: DiscreteProblem, starts: int = 12) -> float:
     condensed = condense(problem)
     axis = np.linspace(-0.5, 0.5, 21)
     grid = np.stack(np.meshgrid(*[axis] * condensed.free.size, indexing="ij"), axis=-1).reshape(-1, condensed.free.size)
-    A, g = condensed.matrix, condensed.force
+    A, g = condensed.matrix, condensed.load
     energies = 0.5 * np.einsum("ki,ij,kj->k", grid, A, grid) - grid @ g
     for j in range(problem.contact_points):
         r = grid[:, 2 * j : 2 * j + 2]

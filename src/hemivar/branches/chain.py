@@ -79,7 +79,7 @@ class Chain(Segments):
     @cached_property
     def force(self) -> Array:
         """g on the free components."""
-        return np.asarray(self.system.force[self.system.free])
+        return np.asarray(self.system.load[self.system.free])
 
     @cached_property
     def length(self) -> float:

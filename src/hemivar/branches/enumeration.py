@@ -258,6 +258,6 @@ def _accuracy(chain: Chain) -> float:
         u, _ = system.recover(r, np.where(system.active, lam, 0.0))
         exact = equilibrium_multiplier(system.problem, u) * system.weights[:, None]
         off = np.abs(force - exact)[system.active]
-        size = np.abs(system.force) + np.abs(system.matrix) @ np.abs(r.ravel())
+        size = np.abs(system.load) + np.abs(system.matrix) @ np.abs(r.ravel())
         worst = max(worst, float((off / np.maximum(size[system.free], np.finfo(float).tiny)).max(initial=0.0)))
     return max(least, 8.0 * worst)

@@ -210,7 +210,7 @@ def following(
 
 def _chain_force(system: CondensedProblem, chain: Chain, line: LoadLine, factor: float) -> Array:
     """g on the free components at a load factor."""
-    return np.asarray(system.for_problem(line.at(factor)).force[system.free])
+    return np.asarray(system.for_problem(line.at(factor)).load[system.free])
 
 
 def _unperturb(track: Track, follower: Follower) -> None:
@@ -243,10 +243,10 @@ def _assemble(line: LoadLine, chain: Chain, track: Track, perturbed: bool) -> Pa
         fixed = (1.0 - factor) * systems[0].fixed + factor * systems[2].fixed
         local[i][held] = fixed[held]
         x = local[i].ravel()
-        force = (1.0 - factor) * systems[0].force + factor * systems[2].force
+        force = (1.0 - factor) * systems[0].load + factor * systems[2].load
         answer = float(system.weights @ system.law.value(local[i]))
         energy[i] = 0.5 * x @ (system.matrix @ x) - force @ x + answer + np.polyval(curve, factor)
-    force0, force1 = systems[0].force[system.free], systems[2].force[system.free]
+    force0, force1 = systems[0].load[system.free], systems[2].load[system.free]
     snaps, snap_size = _snaps(chain, track)
     folds = tuple(Fold(float(t[i]), i, bool(snaps[i])) for i in range(1, t.size - 1) if track.points[i].fold)
     return Path(

@@ -18,6 +18,7 @@ from hemivar.coercivity.foothold import limit_of
 from hemivar.coercivity.recession import Held
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints, components_of
+from hemivar.discrete.contact_energy import contact_energy
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
 from hemivar.discrete.space import Field, Space
@@ -346,13 +347,10 @@ class DiscreteProblem(Portable, Displayed):
         if self.contact_points > 0:
             contact = self.contact
             r = contact.traced(u) - self.offset
-            domain = self.law.normal.domain
             moved = np.abs(contact.trace) @ np.abs(u)  # what may cancel in r
             rounding = 1e-12 * max(float(moved.max()), float(np.abs(self.offset).max()))
-            inside = np.clip(r[:, 0], domain.lower, domain.upper)
-            r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= rounding, inside, r[:, 0])
             law = self.law.frozen_at(r) if multiplier is None else self.law.frozen(r, multiplier)
-            energy += float(contact.weights @ law.value(r))
+            energy += contact_energy(law, contact.weights, r, rounding)
         return energy
 
     def contact_force(self, multiplier: Array) -> Array:

@@ -12,6 +12,7 @@ from hemivar.basics.arguments import expect
 from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.contact_energy import law_forces
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
@@ -197,8 +198,8 @@ def residuals(
     found = []
     for lam in multipliers:
         force = problem.contact_force(lam)
-        inclusion = problem.contact.weights * problem.law.frozen(r, lam).graph_distance(r, lam, compliance)
-        found.append(Residual.of(norm(balance - force), norm(inclusion), scale, norm(force), moved))
+        off = law_forces(problem.law, problem.contact.weights, r, lam, compliance)
+        found.append(Residual.of(norm(balance - force), norm(off), scale, norm(force), moved))
     return found
 
 

@@ -149,7 +149,7 @@ def bottom(
     system = workspace.condensed(problem)
     if not chain.stable(theta, segment):
         return None
-    found = chain.correct(theta, segment, system.force[system.free])
+    found = chain.correct(theta, segment, system.load[system.free])
     if found is None or not chain.inside(found, segment, _ROUNDING * chain.length).all():
         return None
     if not chain.stable(found, segment):

@@ -6,95 +6,19 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array
 from hemivar.coercivity.recession import Growth
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
-from hemivar.laws import ContactLaw
-from hemivar.linear.vectors import Vectors
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
+from hemivar.systems.contact_system import ContactSystem
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["PosedSystem", "Solver", "State", "System"]
+__all__ = ["PosedSystem", "Solver", "State"]
 
 
-class System(Protocol):
-    """What a method works on: a point ``r`` is ``(m, d)`` where the body is condensed onto its contact boundary, and
-    ``(n,)`` where the method works on all unknowns.  Arrays are those of this process."""
-
-    @property
-    def vectors(self) -> Vectors:
-        """How the parts of all processes are looked at together."""
-        ...
-
-    @property
-    def law(self) -> ContactLaw:
-        """The law."""
-        ...
-
-    @property
-    def weights(self) -> Array:
-        """Its weights (m,)."""
-        ...
-
-    @property
-    def active(self) -> BoolArray:
-        """Contact components that are free to move, (m, d)."""
-        ...
-
-    @property
-    def compliance(self) -> Array:
-        """Displacement for a unit pressure at a point when its surroundings are held, (m, 2)."""
-        ...
-
-    @property
-    def seconds(self) -> float:
-        """Time spent on setting up."""
-        ...
-
-    def start(self, guess: Array | None = None) -> Array:
-        """An admissible point near a guess, or near zero displacement."""
-        ...
-
-    def of_unknowns(self, unknowns: Array) -> Array:
-        """The point of a vector of unknowns (n,)."""
-        ...
-
-    def local(self, r: Array) -> Array:
-        """Local displacements (m, d) of a point."""
-        ...
-
-    def energy(self, r: Array) -> float:
-        """E of a point."""
-        ...
-
-    def stretch(self, change: Array) -> float:
-        """Energy norm of a difference of two points."""
-        ...
-
-    def law_at(self, r: Array, lam: Array) -> ContactLaw:
-        """The law, with a bound that depends on the solution evaluated there."""
-        ...
-
-    def multiplier(self, r: Array) -> Array:
-        """Multiplier (m, d) in equilibrium with a point."""
-        ...
-
-    def residual(self, r: Array, lam: Array) -> Residual:
-        """The residual of the pair."""
-        ...
-
-    def recover(self, r: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
-        """All unknowns (n,), with the residual of the whole problem for each multiplier; the first one is theirs."""
-        ...
-
-    def with_law(self, law: ContactLaw) -> Self:
-        """The same body on another foundation."""
-        ...
-
-
-class PosedSystem(System, Protocol):
+class PosedSystem(ContactSystem, Protocol):
     """A system of a problem that is in one place."""
 
     @property

@@ -11,10 +11,11 @@ from hemivar.basics.deadline import CALLED
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.residual import Residual
-from hemivar.solvers.base import Solver, State, System
+from hemivar.solvers.base import Solver, State
 from hemivar.solvers.contact_states import ContactStates, contact_states
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
 from hemivar.solvers.status import Status
+from hemivar.systems.contact_system import ContactSystem
 
 __all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
 
@@ -27,7 +28,7 @@ Watch = Callable[[State, tuple[Progress, ...]], None]
 
 def iterate(
     solver: Solver,
-    system: System,
+    system: ContactSystem,
     state: State,
     controls: Controls,
     budget: Budget,
@@ -40,7 +41,7 @@ def iterate(
 
 def steps(
     solver: Solver,
-    system: System,
+    system: ContactSystem,
     state: State,
     controls: Controls,
     budget: Budget,
@@ -57,7 +58,7 @@ def steps(
     Parameters
     ----------
     solver : Solver
-    system : System
+    system : ContactSystem
     state : State
         Where to start, or what a run before this one ended with.
     controls : Controls
@@ -140,7 +141,7 @@ def _stopped(due: float) -> Status:
 
 
 def states_of(
-    system: System,
+    system: ContactSystem,
     r: Array,
     lam: Array,
     *,
@@ -156,7 +157,7 @@ def states_of(
 
 
 def finish(
-    system: System, state: State, status: Status, controls: Controls, excused: float = 0.0
+    system: ContactSystem, state: State, status: Status, controls: Controls, excused: float = 0.0
 ) -> tuple[Array, Array, Residual, Status]:
     """All unknowns from the iterate, a multiplier, the residual of the full problem and the status that this allows.
 

@@ -155,7 +155,7 @@ class NonsmoothMultigrid(Solver):
 
     def begin(self, system: Body, start: State, budget: Budget) -> State:
         known = start.memory.matrix if isinstance(start.memory, Memory) else None
-        force = system.force(start.r)
+        force = system.out_of_balance(start.r)
         energy = system.energy(start.r, force=force)
         matrix, settled = (system.truncation(), self.settled) if known is None else (known, False)
         memory = Memory(system.stiffest, force, matrix, settled)
@@ -205,7 +205,7 @@ class NonsmoothMultigrid(Solver):
         r = system.local(x)
         for start in (np.where(system.active, r, system.fixed), snapped(system, r)):
             first = system.moved(x, start)
-            equation = _Equation.at(system, matrix, first, system.local(first), system.force(first))
+            equation = _Equation.at(system, matrix, first, system.local(first), system.out_of_balance(first))
             found, _ = equation.solve(self._target, self.absolute, self.iterations)
             cycles += found.iterations
             aim = equation.r + system.spread(found.solution[system.unknown])
@@ -213,7 +213,7 @@ class NonsmoothMultigrid(Solver):
             new = system.moved(first + found.solution, near)
             line = _Line.of(replace(equation, x=x, r=r, force=force), new - x, system.multiply(new - x))
             if found.negative is None and line.gains(1.0, near)[0] <= line.rounding:
-                there = system.force(new)
+                there = system.out_of_balance(new)
                 total = system.residual(new, system.multiplier(new, there), there).total
                 if total < lowest:
                     best, lowest = (new, there), total
@@ -234,7 +234,7 @@ class NonsmoothMultigrid(Solver):
         if gained >= -_WORTH * float(system.vectors.total(own)[0]):
             return None
         x, energy = system.moved(state.r, new), float(state.energy or 0.0) + gained
-        return self._state(system, x, system.force(x), state.evaluations, energy, memory)
+        return self._state(system, x, system.out_of_balance(x), state.evaluations, energy, memory)
 
     def on_pieces(self, system: Body, x: Array) -> Array | None:
         """The bottom of the pieces of the laws on which a place lies, with the points at kinks held there.
@@ -262,7 +262,7 @@ class NonsmoothMultigrid(Solver):
     def _bottom(self, system: Body, matrix: Truncation, x: Array) -> Array | None:
         x = system.moved(x, snapped(system, system.local(x)))
         for _ in range(_CORRECTED):
-            equation = _Equation.at(system, matrix, x, system.local(x), system.force(x))
+            equation = _Equation.at(system, matrix, x, system.local(x), system.out_of_balance(x))
             found, bent = equation.solve(self._target, self.absolute, self.iterations)
             line = _Line.of(equation, found.solution, bent)
             near = line.candidates(1.0)[0]

@@ -115,7 +115,7 @@ class NonsmoothNewton(Solver):
 
 def _energy_scale(system: CondensedProblem, r: Array) -> float:
     flat = np.abs(r).ravel()
-    return float(np.abs(system.force) @ flat + flat @ (np.abs(system.matrix) @ flat)) + float(
+    return float(np.abs(system.load) @ flat + flat @ (np.abs(system.matrix) @ flat)) + float(
         system.weights @ np.abs(system.law.value(r))
     )
 

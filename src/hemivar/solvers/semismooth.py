@@ -241,7 +241,7 @@ class _Equation:
     def rounding(self, point: _Point) -> float:
         """What rounding leaves in F."""
         system = self.system
-        size = system.body.sizes @ np.abs(point.r.ravel()) + np.abs(system.force)
+        size = system.body.sizes @ np.abs(point.r.ravel()) + np.abs(system.load)
         return _ROUNDING * (norm(size) + norm(system.weights[:, None] * point.lam))
 
     def at(self, r: Array) -> _Point | None:

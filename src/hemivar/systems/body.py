@@ -17,6 +17,7 @@ from hemivar.laws import ContactLaw
 from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.vectors import Vectors
 from hemivar.systems.contact_moves import majorant, smooth_components
+from hemivar.systems.contact_system import Equilibrium
 
 __all__ = ["Body", "Truncation", "embedded"]
 
@@ -60,7 +61,7 @@ class Truncation(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Body(ABC):
+class Body(Equilibrium, ABC):
     """Energy of all unknowns; arrays are those of this process.
 
     Attributes
@@ -138,7 +139,7 @@ class Body(ABC):
     def from_below(self, x: Array) -> Array:
         """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""
 
-    def refuse_direction(self, direction: Array) -> None:  # noqa: B027 - most have nothing to object
+    def refuse_direction(self, direction: Array) -> None:
         """Raise ProblemError if a direction without curvature shows that the stiffness itself is indefinite."""
 
     # ---- the contact points ------------------------------------------------------------------------------
@@ -229,53 +230,42 @@ class Body(ABC):
     def with_law(self, law: ContactLaw) -> Self:
         """The same body on another foundation, no problem being posed below."""
 
-    def force(self, x: Array) -> Array:
+    def out_of_balance(self, x: Array) -> Array:
         """``f - K u``, (n,)."""
         return np.asarray(self.load - self.multiply(x))
 
-    def energy(self, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
-        """E(u), as :meth:`hemivar.DiscreteProblem.energy` has it; ``force`` is the elastic one where it is known."""
-        r, domain = self.local(x), self.law.normal.domain
-        moved, gap = np.abs(x[self.unknown]).max(initial=0.0), np.abs(self.offset).max(initial=0.0)
-        close = 1e-12 * float(self.vectors.largest(moved, gap).max())
-        inside = np.clip(r[:, 0], domain.lower, domain.upper)
-        r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= close, inside, r[:, 0])
-        law = self.law.frozen_at(r) if lam is None else self.law.frozen(r, lam)
-        elastic = -0.5 * float(x @ (self.load + (self.force(x) if force is None else force)))
-        return float(self.vectors.total(elastic + float(self.weights @ law.value(r)))[0]) + self.constant
+    def at_contact(self, force: Array) -> Array:
+        """Forces (m, d) on the contact points of a force (n,)."""
+        return self.spread(force[self.unknown])
+
+    def less_contact(self, force: Array, contact: Array) -> Array:
+        """What is left of a force (n,) where contact points take up theirs, (m, d)."""
+        left = force.copy()
+        left[self.unknown] -= self.gather(contact)
+        return left
+
+    def rounding_sizes(self, x: Array) -> Array:
+        """Sizes of what is added up in the forces (n,), by the sums of the rows of the stiffness."""
+        return np.asarray(self.row_sums * np.abs(x) + np.abs(self.load))
+
+    def magnitude(self, x: Array) -> float:
+        """Largest displacement or gap of the contact points of this process."""
+        moved = np.abs(x[self.unknown]).max(initial=0.0)
+        return float(max(moved, np.abs(self.offset).max(initial=0.0)))
+
+    @property
+    def material_compliance(self) -> Array:
+        """:attr:`compliance`: nothing has been eliminated."""
+        return self.compliance
 
     def stretch(self, change: Array) -> float:
         """Energy norm of a change of the unknowns (n,)."""
         (square,) = self.vectors.total(float(change @ self.multiply(change)))
         return float(np.sqrt(max(square, 0.0)))
 
-    def law_at(self, x: Array, lam: Array) -> ContactLaw:
-        """The law, with a bound that depends on the solution evaluated at ``x`` and the multiplier ``lam``."""
-        return self.law.frozen(self.local(x), lam)
-
-    def multiplier(self, x: Array, force: Array | None = None) -> Array:
-        """The multiplier in equilibrium with ``x``; on fixed components the smallest that the law allows."""
-        force = self.force(x) if force is None else force
-        lam = self.spread(force[self.unknown]) / self.weights[:, None]
-        if not self.active.all():
-            r = self.local(x)
-            reaction = self.law.frozen(r, lam).nearest_multiplier(r, np.zeros(r.shape))
-            lam = np.where(self.active, lam, reaction)
-        return lam
-
-    def residual(self, x: Array, lam: Array, force: Array | None = None) -> Residual:
-        """The residual of the pair; its rounding is estimated by the sums of the rows of the stiffness."""
-        off = self.force(x) if force is None else force.copy()
-        contact = self.gather(self.weights[:, None] * lam)
-        off[self.unknown] -= contact
-        inclusion = self.weights * self.law_at(x, lam).graph_distance(self.local(x), lam, self.compliance)
-        moved = self.row_sums * np.abs(x) + np.abs(self.load)
-        sizes = self.vectors.norms(off, inclusion, contact, moved).tolist()
-        return Residual.of(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
-
     def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
         """The unknowns themselves, with the residual for each multiplier."""
-        force = self.force(x)
+        force = self.out_of_balance(x)
         return x, [self.residual(x, lam, force) for lam in multipliers]
 
     @cached_property

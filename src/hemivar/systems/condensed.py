@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
-from hemivar.basics.arrays import norm, real_array
+from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -23,6 +23,7 @@ from hemivar.fem.posed import Posable, posed
 from hemivar.laws import ContactLaw
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.linear.vectors import WHOLE, Vectors
+from hemivar.systems.contact_system import Equilibrium
 from hemivar.systems.elimination import Elimination, Recovery
 
 __all__ = ["CondensedProblem", "condense"]
@@ -34,7 +35,7 @@ ROUNDED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class CondensedProblem(Portable):
+class CondensedProblem(Equilibrium, Portable):
     """Energy of the contact unknowns alone: ``1/2 r'A r - g'r + sum_j w_j j(r_j) + constant``.
 
     ``r (m, d)`` are the local displacements (penetration and slip).  All other unknowns have been eliminated, so
@@ -46,7 +47,7 @@ class CondensedProblem(Portable):
         Where it comes from.
     matrix : array (m d, m d)
         A, symmetric; rows and columns of components that a support fixes are zero.
-    force : array (m d,)
+    load : array (m d,)
         g.
     active : bool array (m, d)
         Components that are free to move.
@@ -62,7 +63,7 @@ class CondensedProblem(Portable):
 
     problem: DiscreteProblem
     matrix: Array
-    force: Array
+    load: Array
     active: BoolArray
     fixed: Array
     constant: float
@@ -178,14 +179,14 @@ class CondensedProblem(Portable):
         if self.free.size:
             A = self.matrix[np.ix_(self.free, self.free)]
             held = A + 1e-3 * np.diag(self.diagonal.ravel()[self.free])
-            moved: Array = np.asarray(la.solve(held, self.force[self.free], assume_a="pos"))
+            moved: Array = np.asarray(la.solve(held, self.load[self.free], assume_a="pos"))
             size = max(size, float(np.abs(moved).max()))
         return size if size > 0.0 else 1.0
 
     @cached_property
     def pressure_scale(self) -> float:
         """A typical multiplier."""
-        scale = float(np.linalg.norm(self.force) / np.linalg.norm(self.weights)) if self.weights.size else 0.0
+        scale = float(np.linalg.norm(self.load) / np.linalg.norm(self.weights)) if self.weights.size else 0.0
         return scale if scale > 0.0 else 1.0
 
     def local(self, r: Array) -> Array:
@@ -216,43 +217,30 @@ class CondensedProblem(Portable):
         r = real_array(guess, "the starting point", finite=False)
         return np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)), self.fixed)
 
-    def energy(self, r: Array) -> float:
-        """E of the displacement with local displacements ``r``."""
-        x = r.ravel()
-        answer = self.law_at(r).value(r)
-        return float(0.5 * x @ (self.matrix @ x) - self.force @ x + self.weights @ answer) + self.constant
-
-    def law_at(self, r: Array, lam: Array | None = None) -> ContactLaw:
-        """The law, with a bound that depends on the solution evaluated at ``r`` and the multiplier ``lam``."""
-        if not self.law.state_dependent:
-            return self.law
-        return self.law.frozen(r, self.out_of_balance(r) / self.weights[:, None] if lam is None else lam)
-
     def out_of_balance(self, r: Array) -> Array:
         """Elastic force ``g - A r`` on the contact points, (m, d); it must equal ``W lambda``."""
-        return (self.force - self.matrix @ r.ravel()).reshape(self.shape)
+        return (self.load - self.matrix @ r.ravel()).reshape(self.shape)
 
-    def multiplier(self, r: Array) -> Array:
-        """The multiplier in equilibrium with ``r``; on fixed components the smallest that the law allows."""
-        lam = self.out_of_balance(r) / self.weights[:, None]
-        if not self.active.all():
-            reaction = self.law_at(r, lam).nearest_multiplier(r, np.zeros(self.shape))
-            lam = np.where(self.active, lam, reaction)
-        return lam
+    def at_contact(self, force: Array) -> Array:
+        """A force (m, d), which acts on contact points."""
+        return force
 
-    def residual(self, r: Array, lam: Array) -> Residual:
-        """The residual of the full problem for ``(r, lambda)``, the other unknowns being in equilibrium."""
-        body, force = self.body, self.weights[:, None] * lam
-        off_balance = np.where(self.active, self.out_of_balance(r) - force, 0.0)
-        off_law = self.law_at(r, lam).graph_distance(r, lam, body.compliance) if len(r) else np.zeros(0)
-        moved = body.sizes @ np.abs(r.ravel()) + np.abs(self.force)
-        return Residual.of(
-            norm(off_balance),
-            norm(self.weights * off_law),
-            self.load_scale,
-            norm(np.where(self.active, force, 0.0)),
-            norm(moved),
-        )
+    def less_contact(self, force: Array, contact: Array) -> Array:
+        """What is left of a force (m, d) where contact points take up theirs, (m d,)."""
+        return np.where(self.active, force - contact, 0.0).ravel()
+
+    def rounding_sizes(self, r: Array) -> Array:
+        """Sizes of what is added up in :meth:`out_of_balance`, (m d,)."""
+        return np.asarray(self.body.sizes @ np.abs(r.ravel()) + np.abs(self.load))
+
+    def magnitude(self, r: Array) -> float:
+        """Largest displacement or gap of the contact points."""
+        return float(max(np.abs(r).max(initial=0.0), np.abs(self.problem.offset).max(initial=0.0)))
+
+    @property
+    def material_compliance(self) -> Array:
+        """Displacement for a unit pressure at a point when all other unknowns are held, (m, 2)."""
+        return self.body.compliance
 
     @cached_property
     def load_scale(self) -> LoadScale:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -165,7 +165,7 @@ class BodyOnRanks(Body):
         assert ends is not None
         return self.restrict(below.displacement(x)[ends].mean(axis=1))
 
-    def with_law(self, law: ContactLaw) -> BodyOnRanks:
+    def with_law(self, law: ContactLaw) -> Self:
         return replace(self, law=law, below=None)
 
     # ---- vectors and displacements -----------------------------------------------------------------------

@@ -328,7 +328,7 @@ def _error_bound(solution: DistributedSolution, cycle: Multigrid, margin: float,
     body, ranks, x = solution.body, solution.body.ranks, solution.x
     lam = np.where(body.active, body.law.nearest_multiplier(solution.local, solution.multiplier), solution.multiplier)
     pressed = body.gather(body.weights[:, None] * lam)
-    rest = body.force(x)
+    rest = body.out_of_balance(x)
     rest[body.unknown] -= pressed
     error, solved = _solved(body, cycle, rest, 1e-3 * _SOLVED, 200)
     solved = solved or not ranks.norms(rest)[0] > 0.0

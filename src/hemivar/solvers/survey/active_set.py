@@ -192,7 +192,7 @@ class ExactInner(InnerSolver):
         for used in range(1, self.max_steps + 1):
             budget.check()
             slope, curvature = problem.pressure(r)
-            force = (system.force - system.matrix @ r - weights * slope)[free]
+            force = (system.load - system.matrix @ r - weights * slope)[free]
             H = system.matrix[np.ix_(free, free)]
             H[np.diag_indices_from(H)] += (weights * curvature)[free]
             step = _solve(H, force, symmetric=True)
@@ -215,7 +215,7 @@ class ExactInner(InnerSolver):
         for component in range(d):
             matrix[index, :, d * index + component] += R[:, :, component]
         matrix = matrix.reshape(m * d, m * d)
-        rhs = (c - np.einsum("mij,mj->mi", L, (compliance * system.force).reshape(m, d))).ravel()
+        rhs = (c - np.einsum("mij,mj->mi", L, (compliance * system.load).reshape(m, d))).ravel()
         budget.check()
         free, r = problem.free(), problem.held().ravel()
         r[free] = _solve(matrix[np.ix_(free, free)], (rhs - matrix @ r)[free])
@@ -243,7 +243,7 @@ class NewtonKrylov(InnerSolver):
         weights = np.repeat(system.weights, system.shape[1])
         length = system.length_scale
         precondition = 1.0 / np.sqrt(system.diagonal.ravel()[free])
-        scale = float(np.abs(precondition * system.force[free]).max())
+        scale = float(np.abs(precondition * system.load[free]).max())
         scale = scale if scale > 0.0 else length
         count = 0
 
@@ -254,7 +254,7 @@ class NewtonKrylov(InnerSolver):
                 budget.check()
             r[free] = length * precondition * x
             slope, _ = problem.pressure(r)
-            return np.asarray(precondition * (system.matrix @ r - system.force + weights * slope)[free] / scale)
+            return np.asarray(precondition * (system.matrix @ r - system.load + weights * slope)[free] / scale)
 
         balance(self._root(balance, start[free] / (length * precondition)))
         return r.copy(), count

@@ -310,7 +310,7 @@ def _minimise_model(
         system,
         problem=system.problem.with_(law=law),
         matrix=system.matrix + np.diag(stiffness),
-        force=system.force + stiffness * centre.ravel(),
+        load=system.load + stiffness * centre.ravel(),
     )
     inner = NonsmoothNewton()
     start = model.start(centre)

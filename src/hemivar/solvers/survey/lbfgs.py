@@ -135,12 +135,12 @@ class _Envelope:
         system, metric = self.system, self.metric
         flat = x.ravel()
         Ax = system.matrix @ flat
-        gradient = (Ax - system.force).reshape(x.shape)
+        gradient = (Ax - system.load).reshape(x.shape)
         pair = np.stack([metric[:, 0], metric[:, min(1, x.shape[1] - 1)]], axis=1) / system.weights[:, None]
         z = system.law.local_argmin(pair, (metric * x - gradient) / system.weights[:, None])
         z = np.where(system.active, z, system.fixed)
         step = z - x
-        value = 0.5 * flat @ Ax - system.force @ flat + (gradient * step).sum() + 0.5 * (metric * step**2).sum()
+        value = 0.5 * flat @ Ax - system.load @ flat + (gradient * step).sum() + 0.5 * (metric * step**2).sum()
         value += system.weights @ system.law.value(z)
         return _Point(x, z, float(value), -self.root * step.ravel())
 

@@ -64,12 +64,12 @@ class Powell(Solver):
         length = system.length_scale
         unit = max(
             abs(system.energy(system.start()) - (state.energy or 0.0)),
-            length * float(np.abs(system.force).sum()),
+            length * float(np.abs(system.load).sum()),
         )
         unit = unit if unit > 0.0 else 1.0
         matrix = np.ascontiguousarray(system.matrix[np.ix_(free, free)]) * (length**2 / unit)
         outside = system.matrix[free] @ system.fixed.ravel()
-        force = (system.force[free] - outside) * (length / unit)
+        force = (system.load[free] - outside) * (length / unit)
         weights = system.weights / unit
         count = 0
         best: tuple[float, Array] = (np.inf, state.r)

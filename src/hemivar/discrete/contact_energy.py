@@ -1,0 +1,49 @@
+"""What the law adds to the energy, and the forces by which a pair misses its graph: the same for every system."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.laws import ContactLaw
+
+__all__ = ["contact_energy", "law_forces"]
+
+
+def contact_energy(law: ContactLaw, weights: Array, r: Array, close: float) -> float:
+    """``sum_j w_j j_j(r_j)`` of local displacements (m, d).
+
+    Where a law ends (a rigid foundation), a penetration beyond its end by no more than ``close`` counts as being at the
+    end; beyond that the energy is +inf.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        Whose bounds do not depend on the solution.
+    weights : array (m,)
+    r : array (m, d)
+    close : float
+        A length: rounding.
+    """
+    domain = law.normal.domain
+    inside = np.clip(r[:, 0], domain.lower, domain.upper)
+    if (inside != r[:, 0]).any():
+        r = r.copy()
+        r[:, 0] = np.where(np.abs(inside - r[:, 0]) <= close, inside, r[:, 0])
+    return float(weights @ law.value(r))
+
+
+def law_forces(law: ContactLaw, weights: Array, r: Array, lam: Array, compliance: Array) -> Array:
+    """Forces (m,) by which pairs of local displacement and multiplier (m, d) miss the graph of the law.
+
+    A bound that depends on the solution is taken at the pair itself.
+
+    Parameters
+    ----------
+    law : ContactLaw
+    weights : array (m,)
+    r, lam : arrays (m, d)
+    compliance : array (m, 2)
+        Makes displacement and multiplier comparable: :func:`hemivar.discrete.residual.contact_compliance`.
+    """
+    return np.asarray(weights * law.frozen(r, lam).graph_distance(r, lam, compliance))

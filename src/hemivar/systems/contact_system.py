@@ -1,0 +1,181 @@
+"""What a method works on: a body with its foundation, condensed onto its contact points or with all unknowns.
+
+A point ``x`` of a system is ``(m, d)``, local displacements, where the body is condensed, and ``(n,)``, all unknowns,
+where it is not.  Energy, multiplier and residual of a point are the same formulas for both and stand here once.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol, Self
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.discrete.contact_energy import contact_energy, law_forces
+from hemivar.discrete.residual import LoadScale, Residual
+from hemivar.laws import ContactLaw
+from hemivar.systems.contact_moves import ContactBody
+
+__all__ = ["ContactSystem", "Equilibrium"]
+
+#: Part of the largest displacement or gap by which a penetration may pass the end of a law: rounding.
+_PASSED = 1e-12
+
+
+class ContactSystem(ContactBody, Protocol):
+    """A body with its foundation, as a method sees it; arrays are those of this process."""
+
+    @property
+    def compliance(self) -> Array:
+        """Displacement for a unit pressure at a point when its surroundings are held, (m, 2)."""
+        ...
+
+    @property
+    def material_compliance(self) -> Array:
+        """The same when all other unknowns are held, (m, 2): by it residuals compare displacement and multiplier."""
+        ...
+
+    @property
+    def load(self) -> Array:
+        """Forces on the unknowns of the system, flat."""
+        ...
+
+    @property
+    def constant(self) -> float:
+        """Energy that does not depend on the unknowns."""
+        ...
+
+    @property
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        ...
+
+    @property
+    def seconds(self) -> float:
+        """Time spent on setting up."""
+        ...
+
+    def start(self, guess: Array | None = None) -> Array:
+        """An admissible point near a guess, or near zero displacement."""
+        ...
+
+    def of_unknowns(self, unknowns: Array) -> Array:
+        """The point of a vector of unknowns (n,)."""
+        ...
+
+    def local(self, x: Array) -> Array:
+        """Local displacements (m, d) of a point."""
+        ...
+
+    def magnitude(self, x: Array) -> float:
+        """Largest displacement or gap of the contact points of this process: what may cancel in :meth:`local`."""
+        ...
+
+    def out_of_balance(self, x: Array) -> Array:
+        """What the body leaves of its load at a point, the foundation apart; of the shape of the point."""
+        ...
+
+    def at_contact(self, force: Array) -> Array:
+        """Forces (m, d) on the contact points of a force of the shape of a point."""
+        ...
+
+    def less_contact(self, force: Array, contact: Array) -> Array:
+        """What is left of a force of the shape of a point where contact points take up theirs, (m, d); flat."""
+        ...
+
+    def rounding_sizes(self, x: Array) -> Array:
+        """Sizes of what is added up in :meth:`out_of_balance`, flat."""
+        ...
+
+    def stretch(self, change: Array) -> float:
+        """Energy norm of a difference of two points."""
+        ...
+
+    def law_at(self, x: Array, lam: Array | None = None) -> ContactLaw:
+        """See :meth:`Equilibrium.law_at`."""
+        ...
+
+    def energy(self, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
+        """See :meth:`Equilibrium.energy`."""
+        ...
+
+    def multiplier(self, x: Array, force: Array | None = None) -> Array:
+        """See :meth:`Equilibrium.multiplier`."""
+        ...
+
+    def residual(self, x: Array, lam: Array, force: Array | None = None) -> Residual:
+        """See :meth:`Equilibrium.residual`."""
+        ...
+
+    def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
+        """All unknowns (n,), with the residual of the whole problem for each multiplier; the first one is theirs."""
+        ...
+
+    def with_law(self, law: ContactLaw) -> Self:
+        """The same body on another foundation."""
+        ...
+
+
+class Equilibrium:
+    """Energy, multiplier and residual of the points of a system.
+
+    In all of them ``force`` is :meth:`ContactSystem.out_of_balance` of the point where the caller has it already.
+    """
+
+    def law_at(self: ContactSystem, x: Array, lam: Array | None = None) -> ContactLaw:
+        """The law, with a bound that depends on the solution evaluated at ``x`` and the multiplier ``lam (m, d)``, by
+        default what is in equilibrium with ``x``."""
+        if not self.law.state_dependent:
+            return self.law
+        lam = _balancing(self, self.out_of_balance(x)) if lam is None else lam
+        return self.law.frozen(self.local(x), lam)
+
+    def energy(self: ContactSystem, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
+        """E(u) of the displacement that a point stands for.
+
+        Parameters
+        ----------
+        x : array (m, d) or (n,)
+        lam : array (m, d), optional
+            Multiplier at which a bound that depends on the solution is taken; by default what is in equilibrium.
+        force : array of the shape of x, optional
+        """
+        force = self.out_of_balance(x) if force is None else force
+        close = _PASSED * float(self.vectors.largest(self.magnitude(x))[0])
+        law = self.law_at(x, _balancing(self, force) if lam is None else lam)
+        elastic = -0.5 * float(x.ravel() @ (self.load + force.ravel()))
+        own = contact_energy(law, self.weights, self.local(x), close)
+        return float(self.vectors.total(elastic + own)[0]) + self.constant
+
+    def multiplier(self: ContactSystem, x: Array, force: Array | None = None) -> Array:
+        """The multiplier (m, d) in equilibrium with ``x``; on fixed components the smallest that the law allows."""
+        lam = _balancing(self, self.out_of_balance(x) if force is None else force)
+        if not self.active.all():
+            r = self.local(x)
+            reaction = self.law.frozen(r, lam).nearest_multiplier(r, np.zeros(r.shape))
+            lam = np.where(self.active, lam, reaction)
+        return lam
+
+    def residual(self: ContactSystem, x: Array, lam: Array, force: Array | None = None) -> Residual:
+        """The residual of the pair; what is not in the point is in equilibrium.
+
+        Parameters
+        ----------
+        x : array (m, d) or (n,)
+        lam : array (m, d)
+        force : array of the shape of x, optional
+        """
+        force = self.out_of_balance(x) if force is None else force
+        contact = self.weights[:, None] * lam
+        sizes = self.vectors.norms(
+            self.less_contact(force, contact),
+            law_forces(self.law, self.weights, self.local(x), lam, self.material_compliance),
+            contact[self.active],
+            self.rounding_sizes(x),
+        ).tolist()
+        return Residual.of(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
+
+
+def _balancing(system: ContactSystem, force: Array) -> Array:
+    """The multiplier (m, d) that takes up a force."""
+    return np.asarray(system.at_contact(force) / system.weights[:, None])
