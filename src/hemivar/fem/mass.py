@@ -14,6 +14,7 @@ from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
 from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.material import Material
 from hemivar.mechanics.per_volume import PerVolume
+from hemivar.mechanics.stored_energy import refuse_nonlinear
 from hemivar.mesh.mesh import Mesh
 
 __all__ = ["body_blocks", "cell_masses", "mass_blocks", "mass_matrix", "resists"]
@@ -79,7 +80,14 @@ def mass_matrix(mesh: Mesh, bedding: Bedding, order: int = 1) -> sp.csr_array:
 
 
 def body_blocks(mesh: Mesh, material: Material, bedding: Bedding, graph: NodeGraph | None = None) -> EdgeBlocks:
-    """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given."""
+    """Stiffness with that of a bedding, by nodes and edges; of linear elements where no graph is given.
+
+    Raises
+    ------
+    ProblemError
+        The material is not linear.
+    """
+    refuse_nonlinear(material)
     graph = node_graph(mesh, 1) if graph is None else graph
     blocks = stiffness_blocks(mesh, elastic(material, mesh.dim), graph)
     return blocks if bedding.none else mass_blocks(mesh, bedding, graph, blocks)

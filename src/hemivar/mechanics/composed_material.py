@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -11,7 +11,7 @@ import numpy as np
 from hemivar.basics.arguments import described
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.material import Material, no_matrices
+from hemivar.mechanics.material import BoundsBy, Material, no_matrices
 
 __all__ = ["ByRegion", "Combination"]
 
@@ -80,6 +80,44 @@ class ByRegion(Material):
         result = np.empty(len(points))
         for name, mask, inner in self._split(points, regions):
             result[mask] = self.parts[name].out_of_plane_stress(points[mask], strain[mask], inner)
+        return result
+
+    @property
+    def linear(self) -> bool:
+        return all(part.linear for part in self.parts.values())
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        return _least_certain(part.bounds_by for part in self.parts.values())
+
+    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.empty(len(points))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].energy(points[mask], strain[mask], inner)
+        return result
+
+    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.empty(strain.shape)
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].stress(points[mask], strain[mask], inner)
+        return result
+
+    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.empty((*strain.shape, strain.shape[1]))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].tangent(points[mask], strain[mask], inner)
+        return result
+
+    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.array(no_matrices(points))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].lower_tensor(points[mask], inner)
+        return result
+
+    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        result = np.array(no_matrices(points))
+        for name, mask, inner in self._split(points, regions):
+            result[mask] = self.parts[name].upper_tensor(points[mask], inner)
         return result
 
     @property
@@ -181,16 +219,56 @@ class Combination(Material):
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         at = points[:1] if self.homogeneous else points
-        total = np.array(no_matrices(at))
+        total = self._added(at, regions)
         if self.of_elasticity:
             total += self.of_elasticity * self.material.stiffness_tensor(at, regions)
-        if self.of_viscosity:
-            total += self.of_viscosity * self.material.viscosity_tensor(at, regions)
-        for number in self._numbers:
-            total += self.of_branches[number] * self.material.branch_tensor(number, at, regions)
         return np.broadcast_to(total[0], (len(points), *total.shape[1:])) if len(at) < len(points) else total
+
+    def _added(self, points: Array, regions: Mapping[str, BoolArray] | None) -> Array:
+        """What viscosity and branches add to the elasticity, (k, v, v); linear, whatever the elasticity is."""
+        total = np.array(no_matrices(points))
+        if self.of_viscosity:
+            total += self.of_viscosity * self.material.viscosity_tensor(points, regions)
+        for number in self._numbers:
+            total += self.of_branches[number] * self.material.branch_tensor(number, points, regions)
+        return total
+
+    @property
+    def linear(self) -> bool:
+        return self.material.linear or not self.of_elasticity
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        return self.material.bounds_by if self.of_elasticity else BoundsBy.CLOSED_FORM
+
+    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        added = 0.5 * np.einsum("ki,kij,kj->k", strain, self._added(points, regions), strain)
+        return np.asarray(added + self.of_elasticity * self.material.energy(points, strain, regions))
+
+    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        added = np.einsum("kij,kj->ki", self._added(points, regions), strain)
+        return np.asarray(added + self.of_elasticity * self.material.stress(points, strain, regions))
+
+    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        added = self._added(points, regions)
+        return np.asarray(added + self.of_elasticity * self.material.tangent(points, strain, regions))
+
+    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return np.asarray(
+            self._added(points, regions) + self.of_elasticity * self.material.lower_tensor(points, regions)
+        )
+
+    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return np.asarray(
+            self._added(points, regions) + self.of_elasticity * self.material.upper_tensor(points, regions)
+        )
 
     def out_of_plane_stress(
         self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
     ) -> Array:
         return self.material.out_of_plane_stress(points, strain, regions)
+
+
+def _least_certain(ways: Iterable[BoundsBy]) -> BoundsBy:
+    order = list(BoundsBy)
+    return order[max(order.index(way) for way in ways)]

@@ -1,4 +1,4 @@
-"""Materials: linearly elastic, with density, viscosity and branches that relax where time matters."""
+"""Materials: elastic, with density, viscosity and branches that relax where time matters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar
 from hemivar.mechanics.instants import refuse_time
 from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity, isotropic_matrices, moduli
 
-__all__ = ["Anisotropic", "Isotropic", "Material", "PlaneState", "no_matrices"]
+__all__ = ["Anisotropic", "BoundsBy", "Isotropic", "Material", "PlaneState", "SingleMaterial", "no_matrices"]
 
 #: The largest lam / mu that leaves digits for mu.
 _STIFF = 1e13
@@ -32,11 +32,25 @@ class PlaneState(StrEnum):
     STRESS = "stress"
 
 
+class BoundsBy(StrEnum):
+    """How the bounds of the tangent of a material were found."""
+
+    CLOSED_FORM = "closed form"
+    INTERVALS = "intervals"
+    SAMPLED = "sampled"
+
+    @property
+    def proved(self) -> bool:
+        """Whether they hold at every strain, and not only at those that were tried."""
+        return self is not BoundsBy.SAMPLED
+
+
 @dataclass(frozen=True, eq=False)
 class Material(Portable):
-    """A linearly elastic material.
+    """An elastic material of small strains, linear or with a stored energy.
 
-    Make one by :meth:`lame`, :meth:`young`, :meth:`tensor` or :meth:`by_region`.
+    Make one by :meth:`lame`, :meth:`young`, :meth:`tensor` or :meth:`by_region`, and one that is not linear by
+    :meth:`hencky`.
 
     Stresses and strains in matrices are ordered xx, yy, xy in 2D and xx, yy, zz, yz, xz, xy in 3D, shear
     strains are engineering ones, ``gamma_xy = 2 eps_xy``.
@@ -139,6 +153,42 @@ class Material(Portable):
 
         return ByRegion(materials)
 
+    @staticmethod
+    def hencky(
+        bulk: Number,
+        shear: Number,
+        softened: Number,
+        strain: Number,
+        plane: PlaneState | str = PlaneState.STRAIN,
+        *,
+        density: Number | None = None,
+        viscosity: Moduli | Viscosity | None = None,
+        branches: Sequence[Branch] = (),
+    ) -> Material:
+        """Material of Hencky's kind, whose shear softens as the strain changes shape (deformation theory).
+
+        ``sigma = k tr(eps) I + 2 mu0 (q + (1 - q) / sqrt(1 + |dev eps|^2 / e0^2)) dev eps``.
+
+        Parameters
+        ----------
+        bulk, shear : float or callable
+            The bulk modulus k and the shear modulus mu0 at small strain, positive; a callable gets points, shape
+            (k, d), and returns shape (k,).
+        softened : float or callable
+            The part q of the shear modulus that is left at large strain, ``0 < q <= 1``.
+        strain : float or callable
+            The size e0 of the deviator at which it softens, positive.
+        plane : PlaneState or str
+            For 2D: ``"strain"`` (default) or ``"stress"``. In plane strain the deviator is that of space.
+        density, viscosity, branches
+            See :class:`Material`.
+        """
+        with IMPORTS:
+            from hemivar.mechanics.named_energies import Hencky
+
+        more = {"density": density, "viscosity": viscosity, "branches": branches}
+        return Hencky(bulk, shear, softened, strain, plane, **more)  # type: ignore[arg-type]
+
     @property
     def homogeneous(self) -> bool:
         """Whether the material is the same everywhere."""
@@ -150,7 +200,7 @@ class Material(Portable):
         return self.homogeneous
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        """Elasticity matrices at points.
+        """Elasticity matrices at points; of a material that is not linear, those at zero strain.
 
         Parameters
         ----------
@@ -175,6 +225,54 @@ class Material(Portable):
     ) -> Array:
         """The stress ``sigma_zz`` of a plane model, shape (k,), at points with strains of shape (k, 2, 2)."""
         raise NotImplementedError
+
+    # ---- the stored energy ----------------------------------------------------------------------------------
+
+    @property
+    def linear(self) -> bool:
+        """Whether the stress is linear in the strain, everywhere in the body."""
+        return True
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        """How :meth:`lower_tensor` and :meth:`upper_tensor` were found; of several the least certain way."""
+        return BoundsBy.CLOSED_FORM
+
+    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """The stored energy W per volume.
+
+        Parameters
+        ----------
+        points : array, shape (k, d)
+        strain : array, shape (k, v)
+            In the order of the matrices, with engineering shear strains; zero strain has energy zero.
+        regions : mapping of name to bool array, shape (k,)
+            Which points lie in which region; needed by :meth:`by_region` only.
+
+        Returns
+        -------
+        array, shape (k,)
+        """
+        return np.asarray(0.5 * np.einsum("ki,kij,kj->k", strain, self.stiffness_tensor(points, regions), strain))
+
+    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """The stress, the derivative of :meth:`energy` by the strain, shape (k, v)."""
+        return np.asarray(np.einsum("kij,kj->ki", self.stiffness_tensor(points, regions), strain))
+
+    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """The derivative of :meth:`stress` by the strain, shape (k, v, v), symmetric."""
+        return self.stiffness_tensor(points, regions)
+
+    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices C_low, shape (k, v, v), such that :meth:`tangent` minus C_low is semidefinite at every strain.
+
+        Zero matrices: none is known.
+        """
+        return self.stiffness_tensor(points, regions)
+
+    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices C_up, shape (k, v, v), such that C_up minus :meth:`tangent` is semidefinite at every strain."""
+        return self.stiffness_tensor(points, regions)
 
     # ---- what matters in time -------------------------------------------------------------------------------
 
@@ -252,7 +350,7 @@ def no_matrices(points: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Simple(Material):
+class SingleMaterial(Material):
     """A material of one kind: what it has of density, viscosity and branches.
 
     Attributes
@@ -324,7 +422,7 @@ class _Simple(Material):
 
 
 @dataclass(frozen=True, eq=False)
-class Isotropic(_Simple):
+class Isotropic(SingleMaterial):
     """What :meth:`Material.lame` and :meth:`Material.young` make.
 
     Attributes
@@ -413,7 +511,7 @@ class Isotropic(_Simple):
 
 
 @dataclass(frozen=True, eq=False)
-class Anisotropic(_Simple):
+class Anisotropic(SingleMaterial):
     """What :meth:`Material.tensor` makes.
 
     Attributes
