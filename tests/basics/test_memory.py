@@ -61,7 +61,7 @@ def test_problem_files_that_do_not_fit_are_refused_before_the_mesh(mesh: str, ke
 
 
 def test_order_and_free_memory_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "available_bytes", lambda: 2.0**30)
+    monkeypatch.setattr(machine, "available_bytes", lambda: 2.0**29)
     text = f"[mesh]\nrectangle = [1.0, 1.0]\ncells = 300\n{{}}\n{MATERIAL}"
     assert parse_problem_file(text.format("")).problem.mesh.number_of_cells == 180000
     with pytest.raises(ProblemError, match=r"1\.8e\+05 cells of order 2"):

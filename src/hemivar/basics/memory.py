@@ -15,7 +15,7 @@ __all__ = ["available_bytes", "mesh_bytes", "problem_bytes", "refined_cells", "r
 #: 0.05 to 1 million cells (benchmarks/mesh_memory.py), rounded upwards.
 _MAKE = {2: 120.0, 3: 120.0}
 _CHECK = {2: 320.0, 3: 420.0}
-_DISCRETISE = {(2, 1): 600.0, (3, 1): 850.0, (2, 2): 9000.0, (3, 2): 50000.0}
+_DISCRETISE = {(2, 1): 600.0, (3, 1): 850.0, (2, 2): 4200.0, (3, 2): 15000.0}
 #: Less than this is not held against what is free.
 _SMALL = 64.0 * 2.0**20
 #: Taken to be free where that cannot be told.
