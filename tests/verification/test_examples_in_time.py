@@ -67,7 +67,7 @@ def test_the_command_marches_it(name: str, tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_each_has_its_film_in_the_docs() -> None:
-    page = (ROOT / "docs" / "evolution.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "evolution-examples.md").read_text(encoding="utf-8")
     script = (ROOT / "docs" / "animations.py").read_text(encoding="utf-8")
     for name in NAMES:
         film = ROOT / "docs" / "images" / f"{name}.gif"

@@ -1,0 +1,62 @@
+"""Pages are written in short sentences: at most 20 words on the average, counted without code, tables and formulas."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md"])
+MOST = 20.0
+#: Pages that have not been written anew, by their place in the repository.
+LONG = frozenset({"README.md", "docs/bounds.md", "docs/certificates.md", "docs/laws.md", "docs/scalar.md"})
+
+_LEFT_OUT = (
+    re.compile(r"```.*?```", re.DOTALL),  # code, directives
+    re.compile(r"\$\$.*?\$\$", re.DOTALL),  # formulas
+    re.compile(r"^\s*\|.*$", re.MULTILINE),  # tables
+    re.compile(r"^#.*$", re.MULTILINE),  # headings
+    re.compile(r"^(?: {4}|\t).*$", re.MULTILINE),  # indented code
+    re.compile(r"^\([\w-]+\)=$|^---$|^:::.*$|<[^>]*>", re.MULTILINE),  # targets and markup
+    re.compile(r"!\[[^\]]*\]\([^)]*\)"),  # pictures
+)
+
+
+def sentences(text: str) -> list[list[str]]:
+    """Words of each sentence of the prose of a page."""
+    for pattern in _LEFT_OUT:
+        text = pattern.sub("\n\n", text)
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)  # links
+    text = re.sub(r"`[^`\n]*`|\$[^$\n]*\$", "x", text)  # what is set as code or formula is one word
+    found = []
+    for block in re.split(r"\n\s*\n|^\s*(?:[-*]|\d+\.)\s", text, flags=re.MULTILINE):
+        for sentence in re.split(r"(?<=[.!?:])[\"')*]*\s+(?=[A-Z0-9x\"'(*])", " ".join(block.split())):
+            words = re.findall(r"[A-Za-z0-9][\w'/.,-]*", sentence)
+            if len(words) > 2:
+                found.append(words)
+    return found
+
+
+def mean_length(text: str) -> float:
+    """Words in a sentence, on the average."""
+    found = sentences(text)
+    return sum(map(len, found)) / len(found) if found else 0.0
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_sentences_are_short(page: Path) -> None:
+    mean, name = mean_length(page.read_text(encoding="utf-8")), str(page.relative_to(ROOT))
+    if name in LONG:
+        assert mean > MOST, f"{name} has {mean:.1f} words in a sentence: take it off the list"
+    else:
+        assert mean <= MOST, f"{name} has {mean:.1f} words in a sentence; at most {MOST:.0f} on the average"
+
+
+def test_the_count_knows_what_a_sentence_is() -> None:
+    text = (
+        "# A heading\n\nOne two three. Four five six seven?\n\n```python\nx = 1\n```\n\n| a | table of many words |\n"
+    )
+    assert [len(words) for words in sentences(text)] == [3, 4]
+    assert mean_length("A line of [a link](far/away.md) and `some code`, $x = 1$ too.\n") == 9.0
