@@ -1,4 +1,4 @@
-"""Materials made of others: one in each region, and sums of the parts of one."""
+"""Materials made of others: one in each region, sums of the parts of one, and the linear one below another."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
 from hemivar.mechanics.material import BoundsBy, Material, no_matrices
 
-__all__ = ["ByRegion", "Combination"]
+__all__ = ["ByRegion", "Combination", "LowerElasticity", "lower_elasticity"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,6 +267,61 @@ class Combination(Material):
         self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
     ) -> Array:
         return self.material.out_of_plane_stress(points, strain, regions)
+
+
+@dataclass(frozen=True, eq=False)
+class LowerElasticity(Material):
+    """The linear elastic material of ``C_low``, the tensor below the tangent of another one at every strain.
+
+    Attributes
+    ----------
+    material : Material
+    """
+
+    material: Material
+
+    @property
+    def homogeneous(self) -> bool:
+        return self.material.homogeneous
+
+    @property
+    def uniform(self) -> bool:
+        return self.material.uniform
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        return self.material.bounds_by
+
+    def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        found = self.material.lower_tensor(points, regions)
+        zero = ~found.any(axis=(1, 2))
+        if zero.any():
+            place = points[int(zero.argmax())].tolist()
+            raise ProblemError(
+                f"no lower bound of the stiffness of the material is known at x = {place}, and without one there is no "
+                "margin and no distance; give a material whose stress grows at every strain"
+            )
+        return found
+
+    def out_of_plane_stress(
+        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
+    ) -> Array:
+        return self.material.out_of_plane_stress(points, strain, regions)
+
+
+def lower_elasticity(material: Material) -> Material:
+    """The linear material of ``C_low`` of a material, in whose energy norm errors are bounded; itself if it is linear.
+
+    Parameters
+    ----------
+    material : Material
+
+    Returns
+    -------
+    Material
+        Its tensor is refused where no lower bound is known.
+    """
+    return material if material.linear else LowerElasticity(material)
 
 
 def _least_certain(ways: Iterable[BoundsBy]) -> BoundsBy:

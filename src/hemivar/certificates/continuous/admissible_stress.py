@@ -18,7 +18,14 @@ import numpy as np
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array
 from hemivar.certificates.continuous.body_data import BodyData
-from hemivar.certificates.continuous.split_element import SplitElement, split_element, voigt, voigt_map
+from hemivar.certificates.continuous.bulk_gap import saved_by_curvature
+from hemivar.certificates.continuous.split_element import (
+    SplitElement,
+    pulled_back,
+    split_element,
+    voigt,
+    voigt_map,
+)
 from hemivar.certificates.continuous.vertex_moments import Tractions, UnsettledTractions, equilibrated
 from hemivar.fem.elements import shape_values
 from hemivar.fem.quadrature import quadrature_rule
@@ -74,12 +81,25 @@ class AdmissibleStress:
 
     @cached_property
     def misfit(self) -> Array:
+        """What each cell adds to ``eta^2``, shape (M,): ``int_T (s - C eps) : C^-1 (s - C eps)``.
+
+        Of a material that is not linear it is an upper bound of ``2 int_T W(eps) + W*(s) - s : eps``.
+        """
+        if self.data.stored is None:
+            return self.square
+        return np.asarray(np.maximum(self.square - saved_by_curvature(self.data, self.element, self.difference), 0.0))
+
+    @cached_property
+    def square(self) -> Array:
         """``int_T (s - C eps) : C^-1 (s - C eps)`` of each cell, shape (M,), exact where C is constant on the cell.
 
         Where it varies there it is integrated by a rule of degree 4 (6 for quadratic stresses) on the pieces of the
-        cell.
+        cell. Of a material that is not linear that of ``s - W'(eps)`` with C_low.
         """
         data = self.data
+        if data.stored is not None:
+            compliance = pulled_back(data.compliance, data.table.jacobian, data.table.sizes)
+            return self.element.energy_of(self.difference, compliance)
         if not data.varies:
             return self.element.energy_of(self.difference, data.reference_compliance)
         return self._varying_misfit()

@@ -1,4 +1,7 @@
-"""A body without loads and laws, on the coarsest mesh that is known of it: what constants of the body depend on."""
+"""A body without loads and laws, on the coarsest mesh that is known of it: what constants of the body depend on.
+
+A body that is not linear is replaced by the linear one of ``C_low``, in whose energy norm its errors are bounded.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from dataclasses import replace
 
 from hemivar.errors import ProblemError
 from hemivar.laws import NoContact
+from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.conditions import Clamped, Prescribed
 from hemivar.mechanics.statement import Contact, ContactProblem
 
@@ -43,6 +47,7 @@ def bare_body(problem: ContactProblem, *, coarsest: bool = True) -> ContactProbl
     return replace(
         problem,
         mesh=mesh,
+        material=lower_elasticity(problem.material),
         supports=supports,
         contact={
             name: Contact(NoContact(), obstacle=contact.obstacle, normals=contact.normals)

@@ -15,15 +15,17 @@ import numpy as np
 from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, IntArray
+from hemivar.certificates.continuous.cell_energy import CellEnergy, cell_energy
 from hemivar.certificates.continuous.facet_table import FacetTable, facet_table, facet_vertices
 from hemivar.certificates.continuous.held_facets import held_facets
 from hemivar.certificates.continuous.load_values import LoadValues, load_values
-from hemivar.certificates.continuous.split_element import facet_mass, pulled_back
+from hemivar.certificates.continuous.split_element import facet_mass, pulled_back, voigt
 from hemivar.errors import ProblemError
-from hemivar.fem.constitutive import constitutive_law
+from hemivar.fem.constitutive import elastic
 from hemivar.fem.elements import shape_derivatives, shape_values, voigt_index
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.mechanics.bedding import bedding_of
+from hemivar.mechanics.composed_material import lower_elasticity
 from hemivar.mechanics.conditions import Pressure, evaluate_scalar, evaluate_vector, traction_value
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.keys import EDGES
@@ -84,9 +86,11 @@ class BodyData:
     strains : array, shape (M, d + 1, d, d)
         Of the displacement at the vertices of the cells, between which it is linear.
     stresses : array, shape (M, d + 1, d, d)
-        The linear part of ``C eps`` on each cell, at its vertices; all of it where C is constant on the cell.
+        The linear part of ``C eps`` on each cell, at its vertices; all of it where C is constant on the cell. Of a
+        material that is not linear ``W'(eps)``.
     tensors : array, shape (M or 1, q or 1, v, v)
-        Elasticity matrices at the points of the rule of the stiffness, and ``weights``, shape (q or 1,), of the rule.
+        Elasticity matrices at the points of the rule of the stiffness, and ``weights``, shape (q or 1,), of the rule;
+        of a material that is not linear its lower tensor C_low.
     weights : array, shape (q or 1,)
     forces : array, shape (M, l, d)
         ``int_T C eps grad phi_a``.
@@ -101,6 +105,8 @@ class BodyData:
         supports hold the body on its boundary.
     contact : int array, shape (F,)
         The place of the contact boundary in ``problem.contact``, or -1.
+    stored : CellEnergy or None
+        The stored energy of a material that is not linear.
     """
 
     problem: ContactProblem
@@ -118,6 +124,7 @@ class BodyData:
     varying: VaryingLoads
     unknown: Array
     contact: IntArray
+    stored: CellEnergy | None = None
 
     @property
     def order(self) -> int:
@@ -134,6 +141,11 @@ class BodyData:
         """Mean over each cell of ``C eps``, shape (M, d, d)."""
         return np.asarray(self.stresses.mean(axis=1))
 
+    @property
+    def engineering(self) -> Array:
+        """Mean strain of each cell as a vector with engineering shear strains, shape (M, v)."""
+        return _engineering(self.strain)
+
     @cached_property
     def varies(self) -> bool:
         """Whether the elasticity matrix varies within cells."""
@@ -145,14 +157,25 @@ class BodyData:
         return np.linalg.inv(np.einsum("q,mqvw->mvw", self.weights, self.tensors))
 
     @cached_property
+    def sweep_compliance(self) -> Array:
+        """By which patches are improved, (M or 1, v, v): of a material that is not linear the inverse tangents."""
+        if self.stored is None:
+            return self.compliance
+        return np.asarray(np.linalg.inv(self.stored.tangent(self.engineering[:, None])[:, 0]))
+
+    @cached_property
     def reference_compliance(self) -> Array:
         """The same on the reference simplex, shape (M, v, v)."""
-        return pulled_back(self.compliance, self.table.jacobian, self.table.sizes)
+        return pulled_back(self.sweep_compliance, self.table.jacobian, self.table.sizes)
 
     @property
     def energy(self) -> float:
         """``|u|_a^2 = int C eps : eps``."""
-        return max(float(np.einsum("mad,mad->", self.forces, self.displacement[self.cell_nodes])), 0.0)
+        if self.stored is None:
+            return max(float(np.einsum("mad,mad->", self.forces, self.displacement[self.cell_nodes])), 0.0)
+        mean, strain = np.einsum("q,mqvw->mvw", self.weights, self.tensors), self.engineering
+        mean = np.broadcast_to(mean, (len(strain), *mean.shape[1:]))
+        return float(np.einsum("m,mv,mvw,mw->", self.table.volumes, strain, mean, strain, optimize=True))
 
     @cached_property
     def cell_moments(self) -> Array:
@@ -178,7 +201,7 @@ class BodyData:
     def moved(self, displacement: Array) -> BodyData:
         """The data of another displacement (nodes, d) of the same problem."""
         order, nodes = self.order, displacement[self.cell_nodes]
-        strains, stresses, forces = _stresses(self.table, order, nodes, self.tensors, self.weights)
+        strains, stresses, forces = _stresses(self.table, order, nodes, self.tensors, self.weights, self.stored)
         return replace(self, displacement=displacement, strains=strains, stresses=stresses, forces=forces)
 
     def linear(self, loads: Array) -> Array:
@@ -195,6 +218,13 @@ def _linear_values(dim: int) -> Array:
     return np.vstack([corners, [0.5 * (corners[a] + corners[b]) for a, b in pairs]]).T
 
 
+def _engineering(strain: Array) -> Array:
+    """Strains (M, d, d) as vectors (M, v) with engineering shear strains."""
+    found = voigt(strain)
+    found[:, strain.shape[1] :] *= 2.0
+    return found
+
+
 def _varies(tensors: Array) -> bool:
     first = tensors[:, :1]
     return bool(np.abs(tensors - first).max() > _CONSTANT * np.abs(first).max())
@@ -206,9 +236,15 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
     Raises
     ------
     ProblemError
-        Elements are quadratic in space, the body has a bedding, or the displacement has another shape.
+        Elements are quadratic in space or of a material that is not linear, the body has a bedding, or the displacement
+        has another shape.
     """
-    mesh, order = problem.mesh, problem.order
+    mesh, order, material = problem.mesh, problem.order, problem.material
+    if order != 1 and not material.linear:
+        raise ProblemError(
+            "the distance to the exact solution of a body that is not linear is bounded with linear elements; take "
+            "order = 1"
+        )
     if order != 1 and mesh.dim != 2:
         raise ProblemError("admissible stresses are made of linear elements in space; take order = 1")
     if not bedding_of(problem.bedding).none:
@@ -225,18 +261,22 @@ def body_data(problem: ContactProblem, displacement: Array) -> BodyData:
         middle = np.empty(table.cells.shape, dtype=np.int64)
         middle[:, facet_vertices(2, 2)[:, 2] - 3] = facet_nodes[table.cell_facets][:, :, 2]
         cell_nodes = np.hstack([table.cells, middle])
-    tensor, weights = constitutive_law(problem).on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
-    strains, stresses, forces = _stresses(table, order, u[cell_nodes], tensor, weights)
+    law = elastic(lower_elasticity(material), mesh.dim)
+    tensor, weights = law.on(mesh, 2 * order, vertices=None if order == 1 else table.cells)
+    stored = None if material.linear else cell_energy(material, mesh, table.cells, 2 * order)
+    strains, stresses, forces = _stresses(table, order, u[cell_nodes], tensor, weights, stored)
     contact = np.full(len(table.facets), -1, dtype=np.int64)
     for number, name in enumerate(problem.contact):
         contact[table.numbers(mesh.boundaries[name])] = number
     return BodyData(
         problem, table, u, cell_nodes, facet_nodes, strains, stresses, tensor, weights, forces,
-        *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact,
+        *_loads(problem, table, cell_nodes, facet_nodes, count), _unknown(problem, table), contact, stored,
     )  # fmt: skip
 
 
-def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: Array) -> tuple[Array, Array, Array]:
+def _stresses(
+    table: FacetTable, order: int, u: Array, tensor: Array, weights: Array, stored: CellEnergy | None
+) -> tuple[Array, Array, Array]:
     """Strains and the linear part of the stresses at the vertices (M, d + 1, d, d), and forces (M, l, d)."""
     dim, corners = table.dim, table.dim + 1
     index = voigt_index(dim)
@@ -257,7 +297,10 @@ def _stresses(table: FacetTable, order: int, u: Array, tensor: Array, weights: A
     mean = np.einsum("q,mqvw->mvw", weights, tensor)
     if order == 1:
         strains = strain(np.full(corners, 1.0 / corners))
-        stresses = stress(mean, strains)
+        if stored is None:
+            stresses = stress(mean, strains)
+        else:
+            stresses = stored.stress(_engineering(strains)[:, None])[:, 0][:, index]
         forces = (table.volumes[:, None, None] * table.gradients) @ stresses  # which are symmetric
         return np.broadcast_to(strains[:, None], shape), np.broadcast_to(stresses[:, None], shape), forces
     strains = np.stack([strain(corner) for corner in np.eye(corners)], axis=1)

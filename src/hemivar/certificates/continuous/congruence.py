@@ -20,8 +20,8 @@ def congruent_cells(data: BodyData) -> IntArray:
     Cells of the regular meshes of boxes, and those that uniform refinement makes of one cell, are of a few kinds.
     """
     parts = [_rounded(data.table.jacobian.reshape(len(data.table.cells), -1))]
-    if len(data.compliance) > 1:
-        parts.append(_rounded(data.compliance.reshape(len(data.compliance), -1)))
+    if len(data.sweep_compliance) > 1:
+        parts.append(_rounded(data.sweep_compliance.reshape(len(data.sweep_compliance), -1)))
     return equal_rows(np.concatenate(parts, axis=1))
 
 

@@ -10,6 +10,9 @@ constant at u alone. For weakly convex laws zeta may leave dj at the price of th
 
     [eta + rho + sqrt((eta + rho)^2 + 4 (1 - c) G)] / (2 (1 - c)).
 
+For a material with a stored energy W the same holds in the norm of its lower tensor C_low, with
+``eta^2 = 2 int W(eps(u)) + W*(s) - s : eps(u)`` (:mod:`hemivar.certificates.continuous.bulk_gap`).
+
 Each part, normal and tangential, of each facet may do either; c and G then take of each what belongs to its choice.
 Proofs are in docs/bounds.md.
 """
@@ -29,7 +32,7 @@ from hemivar.certificates.continuous.body_data import BodyData, body_data
 from hemivar.certificates.continuous.contact_normals import has_constant_normals
 from hemivar.certificates.continuous.contact_traces import ContactTraces, contact_traces
 from hemivar.certificates.continuous.fenchel import FenchelGap, fenchel_gap, following
-from hemivar.certificates.continuous.hypotheses import unmet_hypotheses
+from hemivar.certificates.continuous.hypotheses import inexact_data, unmet_hypotheses
 from hemivar.certificates.continuous.low_mode import SoftModes, confined_error
 from hemivar.certificates.continuous.one_sided import one_sided_constants
 from hemivar.certificates.continuous.oscillation import Oscillation, linear_square, oscillation
@@ -37,7 +40,6 @@ from hemivar.certificates.continuous.patches import PatchKind
 from hemivar.certificates.continuous.sweeps import ContactPrice, Sweeper
 from hemivar.certificates.continuous.trace_bounds import TraceBounds
 from hemivar.certificates.continuous.vertex_moments import unsettled
-from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
 
 __all__ = ["SWEEPS", "DistanceParts", "ExactDistance", "exact_distance"]
@@ -306,9 +308,11 @@ def _bound(
     change = stress.data.displacement - data.displacement
     correction = float(np.sqrt(max(np.sum((stress.data.forces - data.forces) * change[data.cell_nodes]), 0.0)))
     reasons = [] if constants.guaranteed else [f"the constants of the body are {constants.source}"]
-    reasons += unmet + _inexact(data)
+    reasons += unmet + inexact_data(data)
     rest = oscillation(stress, constants.body)
-    eta, eta_all = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress, rest).sum()))
+    eta, direct = float(np.sqrt(stress.misfit.sum())), float(np.sqrt(_cells(stress.square, rest).sum()))
+    # Fenchel's inequality holds for the whole body and not on each cell, so that the oscillation comes beside it
+    eta_all = direct if data.stored is None else min(direct, eta + float(np.linalg.norm(rest.cells)))
     missed = float(np.sqrt(rest.missed.sum()))
     algebraic = _algebraic(stress, constants)
     base = eta_all + missed + algebraic
@@ -327,7 +331,7 @@ def _bound(
             )
         reasons += _doubts(traces, constants)
         modes = SoftModes(traces)
-        found = _chosen(traces, traces.forces(stress.tractions.moments), constants, base, modes)
+        found = _chosen(traces, traces.forces(stress.tractions.moments), constants, base, modes, direct - eta_all)
         if constants.guaranteed and any(part.any() for part in found.alpha) and found.value < np.inf:
             wrong = _contradiction(found, modes)
             found = replace(found, value=np.inf) if wrong else found
@@ -347,26 +351,9 @@ def _bound(
     )
     return ExactDistance(
         found.value + correction, float(np.sqrt(data.energy)), parts, found.constant, found.theorem,
-        not reasons, tuple(reasons), stress, _cells(stress, rest), rest.missed, nodes, found.facet_contact,
+        not reasons, tuple(reasons), stress, _cells(stress.misfit, rest), rest.missed, nodes, found.facet_contact,
         found.facet_gap,
     )  # fmt: skip
-
-
-def _inexact(data: BodyData) -> list[str]:
-    """What of the statement the mesh and its rules of integration do not represent exactly."""
-    problem = data.problem
-    found = data.varying.doubts
-    if data.varies:
-        found.append("the material varies within cells, where it is seen by a rule of integration")
-    elif not problem.material.uniform:
-        found.append("the material is a function of the place, which is seen at the points of a rule of integration")
-    held = [getattr(support, part, None) for support in problem.supports.values() for part in ("value", "x", "y", "z")]
-    if any(callable(value) for value in held):
-        found.append("prescribed displacements are functions, which the mesh interpolates")
-    for name, contact in problem.contact.items():
-        if callable(contact.gap) or not isinstance(contact.obstacle, Plane | None):
-            found.append(f"the gap of contact '{name}' varies, and is seen by a rule of integration")
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,8 +377,8 @@ class _Choice:
     falls: int = 0
 
 
-def _cells(stress: AdmissibleStress, rest: Oscillation) -> Array:
-    return (np.sqrt(np.maximum(stress.misfit, 0.0)) + rest.cells) ** 2
+def _cells(misfit: Array, rest: Oscillation) -> Array:
+    return np.asarray((np.sqrt(np.maximum(misfit, 0.0)) + rest.cells) ** 2)
 
 
 def _algebraic(stress: AdmissibleStress, constants: TraceBounds) -> float:
@@ -416,9 +403,17 @@ def _doubts(traces: ContactTraces, constants: TraceBounds) -> list[str]:
 
 
 def _chosen(
-    traces: ContactTraces, forces: Array, constants: TraceBounds, base: float, modes: SoftModes | None = None
+    traces: ContactTraces,
+    forces: Array,
+    constants: TraceBounds,
+    base: float,
+    modes: SoftModes | None = None,
+    apart: float = 0.0,
 ) -> _Choice:
-    """The best of both theorems and of their mixtures; without modes a quick look."""
+    """The best of both theorems and of their mixtures; without modes a quick look.
+
+    What is split into the softest mode and the rest is a linear functional, whose norm takes ``apart`` beside ``base``.
+    """
     table, coupling = traces.data.table, _coupling(traces, constants)
     corners = table.mesh.points[table.facets[traces.facets]]
     exact = traces.allowed(forces)
@@ -437,7 +432,7 @@ def _chosen(
         if not (second < first and first + coupling < 1.0):
             return np.inf
         mode = modes.softest(*alpha)
-        return confined_error(total, modes.seen(mode, zeta), mode.theta, first, second, coupling, gap)
+        return confined_error(total + apart, modes.seen(mode, zeta), mode.theta, first, second, coupling, gap)
 
     none = np.zeros(len(traces.facets), dtype=bool)
     normal, tangential = traces.square(forces - exact)

@@ -11,6 +11,7 @@ import numpy as np
 
 from hemivar.basics.arguments import expect
 from hemivar.basics.types import Array, IntArray
+from hemivar.certificates.continuous.body_data import BodyData
 from hemivar.certificates.continuous.body_shape import STRAIGHT, facet_angles
 from hemivar.errors import ProblemError
 from hemivar.fem.discretize import refuse_evolution
@@ -19,10 +20,11 @@ from hemivar.laws import CoulombBound, Friction, PiecewiseQuadratic, Superpotent
 from hemivar.laws.friction.bounds import StateBound
 from hemivar.laws.named import ParameterLaw
 from hemivar.mechanics.conditions import Roller
+from hemivar.mechanics.obstacles import Plane
 from hemivar.mechanics.statement import ContactProblem
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["unmet_hypotheses"]
+__all__ = ["inexact_data", "unmet_hypotheses"]
 
 #: Angle between neighbouring facets of one boundary up to which they are taken for those of a curve, in radians.
 _BEND = np.pi / 6.0
@@ -76,6 +78,25 @@ def unmet_hypotheses(problem: ContactProblem, displacement: Array | None = None)
         "one for the body with straight facets"
         for words, angle in _curved(problem.mesh)
     ]
+    return found
+
+
+def inexact_data(data: BodyData) -> list[str]:
+    """What of the statement the mesh and its rules of integration do not represent exactly."""
+    problem = data.problem
+    found = data.varying.doubts
+    if not problem.material.bounds_by.proved:
+        found.append("the lower bound of the stiffness of the material is sampled")
+    if data.varies:
+        found.append("the material varies within cells, where it is seen by a rule of integration")
+    elif not problem.material.uniform:
+        found.append("the material is a function of the place, which is seen at the points of a rule of integration")
+    held = [getattr(support, part, None) for support in problem.supports.values() for part in ("value", "x", "y", "z")]
+    if any(callable(value) for value in held):
+        found.append("prescribed displacements are functions, which the mesh interpolates")
+    for name, contact in problem.contact.items():
+        if callable(contact.gap) or not isinstance(contact.obstacle, Plane | None):
+            found.append(f"the gap of contact '{name}' varies, and is seen by a rule of integration")
     return found
 
 
