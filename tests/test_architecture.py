@@ -420,6 +420,7 @@ WORKING = {
     "evolution.jump_paths": ("_Fall",),
     "laws.testing": ("_Checker",),
     "solvers.nearby": ("Pieces",),
+    "systems.dense_newton": ("DenseFactor",),
 }
 
 

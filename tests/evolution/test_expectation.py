@@ -15,6 +15,7 @@ from hemivar.evolution.expectation import expected_contact
 from hemivar.evolution.history import History
 from hemivar.evolution.stage import Stage
 from hemivar.systems.body import Body
+from hemivar.systems.contact_moves import smooth_components
 
 TIGHT = hv.Controls(rtol=1e-10)
 
@@ -55,7 +56,7 @@ def marched(evolution: Evolution, steps: int, **given: object) -> History:
 
 def held(body: Body, x: Array) -> Array:
     """Components of the contact points that lie at a kink."""
-    return body.active & ~body.linearised(body.local(x))[1]
+    return body.active & ~smooth_components(body.law.linearise(body.local(x)), body.active)
 
 
 def ends(told: Told, history: History) -> list[Array]:

@@ -7,7 +7,7 @@ import pytest
 
 import hemivar as hv
 from hemivar.discrete import DiscreteProblem
-from hemivar.solvers.nearby import Pieces
+from hemivar.systems.dense_newton import DenseFactor
 
 
 @pytest.mark.parametrize("components", [2, 3])
@@ -39,5 +39,5 @@ def test_newtons_equation_is_that_of_dense_algebra(components: int, coupled: boo
         own = slice(point * components, (point + 1) * components)
         dense[own, own] += weights[point] * blocks[point]
     right = rng.standard_normal(index.size)
-    found = Pieces().solve(system, index, blocks if coupled else bends, right)
+    found = DenseFactor().solve(system, index, blocks if coupled else bends, right)
     np.testing.assert_allclose(found, np.linalg.solve(dense[np.ix_(index, index)], right), rtol=1e-9)

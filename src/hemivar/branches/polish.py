@@ -13,9 +13,9 @@ from hemivar.discrete.model import quadratic
 from hemivar.discrete.residual import Residual, residual
 from hemivar.solvers import Controls, NonsmoothNewton, Solution, solve, suited
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.newton import newton_system
 from hemivar.systems import CondensedProblem
-from hemivar.systems.contact_moves import newton_components
+from hemivar.systems.contact_moves import smooth_components
+from hemivar.systems.dense_newton import newton_matrix
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["Polished", "polish", "polish_by_solver"]
@@ -102,11 +102,12 @@ def polish_by_solver(
             solution = better
     r, lam = solution.local, solution.multiplier
     frozen = system.for_problem(problem.with_(law=system.law_at(r, lam)))
-    index = np.flatnonzero(newton_components(frozen.law, r, frozen.active).ravel())
+    line = frozen.law.linearise(r)
+    index = np.flatnonzero(smooth_components(line, frozen.active).ravel())
     length = system.length_scale
     error = np.full(system.shape, 1e-12 * length)
     if index.size:
-        H, _ = newton_system(frozen, r, index, frozen.out_of_balance(r))
+        H = newton_matrix(frozen, index, line.hessian)
         least = float(np.abs(np.linalg.eigvalsh(H)).min())
         force = solution.residual.total + _EPS * solution.residual.scale
         error += min(10.0 * force / least if least > 0.0 else np.inf, 1e-6 * length)

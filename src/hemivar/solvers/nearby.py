@@ -14,19 +14,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from hemivar.basics.arrays import norm
-from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import ContactLaw
 from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.separate import OnGraph, RadialLaw, SeparateLaw
 from hemivar.solvers.controls import Controls
-from hemivar.solvers.newton import NonsmoothNewton, newton_matrix
+from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
+from hemivar.systems.dense_newton import DenseFactor, newton_matrix
 
 __all__ = ["SEMISMOOTH", "OutOfBalance", "Pieces", "nearby_solution"]
 
@@ -34,8 +35,6 @@ __all__ = ["SEMISMOOTH", "OutOfBalance", "Pieces", "nearby_solution"]
 SEMISMOOTH = "semismooth-newton"
 #: Newton's equations that are solved before a search is thought better.
 _ROUNDS = 6
-#: Components up to which memory for matrices is kept.
-_SMALL = 600
 #: Part of the tolerance by which the multiplier may miss the law before the other unknowns are looked for.
 _PART = 0.5
 
@@ -78,8 +77,6 @@ class _Vectors:
 
 #: A law as Newton's equations ask for it.
 _Graphs = SeparateLaw | RadialLaw | DependentLaw | _Vectors
-#: Factors of the last matrix: of Cholesky, or of LU with its pivots.
-_Factors = tuple[Array, Array | None]
 
 
 @dataclass(eq=False)
@@ -91,8 +88,7 @@ class Pieces:
     """
 
     _law: _Graphs | None = field(default=None, repr=False)
-    _known: tuple[bytes, _Factors | None] = field(default=(b"", None), repr=False)
-    _room: Array | None = field(default=None, repr=False)
+    factor: DenseFactor = field(default_factory=DenseFactor, repr=False)
 
     def graphs(self, system: CondensedProblem) -> _Graphs | None:
         """The graphs of the law; None where its bound depends on the state and Newton's equation cannot follow it."""
@@ -129,77 +125,11 @@ class Pieces:
         if pushed is not None:
             pushed = pushed * system.active[:, :1]
             right -= pushed * right[:, :1]
-        step = self.solve(system, index, on.curvature, right.ravel()[index], pushed)
+        step = self.factor.solve(system, index, on.curvature, right.ravel()[index], pushed)
         if step is None:
             return None
         change.ravel()[index] = step
         return change
-
-    def solve(
-        self, system: CondensedProblem, index: IntArray, curvature: Array, right: Array, pushed: Array | None = None
-    ) -> Array | None:
-        """``H^-1 right`` (k,) on the components ``index``, with second derivatives of the laws (m, d) or (m, d, d).
-
-        None where H is not positive definite.  With ``pushed (m, d)`` of :class:`OnGraph` the matrix is not symmetric;
-        then None where it is singular.
-        """
-        key = index.tobytes() + curvature.tobytes() + (b"" if pushed is None else pushed.tobytes())
-        known, factors = self._known
-        if known != key:
-            self._known = b"", None  # its memory is used again
-            H = self._part(system.matrix, index)
-            if curvature.ndim == 3:
-                self._add(H, system, index, curvature)
-            else:
-                H.ravel()[:: index.size + 1] += (system.weights[:, None] * curvature).ravel()[index]
-            if pushed is None:
-                factor, failed = lapack.dpotrf(H.T, lower=1, clean=0, overwrite_a=1)  # symmetric: no copy is made
-                factors = factor, None
-            else:
-                self._push(H, system, index, pushed.ravel()[index])
-                factor, pivots, failed = lapack.dgetrf(H.T, overwrite_a=1)
-                factors = factor, pivots
-            if failed:
-                return None
-            self._known = key, factors
-        assert factors is not None
-        factor, pivots = factors
-        if pivots is not None:
-            return np.asarray(lapack.dgetrs(factor, pivots, right, trans=1)[0])
-        half = blas.dtrsv(factor, right, lower=1)  # half of what a solve for many takes
-        return np.asarray(blas.dtrsv(factor, half, lower=1, trans=1, overwrite_x=1))
-
-    def _part(self, matrix: Array, index: IntArray) -> Array:
-        """Rows and columns of a matrix, in memory that is used again: new memory costs more than the numbers."""
-        k, n = index.size, len(matrix)
-        if n > _SMALL:
-            return matrix.take(index, axis=0).take(index, axis=1)
-        if self._room is None or self._room.shape != (2, n * n):
-            self._room = np.empty((2, n * n))
-        rows, part = self._room[0, : k * n].reshape(k, n), self._room[1, : k * k].reshape(k, k)
-        matrix.take(index, axis=0, out=rows, mode="clip")
-        return rows.take(index, axis=1, out=part, mode="clip")
-
-    @staticmethod
-    def _push(H: Array, system: CondensedProblem, index: IntArray, pushed: Array) -> None:
-        """Take off what bounds owe to the forces along held normals: multiples (k,) of the rows of these normals."""
-        rows = np.flatnonzero(pushed)
-        if rows.size:
-            d = system.shape[1]
-            normal = index[rows] // d * d
-            H[rows] -= pushed[rows, None] * system.matrix[np.ix_(normal, index)]
-
-    @staticmethod
-    def _add(H: Array, system: CondensedProblem, index: IntArray, curvature: Array) -> None:
-        """Add second derivatives (m, d, d) of the laws, those of the components ``index``."""
-        m, d = system.shape
-        point, component = np.divmod(index, d)
-        position = np.full((m, d), -1)
-        position[point, component] = np.arange(index.size)
-        partner = position[point]  # (k, d)
-        row, column = np.nonzero(partner >= 0)
-        here = point[row]
-        H[row, partner[row, column]] += system.weights[here] * curvature[here, component[row], column]
 
 
 def nearby_solution(

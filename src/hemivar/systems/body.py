@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,50 +14,16 @@ from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale, Residual, resting_multiplier
 from hemivar.laws import ContactLaw
-from hemivar.laws.vector_law import Linearisation
 from hemivar.linear.vectors import Vectors
-from hemivar.systems.contact_moves import majorant, smooth_components
+from hemivar.systems.contact_moves import majorant
 from hemivar.systems.contact_system import Equilibrium
+from hemivar.systems.krylov_newton import KrylovNewton, Truncation
+from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["Body", "Truncation", "embedded"]
+__all__ = ["Body", "embedded"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
-
-
-class Truncation(Protocol):
-    """Newton's matrix of a body, unknowns at kinks left out, and a cycle for it; it belongs to one solve."""
-
-    @property
-    def diagonal(self) -> Array:
-        """Diagonal of the stiffness, what curvature is compared with, (n,)."""
-        ...
-
-    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
-        """Become Newton's matrix at another place.
-
-        Parameters
-        ----------
-        x : array (n,)
-            The place.
-        held : bool array (k,)
-            Active components that keep their value.
-        curvature : array (m, d, d)
-            Second derivatives of the laws, weights included; zero where held.
-        """
-        ...
-
-    def __matmul__(self, vector: Array, /) -> Array:
-        """The matrix times a vector (n,) that is zero where held; entries there mean nothing."""
-        ...
-
-    def cycle(self, right: Array) -> Array:
-        """About the inverse times a vector that is zero where held; so is the answer."""
-        ...
-
-    def release(self) -> None:
-        """Give its memory back."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -198,13 +164,6 @@ class Body(Equilibrium, ABC):
             out[kept] = x[kept]
         return out
 
-    def linearised(self, r: Array) -> tuple[Linearisation, BoolArray, Array]:
-        """The laws at ``r``: their derivatives, the components (m, d) that move smoothly, and second derivatives
-        (m, d, d) between these with their weights."""
-        line = self.law.linearise(r)
-        free = smooth_components(line, self.active)
-        return line, free, self.weights[:, None, None] * line.hessian * (free[:, :, None] & free[:, None, :])
-
     def spread(self, values: Array) -> Array:
         """Values (k,) of the contact unknowns as (m, d), signs observed."""
         out = np.zeros(self.active.shape)
@@ -237,6 +196,18 @@ class Body(Equilibrium, ABC):
     def at_contact(self, force: Array) -> Array:
         """Forces (m, d) on the contact points of a force (n,)."""
         return self.spread(force[self.unknown])
+
+    def multiply_contact(self, change: Array) -> Array:
+        """Elastic force (n,) that a change (n,) of the contact points alone takes away."""
+        return self.push(change[self.unknown])
+
+    def refreshed(self, x: Array, force: Array) -> Array:
+        """The force out of balance as it is known: a product with the stiffness costs more than its last digits."""
+        return force
+
+    def newton_equation(self, known: NewtonEquation | None = None) -> KrylovNewton:
+        """Newton's equation, for one solve; with the levels of one that is known."""
+        return KrylovNewton(self, known.matrix if isinstance(known, KrylovNewton) else self.truncation())
 
     def less_contact(self, force: Array, contact: Array) -> Array:
         """What is left of a force (n,) where contact points take up theirs, (m, d)."""

@@ -29,8 +29,9 @@ from hemivar.linear.definite import (
 )
 from hemivar.linear.levels import COARSEST
 from hemivar.linear.vectors import WHOLE
-from hemivar.systems.body import Body, Truncation, embedded
+from hemivar.systems.body import Body, embedded
 from hemivar.systems.condensed import ROUNDED
+from hemivar.systems.krylov_newton import Truncation
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BodyProblem", "levels_of", "set_up"]

@@ -24,7 +24,9 @@ from hemivar.laws import ContactLaw
 from hemivar.linear.factor_memory import check_memory, shortage
 from hemivar.linear.vectors import WHOLE, Vectors
 from hemivar.systems.contact_system import Equilibrium
+from hemivar.systems.dense_newton import DenseNewton
 from hemivar.systems.elimination import Elimination, Recovery
+from hemivar.systems.newton_equation import NewtonEquation
 
 __all__ = ["CondensedProblem", "condense"]
 
@@ -220,6 +222,26 @@ class CondensedProblem(Equilibrium, Portable):
     def out_of_balance(self, r: Array) -> Array:
         """Elastic force ``g - A r`` on the contact points, (m, d); it must equal ``W lambda``."""
         return (self.load - self.matrix @ r.ravel()).reshape(self.shape)
+
+    def moved(self, x: Array, r: Array) -> Array:
+        """The point with these local displacements, which is they."""
+        return r
+
+    def multiply(self, change: Array) -> Array:
+        """Elastic force (m, d) that a change (m, d) of a point takes away."""
+        return self.couple(change)
+
+    def multiply_contact(self, change: Array) -> Array:
+        """The same: contact points are all there is."""
+        return self.couple(change)
+
+    def refreshed(self, x: Array, force: Array) -> Array:
+        """The force out of balance, computed anew: it is cheap here, and loses no digits over many steps."""
+        return self.out_of_balance(x)
+
+    def newton_equation(self, known: NewtonEquation | None = None) -> DenseNewton:
+        """Newton's equation, for one solve."""
+        return DenseNewton(self)
 
     def at_contact(self, force: Array) -> Array:
         """A force (m, d), which acts on contact points."""

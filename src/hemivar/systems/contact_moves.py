@@ -23,7 +23,7 @@ __all__ = [
     "diagonal_step",
     "gain",
     "majorant",
-    "newton_components",
+    "moving_curvature",
     "smooth_components",
     "snapped",
 ]
@@ -102,6 +102,8 @@ class Move:
         How much stiffer than its diagonal the body had to be.
     value : array (m,)
         j(r) where it leads.
+    force : array (m, d)
+        Elastic force there.
     endless : bool
         Whether the energy of a point falls without end; ``r`` is where it began then.
     """
@@ -111,6 +113,7 @@ class Move:
     tries: int
     factor: float
     value: Array
+    force: Array
     endless: bool = False
 
 
@@ -175,16 +178,16 @@ def diagonal_step(
             target = downhill_minimiser(body.law, pair, pull, r)
         new = np.where(body.active, target, body.fixed)
         if vectors.largest(float(not np.isfinite(new).all()))[0]:
-            return Move(r, 0.0, attempt, factor, value, endless=True)
+            return Move(r, 0.0, attempt, factor, value, force, endless=True)
         there = body.law.value(new)
-        if not feasible:
-            return Move(new, 0.0, attempt, factor, there)
         bent = body.couple(new - r)
+        if not feasible:
+            return Move(new, 0.0, attempt, factor, there, force - bent)
         (gained,) = vectors.total(gain(body, new - r, bent, force, there - value)).tolist()
         if gained <= 0.0:
-            return Move(new, gained, attempt, factor, there)
+            return Move(new, gained, attempt, factor, there, force - bent)
         factor *= _STIFFER
-    return Move(r, 0.0, attempt, first, value)  # what is left to gain is below the rounding
+    return Move(r, 0.0, attempt, first, value, force)  # what is left to gain is below the rounding
 
 
 def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, float]:
@@ -216,15 +219,15 @@ def best_component(body: ContactBody, r: Array, force: Array) -> tuple[Array, fl
     return new, best
 
 
-def newton_components(law: ContactLaw, r: Array, active: BoolArray) -> BoolArray:
-    """Components on which the law is smooth at ``r`` and that are free to move, (m, d)."""
-    return smooth_components(law.linearise(r), active)
-
-
 def smooth_components(line: Linearisation, active: BoolArray) -> BoolArray:
-    """The same where the law has been linearised."""
+    """Components (m, d) on which the law is smooth where it has been linearised, and that are free to move."""
     smooth = np.repeat(line.smooth, [1, active.shape[1] - 1], axis=1)
     return np.asarray(active & smooth)
+
+
+def moving_curvature(body: ContactBody, line: Linearisation, moving: BoolArray) -> Array:
+    """Second derivatives (m, d, d) of the laws between components that move, weights included."""
+    return np.asarray(body.weights[:, None, None] * line.hessian * (moving[:, :, None] & moving[:, None, :]))
 
 
 def snapped(body: ContactBody, r: Array) -> Array:

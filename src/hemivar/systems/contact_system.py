@@ -15,6 +15,7 @@ from hemivar.discrete.contact_energy import contact_energy, law_forces
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import ContactLaw
 from hemivar.systems.contact_moves import ContactBody
+from hemivar.systems.newton_equation import NewtonEquation
 
 __all__ = ["ContactSystem", "Equilibrium"]
 
@@ -85,6 +86,31 @@ class ContactSystem(ContactBody, Protocol):
 
     def rounding_sizes(self, x: Array) -> Array:
         """Sizes of what is added up in :meth:`out_of_balance`, flat."""
+        ...
+
+    @property
+    def stiffest(self) -> float:
+        """Largest eigenvalue of the contact block scaled by its diagonal."""
+        ...
+
+    def moved(self, x: Array, r: Array) -> Array:
+        """The point with its contact points changed so that their local displacements are ``r (m, d)``."""
+        ...
+
+    def multiply(self, change: Array) -> Array:
+        """Elastic force that a change of a point takes away, of its shape."""
+        ...
+
+    def multiply_contact(self, change: Array) -> Array:
+        """The same for a change of the contact points alone, all else being held."""
+        ...
+
+    def refreshed(self, x: Array, force: Array) -> Array:
+        """:meth:`out_of_balance` of a point where it is ``force`` up to rounding; computed anew where that is cheap."""
+        ...
+
+    def newton_equation(self, known: NewtonEquation | None = None) -> NewtonEquation:
+        """Newton's equation of the system, for one solve; ``known`` is that of the same body on another foundation."""
         ...
 
     def stretch(self, change: Array) -> float:

@@ -36,7 +36,8 @@ from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
-from hemivar.systems.body import Body, Truncation, embedded
+from hemivar.systems.body import Body, embedded
+from hemivar.systems.krylov_newton import Truncation
 
 if TYPE_CHECKING:
     from petsc4py import PETSc

@@ -27,7 +27,8 @@ from hemivar.errors import ProblemError
 from hemivar.solvers import Progress
 from hemivar.solvers.base import State
 from hemivar.solvers.fixed_point import Outer
-from hemivar.solvers.multigrid import Memory
+from hemivar.solvers.truncated_newton import NewtonMemory
+from hemivar.systems.krylov_newton import KrylovNewton
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -55,15 +56,17 @@ def write_checkpoint(path: str | Path, body: BodyOnRanks, saved: Saved) -> bool:
         On all ranks: the file cannot be written.
     """
     path, ranks, state = Path(path), body.ranks, saved.state
-    memory: Memory | Outer = state.memory
+    memory: NewtonMemory | Outer = state.memory
     factor, energy, built, changes = 1.0, 0.0, False, []
     if isinstance(memory, Outer):
         arrays = [memory.r, *_as_vectors(body, memory.lam)]
         changes = [memory.change, *memory.ratios] if np.isfinite(memory.change) else []
     else:
-        assert isinstance(memory.matrix, Multigrid)
-        factor, energy, built = memory.factor, float(state.energy or 0.0), memory.matrix.built_at is not None
-        arrays = [state.r, memory.force, *([] if memory.matrix.built_at is None else [memory.matrix.built_at])]
+        assert isinstance(memory.equation, KrylovNewton)
+        assert isinstance(memory.equation.matrix, Multigrid)
+        place = memory.equation.matrix.built_at
+        factor, energy, built = memory.factor, float(state.energy or 0.0), place is not None
+        arrays = [state.r, memory.force, *([] if place is None else [place])]
     naturals = []
     for array in arrays:
         vector, natural = body.vector(array), _natural(body)
@@ -143,7 +146,8 @@ def _state(body: BodyOnRanks, record: Record, arrays: list[Array]) -> State:
         lam, changes = _from_vectors(body, arrays[1:]), tuple(record["changes"])
         outer = Outer(x, lam, changes[0], changes[1:]) if changes else Outer(x, lam)
         return State(x, lam, memory=outer)
-    memory = Memory(record["stiffening"], arrays[1], Multigrid(body, arrays[2] if record["built"] else None))
+    matrix = Multigrid(body, arrays[2] if record["built"] else None)
+    memory = NewtonMemory(record["stiffening"], arrays[1], KrylovNewton(body, matrix))
     lam = body.multiplier(x, memory.force)
     found = body.residual(x, lam, memory.force)
     return State(x, lam, energy=record["energy"], residual=found, memory=memory)

@@ -8,6 +8,7 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.engines.petsc.stiffness import applied
+from hemivar.systems.contact_moves import moving_curvature, smooth_components
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -89,8 +90,9 @@ class Multigrid:
         else:
             self._set_levels()
         if built_at is not None:
-            _, moving, curvature = body.linearised(body.local(built_at))
-            self.change(built_at, ~moving[body.active], curvature)
+            line = body.law.linearise(body.local(built_at))
+            moving = smooth_components(line, body.active)
+            self.change(built_at, ~moving[body.active], moving_curvature(body, line, moving))
 
     def _set_levels(self) -> None:
         self.masked = self.prolongations[-1].copy()
@@ -106,7 +108,7 @@ class Multigrid:
     # ---- Newton's matrix -----------------------------------------------------------------------------------
 
     def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
-        """See :class:`hemivar.systems.body.Truncation`."""
+        """See :class:`hemivar.systems.krylov_newton.Truncation`."""
         body = self.body
         self._held, self._curvature = held, curvature
         self._out = np.concatenate([body.unknown[held], np.flatnonzero(body.held)])

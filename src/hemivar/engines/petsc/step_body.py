@@ -11,7 +11,7 @@ from hemivar.engines.petsc.assembly import BodyOnRanks
 from hemivar.engines.petsc.preconditioner import Multigrid
 from hemivar.engines.petsc.stiffness import Stiffness
 from hemivar.laws import ContactLaw
-from hemivar.systems.body import Truncation
+from hemivar.systems.krylov_newton import Truncation
 
 __all__ = ["Cycles", "StepBody"]
 

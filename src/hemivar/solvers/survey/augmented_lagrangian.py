@@ -18,8 +18,8 @@ from hemivar.errors import ProblemError
 from hemivar.laws.vector_law import spread
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
-from hemivar.solvers.newton import lower_energy
 from hemivar.solvers.status import Status
+from hemivar.solvers.truncated_newton import lower_energy
 from hemivar.systems.condensed import CondensedProblem
 
 __all__ = ["AugmentedLagrangian", "AugmentedLagrangianNewton", "RootFinder"]

@@ -1,0 +1,262 @@
+"""Truncated nonsmooth Newton over any contact system, with an energy that never rises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.solvers.base import Solver, State
+from hemivar.solvers.controls import Budget, OutOfTime
+from hemivar.solvers.line_search import LineEnd, SearchLine, energy_scale
+from hemivar.solvers.status import Status
+from hemivar.systems.contact_moves import Search, best_component, diagonal_step, majorant, snapped
+from hemivar.systems.contact_system import ContactSystem
+from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
+
+__all__ = ["NewtonMemory", "TruncatedNewton", "lower_energy"]
+
+#: What rounding makes of the energy over a step, relative to its parts, and what a move must gain at least.
+_ROUNDED, _WORTH = 1e-14, 1e-12
+#: How far, in powers of two of the length that the stiffness of the contact points suggests, a direction without
+#: curvature is followed.
+_FURTHEST, _NEAREST = 60, -20
+#: Part of local displacements that is a tiny way: along it the energy falls by what forces at both ends say.
+_TINY = 1e-6
+#: How often a direction of negative curvature is halved.
+_HALVED = 12
+
+
+@dataclass(frozen=True, eq=False)
+class NewtonMemory:
+    """What the method keeps between its steps.
+
+    Attributes
+    ----------
+    factor : float
+        How much stiffer than its diagonal the body is made for diagonal minimisations.
+    force : array of the shape of a point
+        Load minus elastic force.
+    equation : NewtonEquation
+    settled : bool
+        Whether the next step begins with Newton's equation.
+    """
+
+    factor: float
+    force: Array
+    equation: NewtonEquation
+    settled: bool = False
+
+
+@dataclass(frozen=True)
+class TruncatedNewton(Solver):
+    """Truncated nonsmooth Newton (after Graeser, Sack and Sander 2009; Graeser and Sander 2019).
+
+    A step has two parts.  First every contact point minimises, globally and at the same time as all others, the
+    energy in which the elastic body is replaced by a stiffer diagonal one; this lowers the energy for any law and
+    moves points onto and off the kinks.  Then Newton's equation is solved for the components that are off the
+    kinks, and the step is cut back to the pieces it started on, or taken across them if that is lower, and halved
+    until the energy does not rise.  Where what is left to gain is below the rounding of the energy, the residual
+    judges the step.
+
+    How Newton's equation is solved is a matter of the system: :class:`NonsmoothNewton` works on the condensed body
+    with dense factors, :class:`NonsmoothMultigrid` on all unknowns with conjugate gradients.
+
+    Parameters
+    ----------
+    sweeps : int
+        Diagonal minimisations before each Newton step.
+    halvings : int
+        How often a step may be halved.
+    search : Search
+        Whether components cross barriers of their own energy (GLOBAL), or only walk downhill (DOWNHILL).
+    """
+
+    sweeps: int = 2
+    halvings: int = 20
+    search: Search = Search.GLOBAL
+    descends: ClassVar[bool] = True
+
+    def downhill(self) -> Self:
+        return replace(self, search=Search.DOWNHILL)
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How accurately Newton's equation is solved."""
+        return Accuracy(0.0, 0.0, 1)
+
+    @property
+    def starts_settled(self) -> bool:
+        """Whether the first step begins with Newton's equation."""
+        return False
+
+    def _evaluations(self, tries: int, cycles: int) -> int:
+        """What counts as an evaluation: looks at the energy."""
+        return tries
+
+    def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
+        force, known = system.out_of_balance(start.r), start.memory
+        equation = system.newton_equation(known.equation if isinstance(known, NewtonMemory) else None)
+        memory = NewtonMemory(system.stiffest, force, equation, self.starts_settled and known is None)
+        energy = system.energy(start.r, force=force)
+        found = system.residual(start.r, start.lam, force)
+        return replace(start, evaluations=self._evaluations(1, 0), energy=energy, residual=found, memory=memory)
+
+    def step(self, system: ContactSystem, state: State, budget: Budget) -> State:
+        memory: NewtonMemory = state.memory
+        energy, factor, r = float(state.energy or 0.0), memory.factor, system.local(state.r)
+        r = snapped(system, r) if memory.settled else r
+        pull, value, evaluations = system.at_contact(memory.force), None, state.evaluations
+        for _ in range(0 if memory.settled else self.sweeps):
+            move = diagonal_step(system, r, pull, factor, self.search, value)
+            evaluations, factor = evaluations + self._evaluations(move.tries, 0), move.factor
+            if move.endless:
+                return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
+            if move.gain < 0.0 or not np.isfinite(energy):
+                r, pull, value, energy = move.r, move.force, move.value, energy + move.gain
+        x = system.moved(state.r, r)
+        if not np.isfinite(energy):
+            energy = system.energy(x)
+        force = memory.force - system.multiply_contact(x - state.r)
+        found, endless, cycles = self._newton(system, memory.equation, LinearisedPoint.of(system, x, r, force), budget)
+        evaluations += self._evaluations(found.tries, cycles)
+        x, force, energy = found.x, found.force, energy + found.gain
+        if endless:
+            return replace(state, ended=Status.UNBOUNDED, evaluations=evaluations)
+        if state.energy is not None and energy >= state.energy - _ROUNDED * abs(state.energy):
+            x, force, more = self._polish(system, memory.equation, x, force)
+            evaluations += self._evaluations(0, more)
+        memory = replace(memory, factor=factor, settled=False)
+        return self._state(system, x, force, evaluations, energy, memory)
+
+    @staticmethod
+    def _state(
+        system: ContactSystem, x: Array, force: Array, evaluations: int, energy: float, memory: NewtonMemory
+    ) -> State:
+        """The state at a point where the elastic force is known."""
+        force = system.refreshed(x, force)
+        lam = system.multiplier(x, force)
+        found = system.residual(x, lam, force)
+        return State(x, lam, evaluations, energy=energy, residual=found, memory=replace(memory, force=force))
+
+    def _newton(
+        self, system: ContactSystem, equation: NewtonEquation, at: LinearisedPoint, budget: Budget
+    ) -> tuple[LineEnd, bool, int]:
+        """Newton's step from a point, whether the energy falls without end along it, and the number of cycles."""
+        found = equation.solve(at, replace(self.accuracy, due=budget.due))
+        if system.vectors.largest(budget.due())[0]:
+            raise OutOfTime
+        best = LineEnd(at.x, at.force, 0.0)
+        if not found.cycles:
+            return best, False, 0
+        line = SearchLine.of(system, at, found.step, found.bent, self.search)
+        best = line.lowest([0.5**k for k in range(self.halvings)], trusted=found.convex, beyond=not found.convex)
+        if found.negative is None:
+            return best, False, found.cycles
+        # No curvature holds the energy back that way: as far as its laws let it fall.
+        line = SearchLine.of(system, at, found.negative, system.multiply(found.negative), self.search)
+        (stiff,) = system.vectors.total(float(np.vdot(line.along**2, system.diagonal)))
+        unit = line.slope / max(stiff, np.finfo(float).tiny)
+        other = line.lowest([unit * 2.0**k for k in range(_FURTHEST, _NEAREST, -1)], every=True)
+        lower = other.gain < best.gain
+        return (other if lower else best), lower and other.first, found.cycles
+
+    def _polish(
+        self, system: ContactSystem, equation: NewtonEquation, x: Array, force: Array
+    ) -> tuple[Array, Array, int]:
+        """Newton's step judged by the residual, where what is left to gain is below the rounding of the energy."""
+        now = system.residual(x, system.multiplier(x, force), force)
+        if now.below(4.0 * self.accuracy.absolute, 4.0 * self.accuracy.tolerance):
+            return x, force, 0
+        best, lowest, cycles = (x, force), 0.9 * now.total, 0
+        r = system.local(x)
+        here = LinearisedPoint.of(system, x, r, force)
+        for start in (np.where(system.active, r, system.fixed), snapped(system, r)):
+            first = system.moved(x, start)
+            at = LinearisedPoint.of(system, first, system.local(first), system.out_of_balance(first))
+            found = equation.solve(at, self.accuracy)
+            cycles += found.cycles
+            if found.negative is not None:
+                continue
+            near = np.where(at.moving, at.near.clamp(at.r + system.at_contact(found.step)), at.r)
+            new = system.moved(first + found.step, near)
+            line = SearchLine.of(system, here, new - x, system.multiply(new - x))
+            there = system.out_of_balance(new)
+            allowed = max(line.rounding, _ROUNDED * energy_scale(system, x, line.value))
+            if line.gains(1.0, near)[0] <= allowed or _goes_down(system, here, new, near, there):
+                total = system.residual(new, system.multiplier(new, there), there).total
+                if total < lowest:
+                    best, lowest = (new, there), total
+        return *best, cycles
+
+    def settle(self, system: ContactSystem, state: State, budget: Budget) -> State | None:
+        bent = any((alpha != 0.0).any() for alpha in system.law.weak_convexity)
+        if not system.vectors.largest(float(bent))[0]:
+            return None
+        memory: NewtonMemory = state.memory
+        r, gained = system.local(state.r), 0.0
+        pull = system.at_contact(memory.force)
+        threshold = -_WORTH * energy_scale(system, state.r, system.law.value(r))
+        if self.search is Search.GLOBAL:
+            for _ in range(int(system.vectors.total(4.0 * r.size)[0])):
+                if system.vectors.largest(budget.due())[0]:
+                    raise OutOfTime
+                new, more = best_component(system, r, pull)
+                if more >= threshold:
+                    break
+                r, pull, gained = new, pull - system.couple(new - r), gained + more
+        else:
+            move = diagonal_step(system, r, pull, memory.factor, self.search)
+            if not move.endless and move.gain < threshold:
+                r, gained = move.r, move.gain
+        x = system.moved(state.r, r)
+        if gained == 0.0:
+            x, gained = self._leave_saddle(system, state)
+            if gained >= threshold:
+                return None
+        energy = float(state.energy or 0.0) + gained
+        return self._state(system, x, system.out_of_balance(x), state.evaluations, energy, memory)
+
+    def _leave_saddle(self, system: ContactSystem, state: State) -> tuple[Array, float]:
+        """A step along the direction of most negative curvature, to the ends of its pieces: point, gain (0 if none)."""
+        memory: NewtonMemory = state.memory
+        at = LinearisedPoint.of(system, state.r, system.local(state.r), memory.force)
+        direction = memory.equation.negative_curvature(at)
+        if direction is None:
+            return state.r, 0.0
+        best = LineEnd(state.r, memory.force, 0.0)
+        for way in (direction, -direction):
+            line = SearchLine.of(system, at, way, system.multiply(way), self.search)
+            room = line.room()
+            found = line.lowest([room * 0.5**k for k in range(_HALVED)])
+            best = found if found.gain < best.gain else best
+        return best.x, best.gain
+
+    def release(self, state: State) -> None:
+        if isinstance(state.memory, NewtonMemory):
+            state.memory.equation.release()
+
+
+def _goes_down(system: ContactSystem, here: LinearisedPoint, new: Array, near: Array, there: Array) -> bool:
+    """Whether the forces on a tiny way within pieces say that the energy falls along it: potentials of formulas cancel,
+    and may know no difference there.  ``near (m, d)`` and ``there`` are local displacements and force at the end."""
+    way, end = near - here.r, LinearisedPoint.of(system, new, near, there)
+    still = [np.abs(way[~at.moving]).max(initial=0.0) for at in (here, end)]
+    far, size, kinks = system.vectors.largest(np.abs(way).max(initial=0.0), np.abs(here.r).max(initial=0.0), max(still))
+    if far > _TINY * size or kinks > 0.0:
+        return False
+    push = [system.less_contact(at.force, system.weights[:, None] * at.line.gradient) for at in (here, end)]
+    return float(system.vectors.total(float((push[0] + push[1]) @ (new - here.x).ravel()))[0]) >= 0.0
+
+
+def lower_energy(system: ContactSystem, x: Array, steps: int) -> Array:
+    """Where some diagonal minimisations lead from a point; methods that are stuck start again from there."""
+    factor, r, pull = majorant(system), system.local(x), system.at_contact(system.out_of_balance(x))
+    for _ in range(steps):
+        move = diagonal_step(system, r, pull, factor)
+        if move.endless:
+            break
+        r, pull, factor = move.r, move.force, move.factor
+    return system.moved(x, r)

@@ -1,0 +1,144 @@
+"""Newton's equation of all unknowns of a body, by conjugate gradients with a cycle that leaves out those at kinks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.discrete.residual import LoadScale
+from hemivar.linear.krylov import conjugate_gradients
+from hemivar.systems.contact_moves import ContactBody, moving_curvature
+from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
+
+__all__ = ["KrylovNewton", "SparseBody", "Truncation"]
+
+#: How large a residual, by the distance to the contact conditions, conjugate gradients leave when they end early.
+_PATIENCE = 1.5
+#: Part of a move from which it counts as cut back to a piece, and not as rounded.
+_CUT = 1e-9
+
+
+class Truncation(Protocol):
+    """Newton's matrix of a body, unknowns at kinks left out, and a cycle for it; it belongs to one solve."""
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of the stiffness, what curvature is compared with, (n,)."""
+        ...
+
+    def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
+        """Become Newton's matrix at another place.
+
+        Parameters
+        ----------
+        x : array (n,)
+            The place.
+        held : bool array (k,)
+            Active components that keep their value.
+        curvature : array (m, d, d)
+            Second derivatives of the laws, weights included; zero where held.
+        """
+        ...
+
+    def __matmul__(self, vector: Array, /) -> Array:
+        """The matrix times a vector (n,) that is zero where held; entries there mean nothing."""
+        ...
+
+    def cycle(self, right: Array) -> Array:
+        """About the inverse times a vector that is zero where held; so is the answer."""
+        ...
+
+    def release(self) -> None:
+        """Give its memory back."""
+        ...
+
+
+class SparseBody(ContactBody, Protocol):
+    """All unknowns of a body, as Newton's equation sees them; see :class:`Body`."""
+
+    @property
+    def unknown(self) -> IntArray: ...
+    @property
+    def stiffness(self) -> Array: ...
+    @property
+    def load_scale(self) -> LoadScale: ...
+    def pull(self, x: Array) -> Array: ...
+    def spread(self, values: Array) -> Array: ...
+    def gather(self, values: Array) -> Array: ...
+    def refuse_direction(self, direction: Array) -> None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class KrylovNewton:
+    """Newton's equation of all unknowns.
+
+    Attributes
+    ----------
+    body : SparseBody
+    matrix : Truncation
+        Changed by :meth:`solve`.
+    """
+
+    body: SparseBody
+    matrix: Truncation
+
+    def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
+        """The correction by conjugate gradients, ended early where the contact conditions are further off.
+
+        Raises
+        ------
+        ProblemError
+            A direction without curvature shows that the stiffness is indefinite.
+        """
+        body, held = self.body, ~at.moving[self.body.active]
+        self.matrix.change(at.x, held, moving_curvature(body, at.line, at.moving))
+        right = at.force.copy()
+        right[body.unknown] -= body.gather(body.weights[:, None] * at.line.gradient)
+        right[body.unknown[held]] = 0.0
+        scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
+        found = conjugate_gradients(
+            self.matrix, self.matrix.diagonal, right, self.matrix.cycle, accuracy.absolute + accuracy.tolerance * scale,
+            accuracy.iterations, None if accuracy.due is None else _Enough(body, at, accuracy.due), body.vectors,
+            sparing=True,
+        )  # fmt: skip
+        bent = right - found.residual  # laws and held unknowns act in the contact rows only
+        bent[body.unknown] = body.pull(found.solution)
+        if found.negative is not None:
+            body.refuse_direction(found.negative)
+        return Correction(found.solution, bent, found.iterations, negative=found.negative)
+
+    def negative_curvature(self, at: LinearisedPoint) -> Array | None:
+        """It would cost an eigenvalue problem; directions that conjugate gradients meet are followed."""
+        return None
+
+    def release(self) -> None:
+        """Give the levels back."""
+        self.matrix.release()
+
+
+@dataclass(frozen=True, eq=False)
+class _Enough:
+    """Forces by which the contact conditions fail: Newton's equation need not be solved much better than that."""
+
+    body: SparseBody
+    at: LinearisedPoint
+    due: Callable[[], float]
+
+    def __call__(self, iteration: int, step: Array) -> Array:
+        at, body, weights = self.at, self.body, self.body.weights[:, None]
+        pulled = body.pull(step)  # by all processes, whether they are late or not
+        if self.due():
+            return np.full(1, np.inf)
+        way = body.spread(step[body.unknown])
+        aim = np.where(at.moving, at.near.clamp(at.r + way), at.r)
+        beyond = np.where(at.moving, at.r + way - aim, 0.0)
+        lam = body.spread(at.force[body.unknown] - pulled) / weights
+        off = np.where(body.active, lam - at.near.nearest_multiplier(lam), 0.0)
+        bend = at.near.gradient(aim) - at.line.gradient - np.einsum("mij,mj->mi", at.line.hessian, way)
+        bend[np.abs(beyond) > _CUT * np.abs(way)] = 0.0  # at the end of its piece a law has no gradient
+        missed = np.hypot(body.stiffness * beyond, weights * np.where(at.moving, bend, off))
+        return np.asarray(_PATIENCE * missed).ravel()
