@@ -13,7 +13,6 @@ import pytest
 import hemivar as hv
 from hemivar.laws import ContactLaw
 from hemivar.solvers import transfer_solution
-from hemivar.solvers.solve import _NAMES
 from tests.problems import square
 
 PROBLEM = square(n=2)
@@ -36,11 +35,15 @@ def changed(**changes: Any) -> hv.ContactProblem:
 MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: hv.solve("problem.toml"), "solve: the problem is 'problem.toml'; give a ContactProblem.*read_problem"),
     (lambda: hv.solve(PROBLEM.mesh), "solve: the problem is a Mesh; give a ContactProblem"),
-    (lambda: hv.solve(DISCRETE, "newton"), r"the method is the name 'newton'; .* hemivar.METHODS\['newton'\]"),
-    (lambda: hv.solve(DISCRETE, "multgrid"), r"such as hemivar.METHODS\['multigrid'\] \(known: newton"),
+    (
+        lambda: hv.solve(DISCRETE, "multgrid"),
+        r"method 'multgrid' is not known; did you mean 'multigrid'\?",
+    ),
+    (lambda: hv.solve(DISCRETE, "newton", rtol=2.0), "Controls.rtol is 2; it must be at most 0.1"),
+    (lambda: hv.solve(DISCRETE, rtol="small"), "Controls.rtol is 'small'; it must be a number >= 0"),
     (lambda: hv.solve(DISCRETE, hv.NonsmoothNewton), r"is the class NonsmoothNewton; .*NonsmoothNewton\(\)"),
     (lambda: hv.solve(DISCRETE, hv.Controls()), "controls are given in the place of the method; pass them by name"),
-    (lambda: hv.solve(DISCRETE, 1e-6), "the method is 1e-06; pass one such as NonsmoothNewton"),
+    (lambda: hv.solve(DISCRETE, 1e-6), "the method is 1e-06; pass NonsmoothNewton"),
     (lambda: hv.solve(DISCRETE, None, {"rtol": 1e-6}), r"controls is a dict; pass Controls\(rtol"),
     (lambda: hv.solve(DISCRETE, None, 1e-6), r"controls is 1e-06; pass Controls\(rtol"),
     (lambda: hv.solve(DISCRETE, None, hv.Controls), r"controls is the class Controls; make one of it: Controls\(...\)"),
@@ -78,11 +81,12 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: transfer_solution(SOLUTION, PROBLEM), "the problem is a ContactProblem; discretise it first"),
     (lambda: hv.discretize("problem.toml"), r"what to discretize is 'problem.toml'; .*read_problem\(path\)"),
     (lambda: hv.discretize(DISCRETE), "this problem is discrete already; solve it"),
+    (lambda: changed(supports={"left": "clampd"}), r"supports\['left'\] is 'clampd'; did you mean 'clamped'\?"),
     (lambda: changed(material=None), r"material is None; pass Material.lame\(...\)"),
     (lambda: changed(material=hv.Material), "material is the class Material; pass Material.lame"),
     (lambda: changed(material=hv.Material()), "material is a Material; pass Material.lame"),
     (lambda: changed(mesh="mesh.msh"), "mesh is 'mesh.msh'; pass a hemivar Mesh, from read_mesh"),
-    (lambda: changed(supports={"left": "clamped"}), r"supports\['left'\] is 'clamped'; pass Clamped\(\)"),
+    (lambda: changed(supports={"left": 1.0}), r"supports\['left'\] is 1.0; pass Clamped\(\)"),
     (lambda: changed(supports={"left": hv.Clamped}), r"supports\['left'\] is the class Clamped; pass Clamped\(\)"),
     (lambda: changed(supports=["left"]), r"supports must map boundary names to conditions, .*; it is a list"),
     (lambda: changed(supports=None), "supports must map boundary names .*; it is None"),
@@ -149,8 +153,27 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert len(hv.find_solutions(DISCRETE, starts=np.int64(1), enumerate_up_to=np.int64(0))) >= 1
 
 
-def test_names_in_messages_are_those_of_the_methods() -> None:
-    assert list(hv.METHODS) == list(_NAMES)
+def test_a_method_by_its_name_is_the_method_with_its_standard_options() -> None:
+    named = hv.solve(PROBLEM, method="multigrid", rtol=1e-11)
+    made = hv.solve(PROBLEM, hv.NonsmoothMultigrid(), hv.Controls(rtol=1e-11))
+    assert named.method == made.method == "multigrid"
+    np.testing.assert_array_equal(named.unknowns, made.unknowns)
+    loose = hv.solve(
+        PROBLEM, method="multigrid", controls=hv.Controls(rtol=1e-11, max_steps=1), max_steps=40, rtol=1e-2
+    )
+    assert (loose.status, loose.steps) == (hv.Status.CONVERGED, 2)
+
+
+def test_a_method_by_its_name_is_suited_to_a_bound_that_depends_on_the_solution() -> None:
+    coulomb = changed(contact={"bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.CoulombBound(0.3)))})
+    assert hv.solve(coulomb, method="newton").status is hv.Status.CONVERGED
+    with pytest.raises(hv.MethodError, match="wrap the method"):
+        hv.solve(coulomb, hv.NonsmoothNewton())
+
+
+def test_supports_in_words_are_those_of_the_file() -> None:
+    words = changed(supports={"left": "clamped", "right": "roller"})
+    assert words.supports == {"left": hv.Clamped(), "right": hv.Roller()}
 
 
 def test_the_right_arguments_pass() -> None:

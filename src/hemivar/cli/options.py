@@ -128,9 +128,7 @@ def controls_of(
 
 
 def method_named(name: str) -> Solver:
-    """The method of a name."""
-    from hemivar.solvers import METHODS
+    """The method of a name, see :func:`hemivar.solvers.method_named`."""
+    from hemivar.solvers import method_named as named
 
-    if name not in METHODS:
-        raise ProblemError(f"method '{name}' is not known{suggest(name, list(METHODS))}")
-    return METHODS[name]
+    return named(name)

@@ -11,6 +11,7 @@ from hemivar.files.unsaid import unsaid
 from hemivar.formula import VARIABLES
 from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.conditions import (
+    SUPPORTS,
     Clamped,
     Fixed,
     Prescribed,
@@ -91,10 +92,10 @@ def read_supports(table: TomlTable, mesh: Mesh) -> dict[str, Support]:
     for name, value in table.data.items():
         check_boundary(mesh, table, name)
         if isinstance(value, str):
-            if value not in ("clamped", "roller"):
+            if value not in SUPPORTS:
                 others = "or a table: { x = 0.0 } holds one component, { displacement = [...] } prescribes all"
-                raise table.error(name, f"'{value}' is not known{suggest(value, ('clamped', 'roller'))}; {others}")
-            found[name] = Clamped() if value == "clamped" else Roller()
+                raise table.error(name, f"'{value}' is not known{suggest(value, list(SUPPORTS))}; {others}")
+            found[name] = SUPPORTS[value]
             continue
         if not isinstance(value, dict):
             ways = '"clamped", "roller", { x = 0.0 } or { displacement = [...] }'

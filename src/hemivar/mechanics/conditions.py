@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal, TypeVar, cast, overload
 
 import numpy as np
@@ -15,6 +16,7 @@ from hemivar.errors import ProblemError
 from hemivar.mechanics.instants import at_time, depends_on_time
 
 __all__ = [
+    "SUPPORTS",
     "Clamped",
     "Fixed",
     "Prescribed",
@@ -108,6 +110,8 @@ Condition = TypeVar("Condition")
 LARGEST = 1e100
 
 Support = Clamped | Roller | Fixed | Prescribed
+#: Supports by the words for them, in ``ContactProblem(supports={"left": "clamped"})`` as in files.
+SUPPORTS: Mapping[str, Support] = MappingProxyType({"clamped": Clamped(), "roller": Roller()})
 Traction = VectorData | Pressure
 
 

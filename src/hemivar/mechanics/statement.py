@@ -20,6 +20,7 @@ from hemivar.laws.memory import Memory
 from hemivar.mechanics.bedding import Bedding, bedding_of
 from hemivar.mechanics.conditions import (
     LARGEST,
+    SUPPORTS,
     Clamped,
     Fixed,
     Prescribed,
@@ -192,7 +193,8 @@ class ContactProblem(Portable, Displayed):
     material : Material
     contact : mapping of boundary name to Contact
     supports : mapping of boundary name to Support
-        :class:`Clamped`, :class:`Roller`, :class:`Fixed` or :class:`Prescribed`.
+        :class:`Clamped`, :class:`Roller`, :class:`Fixed` or :class:`Prescribed`; ``"clamped"`` and ``"roller"`` are
+        turned into the first two.
     body_force : vector, shape (d,), or callable
         Force per volume; a callable gets points, shape (k, d), and returns shape (k, d).
     tractions : mapping of boundary name to vector, callable or Pressure
@@ -243,7 +245,8 @@ class ContactProblem(Portable, Displayed):
                 raise ProblemError(
                     f"{name} must map boundary names to conditions, {{'left': ...}}; it is {described(value)}"
                 )
-            object.__setattr__(self, name, MappingProxyType(dict(value)))
+            stated = {key: SUPPORTS.get(one, one) if isinstance(one, str) else one for key, one in value.items()}
+            object.__setattr__(self, name, MappingProxyType(stated))
             for boundary in value:
                 self._check_name(name, boundary)
         if self.contact and self.order == 2 and self.mesh.dim == 3:
@@ -350,8 +353,9 @@ class ContactProblem(Portable, Displayed):
                 )
         for name, support in self.supports.items():
             if not isinstance(support, get_args(Support)):
+                near = suggest(support, list(SUPPORTS), "words") if isinstance(support, str) else ""
                 raise ProblemError(
-                    f"supports['{name}'] is {described(support)}; "
+                    f"supports['{name}'] is {described(support)}{near}; "
                     "pass Clamped(), Roller(), Fixed(...) or Prescribed(...)"
                 )
             if isinstance(support, Prescribed):

@@ -1,14 +1,12 @@
 """Methods, the loop they share, and what they return."""
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
 from hemivar.solvers.base import Solver
 from hemivar.solvers.boundary_result import BoundaryResult
 from hemivar.solvers.contact_states import ContactStates, NormalState, TangentialState
 from hemivar.solvers.controls import Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
+from hemivar.solvers.methods import METHODS, method_named
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
@@ -21,21 +19,6 @@ from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, Aug
 from hemivar.solvers.survey.bundle import ProximalBundle
 from hemivar.solvers.survey.lbfgs import LBFGS
 from hemivar.solvers.survey.powell import Powell
-
-_ALL = (
-    NonsmoothNewton(),
-    NonsmoothMultigrid(),
-    Powell(),
-    LBFGS(),
-    ProximalBundle(),
-    AugmentedLagrangian(),
-    AugmentedLagrangianNewton(),
-    PrimalDualActiveSet(ExactInner()),
-    PrimalDualActiveSet(NewtonKrylov()),
-)
-
-#: Every method with its standard options, by the name that the command and the tables use.
-METHODS: Mapping[str, Solver] = MappingProxyType({method.name: method for method in _ALL})
 
 __all__ = [
     "LBFGS",
@@ -64,6 +47,7 @@ __all__ = [
     "Solver",
     "Status",
     "TangentialState",
+    "method_named",
     "solve",
     "solve_nested",
     "solving",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from hemivar.basics.arguments import described, number, whole_number
+from hemivar.basics.arguments import described, expect, number, whole_number
 from hemivar.basics.deadline import Budget, OutOfTime
 from hemivar.errors import ProblemError
 
@@ -64,6 +64,32 @@ class Controls:
     max_steps: int | None = None
     max_time: float = math.inf
     callback: Callable[[Progress], bool | None] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        controls: Controls | None,
+        *,
+        rtol: float | None = None,
+        max_steps: int | None = None,
+        max_time: float | None = None,
+    ) -> Controls:
+        """The controls, with those limits that are given by themselves put in their place.
+
+        Raises
+        ------
+        ProblemError
+            ``controls`` is none, or a limit is out of its range.
+        """
+        if controls is not None:
+            expect(controls, Controls, "controls", "pass Controls(rtol=..., max_steps=...)")
+        known = cls() if controls is None else controls
+        return replace(
+            known,
+            rtol=known.rtol if rtol is None else rtol,
+            max_steps=known.max_steps if max_steps is None else max_steps,
+            max_time=known.max_time if max_time is None else max_time,
+        )
 
     def within(self, atol: float) -> Controls:
         """The same with an absolute tolerance of at least ``atol``, in units of force.

@@ -48,9 +48,10 @@ def transfer_solution(solution: Solution, problem: DiscreteProblem) -> Array:
 
 def solve_nested(
     problems: Sequence[Posable],
-    solver: Solver | None = None,
+    method: Solver | str | None = None,
     controls: Controls | None = None,
     *,
+    rtol: float | None = None,
     workspace: Workspace | None = None,
 ) -> list[Solution]:
     """Solve on each mesh in turn, starting from the solution on the one before (survey, section 5.2).
@@ -59,7 +60,7 @@ def solve_nested(
     ----------
     problems : sequence of DiscreteProblem, ContactProblem or ScalarProblem
         From coarse to fine.
-    solver, controls
+    method, controls, rtol
         As in :func:`solve`, for every mesh.
     workspace : Workspace, optional
         Where factors and levels are kept, for all meshes.
@@ -81,7 +82,7 @@ def solve_nested(
     solutions: list[Solution] = []
     for problem in (posed(given, "solve_nested") for given in problems):
         guess = transfer_solution(solutions[-1], problem) if solutions else None
-        solutions.append(solve(problem, solver, controls, initial=guess, workspace=workspace))
+        solutions.append(solve(problem, method, controls, rtol=rtol, initial=guess, workspace=workspace))
         if solutions[-1].status in (Status.INTERRUPTED, Status.OUT_OF_MEMORY):
             break
     return solutions

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import logging
 import time
 from collections.abc import Generator
@@ -27,6 +26,7 @@ from hemivar.solvers.controls import Budget, Controls, Progress
 from hemivar.solvers.fixed_point import FixedPoint
 from hemivar.solvers.load_stepping import LoadStepping
 from hemivar.solvers.loop import finish, steps
+from hemivar.solvers.methods import method_named
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.semismooth import SemismoothNewton
@@ -41,40 +41,36 @@ __all__ = ["solve", "solving", "suited"]
 _EXCUSED = 1e-6
 #: Ends that a solve beyond the limit of a foundation has, and relative residual up to which they are something else.
 _LOST, _NEAR = (Status.STALLED, Status.UNBOUNDED, Status.NONFINITE), 1e-6
-#: Of the methods in hemivar.METHODS, for messages.
-_NAMES = (
-    "newton",
-    "multigrid",
-    "direct-powell",
-    "direct-lbfgs",
-    "bundle",
-    "augmented-lagrangian",
-    "augmented-lagrangian-newton",
-    "active-set",
-    "active-set-krylov",
-)
 
 
 def solve(
     problem: Posable,
-    solver: Solver | None = None,
+    method: Solver | str | None = None,
     controls: Controls | None = None,
     *,
+    rtol: float | None = None,
+    max_steps: int | None = None,
+    max_time: float | None = None,
     initial: Solution | Array | None = None,
     workspace: Workspace | None = None,
 ) -> Solution:
-    """Solve a discrete contact problem.
+    """Solve a contact problem.
+
+    ``solve(problem, method="newton", rtol=1e-8)`` does what ``hemivar solve --method newton --rtol 1e-8`` does.
 
     Parameters
     ----------
     problem : DiscreteProblem, ContactProblem or ScalarProblem
         From :func:`hemivar.discretize`, or made of the user's own arrays; a statement is discretised.
-    solver : Solver, optional
-        The method and its options. By default :class:`NonsmoothNewton`, or :class:`NonsmoothMultigrid` where that is
-        predicted to be faster or the memory to be too small (:func:`choose`; the logger ``hemivar`` says which and
-        why); :func:`suited` where a bound of the law depends on the solution.
+    method : Solver or str, optional
+        The method with its options, or the name of one, as ``hemivar methods`` lists them; by name, it is made
+        :func:`suited` to friction bounds that depend on the solution. By default :class:`NonsmoothNewton`, or
+        :class:`NonsmoothMultigrid` where that is predicted to be faster or the memory to be too small (:func:`choose`;
+        the logger ``hemivar`` says which and why).
     controls : Controls, optional
         Tolerances, limits, callback.
+    rtol, max_steps, max_time : optional
+        Relative tolerance, limit of steps, limit in seconds; each replaces that of ``controls``.
     initial : Solution or array (n,), optional
         Where to start; zero displacement by default.
     workspace : Workspace, optional
@@ -93,7 +89,10 @@ def solve(
     ProblemError
         The problem cannot be solved as stated.
     """
-    return result_of(solving(problem, solver, controls, initial=initial, workspace=workspace))
+    discrete = posed(problem, "solve")
+    chosen = suited(method_named(method), discrete) if isinstance(method, str) else method
+    limits = Controls.of(controls, rtol=rtol, max_steps=max_steps, max_time=max_time)
+    return result_of(solving(discrete, chosen, limits, initial=initial, workspace=workspace))
 
 
 def solving(
@@ -168,18 +167,12 @@ def _attempts(solver: Solver, problem: DiscreteProblem, from_rest: bool) -> list
 
 
 def _no_method(given: object) -> MethodError:
-    """What to do instead of giving a name, a class, or the controls in the place of the method."""
+    """What to do instead of giving a class, or the controls in the place of the method."""
     if isinstance(given, Controls):
         return MethodError("the controls are given in the place of the method; pass them by name, controls=...")
     if isinstance(given, type) and issubclass(given, Solver):
         return MethodError(f"the method is the class {given.__name__}; pass one with its options, {given.__name__}()")
-    if isinstance(given, str):
-        close = difflib.get_close_matches(given, _NAMES, n=1, cutoff=0.4)
-        return MethodError(
-            f"the method is the name '{given}'; pass the method itself, such as "
-            f"hemivar.METHODS['{(close or _NAMES)[0]}'] (known: {', '.join(_NAMES)})"
-        )
-    return MethodError(f"the method is {described(given)}; pass one such as NonsmoothNewton(), or leave it out")
+    return MethodError(f"the method is {described(given)}; pass NonsmoothNewton(), 'newton' or the like")
 
 
 def _run(

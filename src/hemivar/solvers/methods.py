@@ -1,0 +1,56 @@
+"""The methods by the names that the command, the tables and ``solve(method=...)`` use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from hemivar.basics.arguments import suggest
+from hemivar.errors import MethodError
+from hemivar.solvers.base import Solver
+from hemivar.solvers.multigrid import NonsmoothMultigrid
+from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.survey.active_set import ExactInner, NewtonKrylov, PrimalDualActiveSet
+from hemivar.solvers.survey.augmented_lagrangian import AugmentedLagrangian, AugmentedLagrangianNewton
+from hemivar.solvers.survey.bundle import ProximalBundle
+from hemivar.solvers.survey.lbfgs import LBFGS
+from hemivar.solvers.survey.powell import Powell
+
+__all__ = ["METHODS", "method_named"]
+
+_ALL = (
+    NonsmoothNewton(),
+    NonsmoothMultigrid(),
+    Powell(),
+    LBFGS(),
+    ProximalBundle(),
+    AugmentedLagrangian(),
+    AugmentedLagrangianNewton(),
+    PrimalDualActiveSet(ExactInner()),
+    PrimalDualActiveSet(NewtonKrylov()),
+)
+
+#: Every method with its standard options, by the name that the command and the tables use.
+METHODS: Mapping[str, Solver] = MappingProxyType({method.name: method for method in _ALL})
+
+
+def method_named(name: str) -> Solver:
+    """The method of a name, with its standard options.
+
+    Parameters
+    ----------
+    name : str
+        A key of ``METHODS``, such as ``"newton"``.
+
+    Returns
+    -------
+    Solver
+
+    Raises
+    ------
+    MethodError
+        There is no such method; the message lists all.
+    """
+    if name not in METHODS:
+        raise MethodError(f"method '{name}' is not known{suggest(name, list(METHODS))}")
+    return METHODS[name]
