@@ -99,11 +99,7 @@ class Controls:
         ProblemError
             It is not finite.
         """
-        if not math.isfinite(atol):
-            return replace(self, atol=atol)
-        other = object.__new__(Controls)  # what is checked already is not checked again
-        vars(other).update(vars(self), atol=max(self.atol, atol))
-        return other
+        return replace(self, atol=max(atol, self.atol))  # nan stays, and is refused
 
     def __post_init__(self) -> None:
         for name in ("rtol", "atol", "max_time"):

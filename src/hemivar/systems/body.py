@@ -15,12 +15,12 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale, Residual, resting_multiplier
 from hemivar.laws import ContactLaw
 from hemivar.linear.vectors import Vectors
-from hemivar.systems.contact_moves import majorant
+from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.contact_system import Equilibrium
 from hemivar.systems.krylov_newton import KrylovNewton, Truncation
 from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["Body", "embedded"]
+__all__ = ["Body"]
 
 #: Gaps this many times larger than the displacements are far.
 _FAR = 1e4
@@ -34,6 +34,8 @@ class Body(Equilibrium, ABC):
     ----------
     vectors : Vectors
         How the parts of all processes are looked at together.
+    elastic : ContactStiffness
+        What the body knows of its stiffness, whatever its load, gap and law.
     law : ContactLaw
     weights : array (m,)
     offset : array (m, d)
@@ -57,6 +59,7 @@ class Body(Equilibrium, ABC):
     """
 
     vectors: Vectors
+    elastic: ContactStiffness
     law: ContactLaw
     weights: Array
     offset: Array
@@ -71,27 +74,6 @@ class Body(Equilibrium, ABC):
     below: Self | None = None
 
     # ---- what an engine supplies -------------------------------------------------------------------------
-
-    @abstractmethod
-    def multiply(self, x: Array) -> Array:
-        """``K x``, (n,)."""
-
-    @abstractmethod
-    def pull(self, x: Array) -> Array:
-        """``K x`` at the contact unknowns, (k,)."""
-
-    @abstractmethod
-    def push(self, values: Array) -> Array:
-        """``K x``, (n,), of a vector with these values (k,) at the contact unknowns and zeros elsewhere."""
-
-    @abstractmethod
-    def couple(self, step: Array) -> Array:
-        """Elastic force (m, d) that a step (m, d) of the contact points alone takes away."""
-
-    @property
-    @abstractmethod
-    def own_block(self) -> sp.csr_array:
-        """Stiffness between local components of this process, all other unknowns being held, (m d, m d)."""
 
     @abstractmethod
     def truncation(self) -> Truncation:
@@ -115,18 +97,49 @@ class Body(Equilibrium, ABC):
         """Values (m, d) of the components that are not active."""
         return np.where(self.active, 0.0, -self.offset)
 
-    @cached_property
-    def stiffness(self) -> Array:
-        """Stiffness of each local component when all other unknowns are held, (m, d)."""
-        return np.asarray(self.own_block.diagonal().reshape(self.active.shape))
+    @property
+    def own_block(self) -> sp.csr_array:
+        """See :attr:`ContactStiffness.own_block`."""
+        return self.elastic.own_block
 
-    @cached_property
+    @property
+    def stiffness(self) -> Array:
+        """See :attr:`ContactStiffness.stiffness`."""
+        return self.elastic.stiffness
+
+    @property
     def diagonal(self) -> Array:
-        """The same, positive everywhere, and one number for the tangential components of a point."""
-        diagonal = self.stiffness.copy()
-        if diagonal.shape[1] > 1:
-            diagonal[:, 1:] = diagonal[:, 1:].max(axis=1, keepdims=True)
-        return np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0))
+        """See :attr:`ContactStiffness.diagonal`."""
+        return self.elastic.diagonal
+
+    @property
+    def stiffest(self) -> float:
+        """See :attr:`ContactStiffness.stiffest`."""
+        return self.elastic.stiffest
+
+    def multiply(self, x: Array) -> Array:
+        """``K x``, (n,)."""
+        return self.elastic.multiply(x)
+
+    def pull(self, x: Array) -> Array:
+        """``K x`` at the contact unknowns, (k,)."""
+        return self.elastic.pull(x)
+
+    def push(self, values: Array) -> Array:
+        """``K x``, (n,), of a vector with these values (k,) at the contact unknowns and zeros elsewhere."""
+        return self.elastic.push(values)
+
+    def couple(self, step: Array) -> Array:
+        """Elastic force (m, d) that a step (m, d) of the contact points alone takes away."""
+        return self.elastic.couple(step)
+
+    def spread(self, values: Array) -> Array:
+        """See :meth:`ContactStiffness.spread`."""
+        return self.elastic.spread(values)
+
+    def gather(self, values: Array) -> Array:
+        """See :meth:`ContactStiffness.gather`."""
+        return self.elastic.gather(values)
 
     @property
     def tangential_blocks(self) -> Array:
@@ -137,11 +150,6 @@ class Body(Equilibrium, ABC):
         blocks = np.zeros((m, d, d))
         blocks[entries.row[own] // d, entries.row[own] % d, entries.col[own] % d] = entries.data[own]
         return np.asarray(blocks[:, 1:, 1:])
-
-    @cached_property
-    def stiffest(self) -> float:
-        """Largest eigenvalue of the contact block scaled by its diagonal."""
-        return majorant(self)
 
     def local(self, x: Array) -> Array:
         """Local displacements (m, d) of the unknowns (n,)."""
@@ -163,16 +171,6 @@ class Body(Equilibrium, ABC):
             kept = self.unknown[same[self.active]]
             out[kept] = x[kept]
         return out
-
-    def spread(self, values: Array) -> Array:
-        """Values (k,) of the contact unknowns as (m, d), signs observed."""
-        out = np.zeros(self.active.shape)
-        out[self.active] = self.sign * values
-        return out
-
-    def gather(self, values: Array) -> Array:
-        """The contrary of :meth:`spread`."""
-        return np.asarray(self.sign * values[self.active])
 
     # ---- the protocol of systems -----------------------------------------------------------------------
 
@@ -247,10 +245,3 @@ class Body(Equilibrium, ABC):
             rest = np.where(self.active, self.weights[:, None] * lam, 0.0).ravel()
             load, size = self.vectors.norms(self.load, rest).tolist()
         return LoadScale(load, size if math.isfinite(size) else math.inf)
-
-
-def embedded(block: sp.csr_array, active: BoolArray, sign: Array) -> sp.csr_array:
-    """A matrix (k, k) between contact unknowns as one between local components, (m d, m d)."""
-    free, entries = np.flatnonzero(active.ravel()), block.tocoo()
-    data = entries.data * sign[entries.row] * sign[entries.col]
-    return sp.csr_array((data, (free[entries.row], free[entries.col])), shape=(active.size, active.size))

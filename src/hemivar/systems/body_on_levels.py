@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, BoolArray
+from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.coercivity.free_motion import free_growth
 from hemivar.coercivity.recession import Growth, growth_along
 from hemivar.discrete.problem import DiscreteProblem
@@ -29,15 +29,48 @@ from hemivar.linear.definite import (
 )
 from hemivar.linear.levels import COARSEST
 from hemivar.linear.vectors import WHOLE
-from hemivar.systems.body import Body, embedded
+from hemivar.systems.body import Body
 from hemivar.systems.condensed import ROUNDED
+from hemivar.systems.contact_stiffness import ContactStiffness
 from hemivar.systems.krylov_newton import Truncation
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["BodyProblem", "levels_of", "set_up"]
 
-#: What a body on one machine knows whatever its load, gap and law.
-_OF_THE_BODY = ("_rows", "own_block", "stiffness", "diagonal", "stiffest")
+
+class MatrixAtContact(ContactStiffness):
+    """The stiffness of a body on one machine.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (n, n)
+    unknown, sign, active
+        See :class:`ContactStiffness`.
+    """
+
+    def __init__(self, matrix: sp.csr_array, unknown: IntArray, sign: Array, active: BoolArray) -> None:
+        super().__init__(WHOLE, unknown, sign, active)
+        self.matrix = matrix
+
+    @cached_property
+    def _rows(self) -> sp.csr_array:
+        """Rows of the matrix that belong to active components, (k, n)."""
+        return sp.csr_array(self.matrix[self.unknown])
+
+    def multiply(self, x: Array) -> Array:
+        moved = np.count_nonzero(x)
+        if moved <= self.unknown.size and moved == np.count_nonzero(x[self.unknown]):
+            return self.push(x[self.unknown])  # a start at rest costs no product with the whole matrix
+        return np.asarray(self.matrix @ x)
+
+    def pull(self, x: Array) -> Array:
+        return np.asarray(self._rows @ x)
+
+    def push(self, values: Array) -> Array:
+        return np.asarray(self._rows.T @ values)
+
+    def between_contacts(self) -> sp.csr_array:
+        return self._rows[:, self.unknown]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,6 +99,7 @@ class BodyProblem(Body):
         unknown, sign, active, _ = contact_unknowns(problem)
         return BodyProblem(
             vectors=WHOLE,
+            elastic=MatrixAtContact(problem.stiffness, unknown, sign, active),
             law=problem.law,
             weights=problem.contact.weights,
             offset=problem.offset.ravel().reshape(active.shape),
@@ -80,30 +114,6 @@ class BodyProblem(Body):
             hierarchy=hierarchy,
             top=top,
         )
-
-    def multiply(self, x: Array) -> Array:
-        moved = np.count_nonzero(x)
-        if moved <= self.unknown.size and moved == np.count_nonzero(x[self.unknown]):
-            return self.push(x[self.unknown])  # a start at rest costs no product with the whole matrix
-        return np.asarray(self.problem.stiffness @ x)
-
-    @cached_property
-    def _rows(self) -> sp.csr_array:
-        """Rows of the stiffness that belong to active components, (k, n)."""
-        return sp.csr_array(self.problem.stiffness[self.unknown])
-
-    def pull(self, x: Array) -> Array:
-        return np.asarray(self._rows @ x)
-
-    def push(self, values: Array) -> Array:
-        return np.asarray(self._rows.T @ values)
-
-    @cached_property
-    def own_block(self) -> sp.csr_array:
-        return embedded(self._rows[:, self.unknown], self.active, self.sign)
-
-    def couple(self, step: Array) -> Array:
-        return np.asarray(self.own_block @ step.ravel()).reshape(step.shape)
 
     def truncation(self) -> Truncation:
         return _TruncatedBody(self)
@@ -127,8 +137,8 @@ class BodyProblem(Body):
         return self.posed(problem, (), time.perf_counter())
 
     def posed(self, problem: DiscreteProblem, meshes: tuple[BodyProblem, ...], began: float) -> BodyProblem:
-        """The same body under the load, the gap and the law of a problem; what only the body decides is shared."""
-        other = replace(
+        """The same body under the load, the gap and the law of a problem; what only the body decides stays."""
+        return replace(
             self,
             problem=problem,
             law=problem.law,
@@ -138,8 +148,6 @@ class BodyProblem(Body):
             seconds=time.perf_counter() - began,
             meshes=meshes,
         )
-        vars(other).update({name: getattr(self, name) for name in _OF_THE_BODY})
-        return other
 
     def refuse_direction(self, direction: Array) -> None:
         problem = self.problem

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray, IntArray
@@ -36,7 +35,7 @@ from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mechanics.statement import ContactProblem, Quadrature
 from hemivar.mesh.mesh import Mesh
-from hemivar.systems.body import Body, embedded
+from hemivar.systems.body import Body
 from hemivar.systems.krylov_newton import Truncation
 
 if TYPE_CHECKING:
@@ -59,7 +58,6 @@ class BodyOnRanks(Body):
         Cells and nodes of this rank.
     statement : ContactProblem
         The problem on this piece.
-    elastic : Stiffness
     near : petsc4py NullSpace
         Rigid motions, for algebraic multigrid.
     places : int array (N,)
@@ -82,10 +80,10 @@ class BodyOnRanks(Body):
         The problem on the next coarser mesh; a solve starts there if it is ``below`` as well.
     """
 
+    elastic: Stiffness
     ranks: Ranks
     piece: Piece
     statement: ContactProblem
-    elastic: Stiffness
     near: PETSc.NullSpace
     places: IntArray
     directions: Array
@@ -140,22 +138,6 @@ class BodyOnRanks(Body):
         return PETSc.Scatter().create(self.vector(), chosen, local, None), local
 
     # ---- what the methods ask for ------------------------------------------------------------------------
-
-    def multiply(self, x: Array) -> Array:
-        return self.elastic.multiply(x)
-
-    def pull(self, x: Array) -> Array:
-        return self.elastic.pull(x)
-
-    def push(self, values: Array) -> Array:
-        return self.elastic.push(values)
-
-    def couple(self, step: Array) -> Array:
-        return self.spread(self.elastic.couple(self.gather(step)))
-
-    @cached_property
-    def own_block(self) -> sp.csr_array:
-        return embedded(self.elastic.own_block, self.active, self.sign)
 
     def truncation(self) -> Truncation:
         return Multigrid(self)
@@ -263,13 +245,14 @@ def assemble(
         )
     del blocks
     unknown, sign, active = _contact_unknowns(ranks, contact, nodal, owned)
-    elastic = Stiffness(K, unknown)
+    elastic = Stiffness(K, ranks, unknown, sign, active)
     admissible, moves = admissible_motions(ranks, nodal, skin, piece, owned)
     if bedding_of(stated.bedding).everywhere:
         admissible = admissible[:, :0]
     dependent = ranks.largest(float(law.state_dependent))[0]  # else a solve may start on the coarser mesh
     body = BodyOnRanks(
         vectors=ranks,
+        elastic=elastic,
         law=law,
         weights=contact.weights,
         offset=offset,
@@ -279,13 +262,12 @@ def assemble(
         load=f.array_r.copy(),
         row_sums=row_sums.array_r.copy(),
         constant=float(constant),
-        compliance=_compliance(ranks, contact.weights, active, unknown, elastic.diagonal),
+        compliance=_compliance(ranks, contact.weights, active, unknown, elastic.matrix_diagonal),
         seconds=time.perf_counter() - began,
         below=None if dependent else coarser,
         ranks=ranks,
         piece=piece,
         statement=replace(stated, mesh=piece.mesh),
-        elastic=elastic,
         near=near_null_space(piece.mesh, directions, owned, f),
         places=places,
         directions=directions,

@@ -213,7 +213,7 @@ def _lowest(body: BodyOnRanks, cycle: Multigrid, alarm: Alarm) -> tuple[float, b
 
     On small problems a factorisation shows it; it is 0 where it is not known.
     """
-    diagonal, start = body.elastic.diagonal, body.K.getOwnershipRange()
+    diagonal, start = body.elastic.matrix_diagonal, body.K.getOwnershipRange()
     x = np.where(body.held, 0.0, 1.5 + np.cos(1.0 + np.arange(*start) ** 1.3))
     value = np.inf
     for _ in range(4):
@@ -332,7 +332,7 @@ def _error_bound(solution: DistributedSolution, cycle: Multigrid, margin: float,
     rest[body.unknown] -= pressed
     error, solved = _solved(body, cycle, rest, 1e-3 * _SOLVED, 200)
     solved = solved or not ranks.norms(rest)[0] > 0.0
-    diagonal, eps = body.elastic.diagonal, float(np.finfo(float).eps)
+    diagonal, eps = body.elastic.matrix_diagonal, float(np.finfo(float).eps)
     terms = body.row_sums * np.abs(x) + np.abs(body.load)
     terms[body.unknown] += np.abs(pressed)
     moved = eps * np.sqrt(diagonal[body.unknown]) * (np.abs(x[body.unknown]) + np.abs(body.offset[body.active]))

@@ -69,7 +69,7 @@ class Multigrid:
                 options.setValue(name, value)
         self.body = body
         self.built_at: Array | None = None
-        self.diagonal = body.elastic.diagonal
+        self.diagonal = body.elastic.matrix_diagonal
         self._held, self._curvature = np.zeros(0, dtype=bool), np.zeros(0)
         self._out = self._held
         self._built: tuple[BoolArray, Array] = self._held, self._curvature

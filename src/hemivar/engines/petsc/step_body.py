@@ -15,9 +15,8 @@ from hemivar.systems.krylov_newton import Truncation
 
 __all__ = ["Cycles", "StepBody"]
 
-#: What depends on the stiffness alone, and so is the same under every load, offset and law.
+#: What depends on the mesh alone, and so is the same under every load, offset and law.
 _OF_THE_MESH = ("prolongation", "owned", "held", "_scatter")
-_LASTING = ("own_block", "stiffness", "diagonal", "stiffest", *_OF_THE_MESH)
 
 
 class Cycles:
@@ -49,7 +48,7 @@ class _Reused:
 
     @property
     def diagonal(self) -> Array:
-        return self._body.elastic.diagonal
+        return self._body.elastic.matrix_diagonal
 
     def change(self, x: Array, held: BoolArray, curvature: Array) -> None:
         if self._matrix is None:
@@ -90,11 +89,11 @@ class StepBody(BodyOnRanks):
         own = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         own |= {"load": np.where(self.held, 0.0, load), "offset": offset, "law": law, "below": None, "constant": 0.0}
         found = StepBody(**own)
-        for name in _LASTING:
+        for name in _OF_THE_MESH:
             if name == "prolongation" and self.coarser is None:
                 continue
             found.__dict__[name] = getattr(self, name)
-        _ = found.load_scale  # found by all ranks together, so that each may look at it alone
+        _ = found.load_scale, found.stiffest  # found by all ranks together, so that each may look at it alone
         return found
 
     def slower(self, resistance: float) -> StepBody:
@@ -104,7 +103,7 @@ class StepBody(BodyOnRanks):
         matrix.scale(factor)
         own = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         own |= {
-            "elastic": Stiffness(matrix, self.unknown),
+            "elastic": Stiffness(matrix, self.ranks, self.unknown, self.sign, self.active),
             "row_sums": factor * self.row_sums,
             "compliance": self.compliance / factor,
             "typical": factor * self.typical,

@@ -9,7 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from hemivar.basics.first_use import cached_property
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.linear.vectors import Vectors
+from hemivar.systems.contact_stiffness import ContactStiffness
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -17,25 +19,31 @@ if TYPE_CHECKING:
 __all__ = ["Stiffness", "applied"]
 
 
-class Stiffness:
+class Stiffness(ContactStiffness):
     """The matrix of a body, and the parts of it that contact points see; vectors are arrays of this rank.
+
+    Parameters
+    ----------
+    K : petsc4py Mat
+    vectors, unknown, sign, active
+        See :class:`ContactStiffness`.
 
     Attributes
     ----------
-    K : petsc4py Mat
-    diagonal : array (n,)
+    matrix_diagonal : array (n,)
     """
 
-    def __init__(self, K: PETSc.Mat, unknown: IntArray) -> None:
-        self.K, self._unknown = K, unknown
-        self.diagonal: Array = K.getDiagonal().array_r.copy()
+    def __init__(self, K: PETSc.Mat, vectors: Vectors, unknown: IntArray, sign: Array, active: BoolArray) -> None:
+        super().__init__(vectors, unknown, sign, active)
+        self.K = K
+        self.matrix_diagonal: Array = K.getDiagonal().array_r.copy()
 
     @cached_property
     def _chosen(self) -> PETSc.IS:
         """The contact unknowns."""
         from petsc4py import PETSc
 
-        places = self.K.getOwnershipRange()[0] + self._unknown
+        places = self.K.getOwnershipRange()[0] + self.unknown
         return PETSc.IS().createGeneral(places.astype(PETSc.IntType), comm=self.K.getComm())
 
     @cached_property
@@ -56,31 +64,25 @@ class Stiffness:
         block = self.K.createSubMatrix(self._chosen, self._chosen)
         return block, *block.createVecs()
 
-    @cached_property
-    def own_block(self) -> sp.csr_array:
-        """Stiffness between the contact unknowns of this rank, (k, k)."""
+    def between_contacts(self) -> sp.csr_array:
         first, columns, entries = self._block[0].getDiagonalBlock().getValuesCSR()
-        return sp.csr_array((entries, columns, first), shape=(self._unknown.size, self._unknown.size))
+        return sp.csr_array((entries, columns, first), shape=(self.unknown.size, self.unknown.size))
 
     def multiply(self, x: Array) -> Array:
-        """``K x``."""
         matrix, right, left = self._all
         return applied(matrix.mult, right, left, x)
 
     def pull(self, x: Array) -> Array:
-        """``K x`` at the contact unknowns."""
         matrix, right, left = self._rows
         return applied(matrix.mult, right, left, x)
 
     def push(self, values: Array) -> Array:
-        """``K x`` of a vector with these values at the contact unknowns and zeros elsewhere."""
         matrix, right, left = self._rows
         return applied(matrix.multTranspose, left, right, values)
 
-    def couple(self, values: Array) -> Array:
-        """The same at the contact unknowns alone."""
+    def couple(self, step: Array) -> Array:
         matrix, right, left = self._block
-        return applied(matrix.mult, right, left, values)
+        return self.spread(applied(matrix.mult, right, left, self.gather(step)))
 
 
 def applied(work: Callable[[PETSc.Vec, PETSc.Vec], None], given: PETSc.Vec, made: PETSc.Vec, x: Array) -> Array:
