@@ -165,7 +165,9 @@ _ROOMS = ("files", "gallery", "report", "workflows")
 _HANDED_ON = {
     "Displayed._repr_html_": "report.notebook.html_of",
     "Displayed.plot": "report.notebook.picture_of",
+    "Displayed.show": "report.window.show",
     "Displayed.to_dataframe": "report.frames.frame_of",
+    "Solution.summary": "report.summary.summary_of",
     "Solution.certify": "certificates.certify",
     "Solution.to_dict": "files.solution_record",
     "Solution.to_json": "files.write_json",

@@ -650,6 +650,7 @@ def test_compare_tells_of_refusals_and_failures(
 
     table = {"newton": NonsmoothNewton(), "refusing": Refusing(), "failing": Failing()}
     monkeypatch.setattr(solvers, "METHODS", table)
+    monkeypatch.setattr("hemivar.solvers.methods.METHODS", table)
     (folder / "part.toml").write_text(BASE)
     code, out, err = run(capsys, "compare", "part.toml", "--json", "a.json")
     assert (code, err) == (0, "")

@@ -44,6 +44,16 @@ class Displayed:
         figure: Figure = above("Displayed.plot")(self)
         return figure
 
+    def show(self) -> None:
+        """Show :meth:`plot` in a window, or in the notebook.
+
+        Raises
+        ------
+        ProblemError
+            There is nothing to draw, or no window can be opened here.
+        """
+        above("Displayed.show")(self)
+
     def to_dataframe(self) -> DataFrame:
         """A pandas DataFrame of what it holds, a row for each of its parts.
 

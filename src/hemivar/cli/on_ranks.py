@@ -14,7 +14,7 @@ from hemivar.cli.ending import all_or_none
 from hemivar.cli.options import Exit, controls_of
 from hemivar.cli.outputs import Writer, check_distinct, keep_off, one_line
 from hemivar.cli.session import naming_file
-from hemivar.cli.show import print_contact, print_extremes, print_not_converged, print_step, print_step_head
+from hemivar.cli.show import print_not_converged, print_step, print_step_head
 from hemivar.engines.petsc.alarm import Alarm
 from hemivar.engines.petsc.certificate import ESTIMATE, certify_on_ranks
 from hemivar.engines.petsc.ranks import shared
@@ -22,6 +22,7 @@ from hemivar.errors import FileError, HemivarError, MethodError, ProblemError
 from hemivar.mechanics import ContactProblem, ScalarProblem
 from hemivar.mesh import Grid
 from hemivar.report.on_ranks import pieces_of, write_json_on_ranks, write_vtu_on_ranks
+from hemivar.report.summary import Summary, contact_rows, extreme_rows
 from hemivar.solvers import Status
 
 if TYPE_CHECKING:
@@ -325,5 +326,9 @@ def _print_summary(solution: DistributedSolution, certificate: Certificate) -> N
     print(f"normal force      {sums['normal_force']:.6g}")
     force = sums["force"]
     print(f"force             ({', '.join(f'{c:.6g}' for c in force)}), of the foundation on the body")
-    print_contact("length" if body.dim == 2 else "area", sums["contact_length"], sums["whole_length"], sums["counts"])
-    print_extremes(sums["max_penetration"], sums["max_pressure"])
+    what = "length" if body.dim == 2 else "area"
+    rows = [
+        *contact_rows(what, sums["contact_length"], sums["whole_length"], sums["counts"]),
+        *extreme_rows(sums["max_penetration"], sums["max_pressure"]),
+    ]
+    print("\n".join(Summary(tuple(rows)).lines()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -24,15 +24,13 @@ if TYPE_CHECKING:
     from hemivar.engines.petsc import DistributedSolution
     from hemivar.files.problem_file import ProblemFile
     from hemivar.report.tables import Table
-    from hemivar.solvers import NormalState, Progress, Solution, TangentialState
+    from hemivar.solvers import Progress, Solution
     from hemivar.workflows import Event
 
 __all__ = [
     "SolveView",
     "StageView",
     "console",
-    "print_contact",
-    "print_extremes",
     "print_head",
     "print_not_converged",
     "print_step",
@@ -241,53 +239,13 @@ def print_not_converged(solution: Solution | DistributedSolution) -> None:
 
 def print_summary(console: Console, solution: Solution, certificate: Certificate | None) -> None:
     """Print what was found."""
+    from hemivar.report.summary import summary_of
     from hemivar.solvers import Status
 
-    good = solution.status is Status.CONVERGED
-    console.print("\nstatus            ", end="")
-    console.print(solution.status.value, style="bold green" if good else "bold red", end="")
-    others = f" and {solution.fallbacks} fallbacks" if solution.fallbacks else ""
-    console.print(f" after {solution.steps} steps{others}, relative residual {solution.residual.relative:.1e}")
-    print(f"time              {', '.join(f'{stage} {seconds:.3g} s' for stage, seconds in solution.timings.items())}")
-    print(f"energy            {solution.energy:.10g}")
-    if solution.deformation is not None:
-        print(f"largest           {solution.deformation.sizes}")
-        if certificate is None and solution.deformation.warning is not None:  # else it is among its lines
-            print(f"warning           {solution.deformation.warning}")
-    if solution.error_bound is not None:
-        print(f"error bound       {solution.error_bound:.3g} (energy norm)")
-    if not good:
-        print(f"what to do        {solution.status.remedy}")
-    for line in [] if certificate is None else certificate.lines():
-        print(line)
-    if solution.problem.contact_points == 0:
-        return
-    print(f"normal force      {solution.normal_force:.6g}")
-    friction = solution.friction_force
-    if friction.size == 1:
-        print(f"friction force    {friction[0]:.6g}")
-    elif friction.size:
-        vector = solution.problem.contact.weights @ solution.friction_vectors
-        print(f"friction force    ({', '.join(f'{c:.6g}' for c in vector)})")
-    whole = float(solution.contact.weights.sum())
-    print_contact(solution.measured, solution.contact_length, whole, solution.states.counts)
-    print_extremes(float(solution.penetration.max()), float(solution.pressure.max()))
-
-
-def print_contact(
-    what: str, closed: float, whole: float, counts: tuple[Mapping[NormalState, int], Mapping[TangentialState, int]]
-) -> None:
-    """Print how much of the contact boundary is closed, and how many points are in each state."""
-    from hemivar.solvers.contact_states import state_words
-
-    print(f"contact {what:<10}{closed:.6g} of {whole:.6g}")
-    print(f"contact points    {state_words(*counts)}")
-
-
-def print_extremes(deepest: float, pressure: float) -> None:
-    """Print the largest penetration, or the least opening where nothing penetrates, and the largest pressure."""
-    if deepest < 0.0:
-        print(f"least opening     {-deepest:.6g} (no point penetrates)")
-    else:
-        print(f"max penetration   {deepest:.6g}")
-    print(f"max pressure      {pressure:.6g}")
+    style = "bold green" if solution.status is Status.CONVERGED else "bold red"
+    first, *others = summary_of(solution, certificate).lines()
+    label, status, rest = first.partition(solution.status.value)
+    console.print(f"\n{label}", end="")
+    console.print(status, style=style, end="")
+    console.print(rest, soft_wrap=True)
+    print("\n".join(others))

@@ -23,9 +23,11 @@ from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual, inaccurate_law
 from hemivar.errors import ProblemError
+from hemivar.fem.fields import strain, stress, von_mises
 from hemivar.fem.reactions import support_reactions
 from hemivar.fem.small_strain import Deformation, deformation_of
 from hemivar.mechanics.scalar import ScalarProblem
+from hemivar.mechanics.statement import ContactProblem
 from hemivar.solvers.boundary_result import BoundaryResult, ContactValues, contact_table, table_columns
 from hemivar.solvers.contact_states import ContactStates, contact_states, state_words
 from hemivar.solvers.controls import Progress
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from hemivar.certificates.certificate import Certificate
+    from hemivar.report.summary import Summary
     from hemivar.systems.workspace import Workspace
 
 __all__ = ["Solution"]
@@ -135,6 +138,51 @@ class Solution(ContactValues, Portable, Displayed):
         return contact_states(
             self.problem.law, self.local, self.multiplier, without_friction=self.contact.without_friction
         )
+
+    def strain(self) -> Array:
+        """Linearised strain of each cell, shape (M, d, d), at the centroid for order 2.
+
+        Raises
+        ------
+        ProblemError
+            The problem was not discretised from a :class:`hemivar.ContactProblem`.
+        """
+        return strain(self._elastic("strain"), self.displacement)
+
+    def stress(self) -> Array:
+        """Stress of each cell, shape (M, d, d), at the centroid for order 2; in the plane for plane models.
+
+        :func:`hemivar.fem.nodal_average` makes values at the nodes of it.
+
+        Raises
+        ------
+        ProblemError
+            As :meth:`strain`.
+        """
+        return stress(self._elastic("stress"), self.displacement)
+
+    def von_mises(self) -> Array:
+        """Von Mises stress of each cell, shape (M,), the stress out of the plane included.
+
+        Raises
+        ------
+        ProblemError
+            As :meth:`strain`.
+        """
+        return von_mises(self._elastic("von Mises stress"), self.displacement)
+
+    def _elastic(self, what: str) -> ContactProblem:
+        """What the problem was made of, if it has a material."""
+        origin = self.problem.origin
+        if isinstance(origin, ContactProblem):
+            return origin
+        made = "a scalar problem" if isinstance(origin, ScalarProblem) else "made of arrays"
+        raise ProblemError(f"there is no {what}: the problem is {made}; state a ContactProblem with a material")
+
+    def summary(self, certificate: Certificate | None = None) -> Summary:
+        """What ``hemivar solve`` prints: status, energy, forces and states; with a certificate also what it says."""
+        found: Summary = above("Solution.summary")(self, certificate)
+        return found
 
     @property
     def measured(self) -> str:

@@ -1,0 +1,111 @@
+"""What the command prints about a solution, as a value."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from hemivar.certificates import Certificate
+from hemivar.solvers import NormalState, Solution, Status, TangentialState
+from hemivar.solvers.contact_states import state_words
+
+__all__ = ["Summary", "contact_rows", "extreme_rows", "summary_of"]
+
+_WIDTH = 18
+
+Row = tuple[str, str]
+
+
+@dataclass(frozen=True, repr=False)
+class Summary:
+    """Names and values, one below the other; text at a prompt, a table in a notebook.
+
+    Attributes
+    ----------
+    rows : tuple of (str, str)
+        Name and value; a row without a name continues the one above.
+    """
+
+    rows: tuple[Row, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    __repr__ = __str__
+
+    def lines(self) -> Iterator[str]:
+        """The lines as the command prints them."""
+        return (f"{name:<{_WIDTH}}{value}" for name, value in self.rows)
+
+    def _repr_html_(self) -> str:
+        rows = (f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in self.rows)
+        return f"<table><tbody>{''.join(rows)}</tbody></table>"
+
+
+def summary_of(solution: Solution, certificate: Certificate | None = None) -> Summary:
+    """Status, energy, warnings, what a certificate says, and forces and states on the contact boundary.
+
+    Parameters
+    ----------
+    solution : Solution
+    certificate : Certificate, optional
+        Of this solution.
+
+    Returns
+    -------
+    Summary
+    """
+    rows = list(_solve_rows(solution, certificate is not None))
+    if certificate is not None:
+        rows += [(line[:_WIDTH].rstrip(), line[_WIDTH:]) for line in certificate.lines()]
+    if solution.problem.contact_points:
+        rows += _contact_part(solution)
+    return Summary(tuple(rows))
+
+
+def _solve_rows(solution: Solution, certified: bool) -> Iterator[Row]:
+    others = f" and {solution.fallbacks} fallbacks" if solution.fallbacks else ""
+    ended = f"{solution.status.value} after {solution.steps} steps{others}"
+    yield "status", f"{ended}, relative residual {solution.residual.relative:.1e}"
+    if solution.timings:
+        yield "time", ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in solution.timings.items())
+    yield "energy", f"{solution.energy:.10g}"
+    if solution.deformation is not None:
+        yield "largest", solution.deformation.sizes
+        if not certified and solution.deformation.warning is not None:  # else it is among the lines of the certificate
+            yield "warning", solution.deformation.warning
+    if solution.error_bound is not None:
+        yield "error bound", f"{solution.error_bound:.3g} (energy norm)"
+    if solution.status is not Status.CONVERGED:
+        yield "what to do", solution.status.remedy
+
+
+def _contact_part(solution: Solution) -> Iterator[Row]:
+    yield "normal force", f"{solution.normal_force:.6g}"
+    friction = solution.friction_force
+    if friction.size == 1:
+        yield "friction force", f"{friction[0]:.6g}"
+    elif friction.size:
+        vector = solution.problem.contact.weights @ solution.friction_vectors
+        yield "friction force", f"({', '.join(f'{c:.6g}' for c in vector)})"
+    whole = float(solution.contact.weights.sum())
+    yield from contact_rows(solution.measured, solution.contact_length, whole, solution.states.counts)
+    yield from extreme_rows(float(solution.penetration.max()), float(solution.pressure.max()))
+
+
+def contact_rows(
+    what: str, closed: float, whole: float, counts: tuple[Mapping[NormalState, int], Mapping[TangentialState, int]]
+) -> Iterator[Row]:
+    """How much of the contact boundary is closed, and how many points are in each state."""
+    yield f"contact {what}", f"{closed:.6g} of {whole:.6g}"
+    yield "contact points", state_words(*counts)
+
+
+def extreme_rows(deepest: float, pressure: float) -> Iterator[Row]:
+    """The largest penetration, or the least opening where nothing penetrates, and the largest pressure."""
+    if deepest < 0.0:
+        yield "least opening", f"{-deepest:.6g} (no point penetrates)"
+    else:
+        yield "max penetration", f"{deepest:.6g}"
+    yield "max pressure", f"{pressure:.6g}"

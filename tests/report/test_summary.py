@@ -1,0 +1,79 @@
+"""What a solution says of itself: its summary, its stress, its window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hemivar.cli import main
+from hemivar.errors import ProblemError
+from hemivar.files import read_problem, write_problem
+from hemivar.solvers import Solution, solve
+from tests.problems import square
+
+
+def test_the_summary_is_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "square.toml"
+    write_problem(square(n=4), path)
+    solution = solve(read_problem(path))
+    certified = str(solution.summary(solution.certify(trace_constant=False)))
+    assert main(["solve", str(path), "--quiet"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    said = [line for line in certified.splitlines() if not line.startswith(("time", "certified"))]
+    assert len(said) > 10
+    assert said == [line for line in printed if line in said]
+    plain = [line for line in str(solution.summary()).splitlines() if not line.startswith(("time", "certified"))]
+    assert set(plain) < set(said)
+
+
+def test_a_summary_is_text_at_a_prompt_and_a_table_in_a_notebook(plane: Solution) -> None:
+    summary = plane.summary()
+    assert repr(summary) == str(summary)
+    assert summary._repr_html_().count("<tr>") == len(summary.rows)
+
+
+def test_the_stress_is_that_of_hookes_law(plane: Solution) -> None:
+    problem = square()
+    solution = solve(problem)
+    corners = problem.mesh.nodes()[problem.mesh.cells]
+    edges = corners[:, 1:] - corners[:, :1]
+    moved = solution.displacement[problem.mesh.cells]
+    gradient = np.linalg.solve(edges, moved[:, 1:] - moved[:, :1])
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    trace = np.trace(strain, axis1=1, axis2=2)
+    stress = 8.0 * strain + 4.0 * trace[:, None, None] * np.eye(2)
+    np.testing.assert_allclose(solution.strain(), strain, atol=1e-14)
+    np.testing.assert_allclose(solution.stress(), stress, atol=1e-13)
+    xx, yy, zz, xy = stress[:, 0, 0], stress[:, 1, 1], 4.0 * trace, stress[:, 0, 1]
+    mises = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
+    np.testing.assert_allclose(solution.von_mises(), mises, rtol=1e-12)
+
+
+def test_there_is_no_stress_of_arrays(bar: Solution) -> None:
+    for quantity in (bar.stress, bar.strain, bar.von_mises):
+        with pytest.raises(ProblemError, match=r"there is no .*: the problem is made of arrays"):
+            quantity()
+
+
+def test_no_window_where_none_can_be_opened(plane: Solution) -> None:
+    with pytest.raises(ProblemError, match=r"no window can be opened here .*savefig"):
+        plane.show()
+
+
+def test_the_window_shows_the_picture(plane: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    import matplotlib.pyplot as plt
+
+    seen: list[int] = []
+
+    def look() -> None:
+        figure = plt.get_current_fig_manager().canvas.figure  # type: ignore[union-attr]
+        seen.append(len(figure.axes))
+        plt.close("all")
+
+    monkeypatch.setattr(plt, "get_backend", lambda: "qtagg")
+    monkeypatch.setattr(plt, "show", look)
+    plane.show()
+    assert seen
+    assert seen[0] > 0
