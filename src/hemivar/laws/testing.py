@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
+from hemivar.basics.conformance import ConformanceReport, failures_of
 from hemivar.basics.types import Array, IntArray
 from hemivar.errors import HemivarError
 from hemivar.laws.friction.friction_law import Friction
@@ -26,33 +28,10 @@ class LawError(HemivarError, AssertionError):
 
 
 @dataclass(frozen=True)
-class LawReport:
-    """What the kit tried and found.
+class LawReport(ConformanceReport):
+    """What the kit tried and found about a law."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the law.
-    checks : tuple of str
-        What was checked.
-    failures : tuple of str
-        What is wrong; empty for a law in order.
-    """
-
-    name: str
-    checks: tuple[str, ...]
-    failures: tuple[str, ...] = ()
-
-    @property
-    def passed(self) -> bool:
-        """Whether nothing is wrong."""
-        return not self.failures
-
-    def __str__(self) -> str:
-        if self.passed:
-            return f"law '{self.name}': {len(self.checks)} checks passed"
-        listed = "".join(f"\n  - {failure}" for failure in self.failures)
-        return f"law '{self.name}' fails {len(self.failures)} of {len(self.checks)} checks:{listed}"
+    subject: ClassVar[str] = "law"
 
 
 def check_law(
@@ -101,7 +80,6 @@ def check_law(
         if raises:
             raise LawError(str(report)) from error
         return report
-    names = []
     steps: list[tuple[str, Callable[[], str | None]]] = [
         (first, checker.shapes),
         ("the value is continuous and zero at r = 0", checker.continuity),
@@ -120,20 +98,8 @@ def check_law(
     ]
     if friction:
         steps.append(("the law is even", checker.even))
-    failures = []
-    for name, step in steps:
-        names.append(name)
-        try:
-            with np.errstate(all="ignore"):
-                wrong = step()
-        except Exception as error:
-            wrong = f"{type(error).__name__}: {error}"
-        if wrong:
-            failures.append(f"{name}: it is not: {wrong}")
-            if step == checker.shapes:
-                break
-    report = LawReport(scalar.name, tuple(names), tuple(failures))
-    if raises and failures:
+    report = LawReport(scalar.name, *failures_of(steps))
+    if raises and not report.passed:
         raise LawError(str(report))
     return report
 
