@@ -80,7 +80,7 @@ class Graph:
         self._nodes: list[tuple[str, tuple[int, ...], Leaf]] = []
         self._varies: list[bool] = []
         self._index: dict[tuple[str, tuple[int, ...], Leaf], int] = {}
-        self._derivatives: dict[int, int] = {}
+        self._derivatives: dict[str | None, dict[int, int]] = {}
         self._programs: dict[int, list[Step]] = {}
 
     # ---- making nodes ----------------------------------------------------------------------------------------
@@ -255,24 +255,34 @@ class Graph:
 
     # ---- derivatives -----------------------------------------------------------------------------------------
 
-    def derivative(self, node: int) -> int:
-        """The derivative of an expression without switches in its only variable, in symbols."""
-        known = self._derivatives
+    def derivative(self, node: int, by: str | None = None) -> int:
+        """The derivative of an expression in its only variable, or in one of several, in symbols.
+
+        That of ``abs``, ``min`` and ``max`` is that of the branch taken; at a kink, of one of both.
+        """
+        known = self._derivatives.setdefault(by, {})
         if node in known:
             return known[node]
-        for i, op, arguments, _, _ in self.program(node):
+        for i, op, arguments, leaf, _ in self.program(node):
             if i in known:
                 continue
             if not self._varies[i]:
                 known[i] = self.number(0.0)
             elif op == "name":
-                known[i] = self.number(1.0)
+                known[i] = self.number(1.0 if by is None or leaf == by else 0.0)
             else:
                 known[i] = self._derived(i, op, arguments, [known[a] for a in arguments])
         return known[node]
 
     def _derived(self, node: int, op: str, arguments: Sequence[int], rates: Sequence[int]) -> int:
         one, two = self.number(1.0), self.number(2.0)
+        if op == "piecewise":
+            return self._chosen(arguments, {k: rate for k, rate in enumerate(rates) if k % 2 or k == len(rates) - 1})
+        if op in _COMPARISONS or op in ("and", "true"):
+            return self.number(0.0)  # of no use: conditions stay as they are
+        if op in ("min", "max"):
+            first = self.node("<=" if op == "min" else ">=", *arguments)
+            return self._chosen((first, *arguments), {1: rates[0], 2: rates[1]})
         if op in ("+", "-", "*", "/", "^"):
             (a, b), (da, db) = arguments, rates
             if op == "+":
@@ -306,11 +316,19 @@ class Graph:
                 outer = node
             case "log":
                 return self.over(du, u)
+            case "abs":
+                return self._chosen((self.node(">=", u, self.number(0.0)), u, u), {1: du, 2: self.negative(du)})
             case "sqrt":
                 return self.over(du, self.times(two, node))
             case _:  # pragma: no cover
                 raise AssertionError(f"no derivative of {op}")
         return self.times(outer, du)
+
+    def _chosen(self, arguments: Sequence[int], values: Mapping[int, int]) -> int:
+        """What piecewise is with other values; one of them where they are all the same."""
+        if len(set(values.values())) == 1 and len(arguments) % 2:
+            return next(iter(values.values()))
+        return self.node("piecewise", *(values.get(k, argument) for k, argument in enumerate(arguments)))
 
     # ---- switches --------------------------------------------------------------------------------------------
 
