@@ -14,7 +14,9 @@ from hemivar.files.toml import KEYS, TomlTable, array, context, kind
 from hemivar.files.unsaid import unsaid
 from hemivar.formula import Formula
 from hemivar.mechanics.composed_material import ByRegion
-from hemivar.mechanics.material import Anisotropic, Isotropic, Material, PlaneState
+from hemivar.mechanics.linear_material import Anisotropic, Isotropic
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.material_words import PlaneState
 from hemivar.mechanics.moduli import Branch, Moduli, Number
 from hemivar.mesh import Mesh
 

@@ -2,15 +2,20 @@
 
 from hemivar.mechanics.bedding import Bedding
 from hemivar.mechanics.conditions import Clamped, Fixed, Prescribed, Pressure, Roller, Support, Traction
-from hemivar.mechanics.material import Material, PlaneState
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.material_check import MaterialError, MaterialReport, check_material
+from hemivar.mechanics.material_description import MaterialDescription
+from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure
 from hemivar.mechanics.moduli import Branch
 from hemivar.mechanics.obstacles import Cylinder, Normals, Obstacle, Plane, SignedDistance, Sphere
 from hemivar.mechanics.scalar import ScalarContact, ScalarKind, ScalarProblem, Side, Statement
 from hemivar.mechanics.statement import Contact, ContactProblem, Quadrature
+from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds, StoredEnergy
 from hemivar.mechanics.thermal import Heat, HeatContact
 
 __all__ = [
     "Bedding",
+    "BoundsBy",
     "Branch",
     "Clamped",
     "Contact",
@@ -19,7 +24,13 @@ __all__ = [
     "Fixed",
     "Heat",
     "HeatContact",
+    "InvariantEnergy",
+    "Invariants",
+    "IsotropicBounds",
     "Material",
+    "MaterialDescription",
+    "MaterialError",
+    "MaterialReport",
     "Normals",
     "Obstacle",
     "Plane",
@@ -35,6 +46,9 @@ __all__ = [
     "SignedDistance",
     "Sphere",
     "Statement",
+    "StoredEnergy",
+    "StrainMeasure",
     "Support",
     "Traction",
+    "check_material",
 ]

@@ -11,7 +11,9 @@ import numpy as np
 from hemivar.basics.arguments import described
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.material import BoundsBy, Material, no_matrices
+from hemivar.mechanics.material import Material, no_matrices
+from hemivar.mechanics.material_description import MaterialDescription
+from hemivar.mechanics.material_words import BoundsBy
 
 __all__ = ["ByRegion", "Combination", "LowerElasticity", "lower_elasticity"]
 
@@ -89,6 +91,14 @@ class ByRegion(Material):
     @property
     def bounds_by(self) -> BoundsBy:
         return _least_certain(part.bounds_by for part in self.parts.values())
+
+    @property
+    def reach(self) -> float:
+        return min(part.reach for part in self.parts.values())
+
+    def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
+        parts = {name: part.describe(point) for name, part in self.parts.items()}
+        return MaterialDescription("materials by region", linear=self.linear, parts=parts)
 
     def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         result = np.empty(len(points))
@@ -240,6 +250,13 @@ class Combination(Material):
     @property
     def bounds_by(self) -> BoundsBy:
         return self.material.bounds_by if self.of_elasticity else BoundsBy.CLOSED_FORM
+
+    @property
+    def reach(self) -> float:
+        return self.material.reach if self.of_elasticity else np.inf
+
+    def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
+        return self.material.describe(point)
 
     def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         added = 0.5 * np.einsum("ki,kij,kj->k", strain, self._added(points, regions), strain)

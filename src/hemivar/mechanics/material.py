@@ -3,46 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hemivar.basics.arguments import described
-from hemivar.basics.arrays import real_array
 from hemivar.basics.first_use import IMPORTS
 from hemivar.basics.portable import Portable
 from hemivar.basics.types import Array, BoolArray
-from hemivar.errors import ProblemError
-from hemivar.mechanics.conditions import LARGEST, check_finite, evaluate_scalar
-from hemivar.mechanics.instants import refuse_time
-from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity, isotropic_matrices, moduli
+from hemivar.mechanics.material_words import BoundsBy, PlaneState, StrainMeasure
+from hemivar.mechanics.moduli import Branch, Moduli, Number, Viscosity
 
-__all__ = ["Anisotropic", "BoundsBy", "Isotropic", "Material", "PlaneState", "SingleMaterial", "no_matrices"]
+if TYPE_CHECKING:
+    from hemivar.mechanics.material_description import MaterialDescription
 
-#: The largest lam / mu that leaves digits for mu.
-_STIFF = 1e13
-
-
-class PlaneState(StrEnum):
-    """What a plane model assumes about the third direction."""
-
-    STRAIN = "strain"
-    STRESS = "stress"
-
-
-class BoundsBy(StrEnum):
-    """How the bounds of the tangent of a material were found."""
-
-    CLOSED_FORM = "closed form"
-    INTERVALS = "intervals"
-    SAMPLED = "sampled"
-
-    @property
-    def proved(self) -> bool:
-        """Whether they hold at every strain, and not only at those that were tried."""
-        return self is not BoundsBy.SAMPLED
+__all__ = ["Material", "no_matrices"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +26,7 @@ class Material(Portable):
     """An elastic material of small strains, linear or with a stored energy.
 
     Make one by :meth:`lame`, :meth:`young`, :meth:`tensor` or :meth:`by_region`, and one that is not linear by
-    :meth:`hencky`.
+    :meth:`hencky`, :meth:`ramberg_osgood`, :meth:`locking` or :meth:`potential`. :meth:`describe` shows it.
 
     Stresses and strains in matrices are ordered xx, yy, xy in 2D and xx, yy, zz, yz, xz, xy in 3D, shear
     strains are engineering ones, ``gamma_xy = 2 eps_xy``.
@@ -90,6 +66,9 @@ class Material(Portable):
         density, viscosity, branches
             See :class:`Material`.
         """
+        with IMPORTS:
+            from hemivar.mechanics.linear_material import Isotropic
+
         more = {"density": density, "viscosity": viscosity, "branches": branches}
         return Isotropic(lam, mu, plane, technical=False, **more)  # type: ignore[arg-type]
 
@@ -114,6 +93,9 @@ class Material(Portable):
         density, viscosity, branches
             See :class:`Material`; the viscosity is given by two constants of Lame's kind here too.
         """
+        with IMPORTS:
+            from hemivar.mechanics.linear_material import Isotropic
+
         more = {"density": density, "viscosity": viscosity, "branches": branches}
         return Isotropic(E, nu, plane, technical=True, **more)  # type: ignore[arg-type]
 
@@ -139,6 +121,9 @@ class Material(Portable):
         density, viscosity, branches
             See :class:`Material`.
         """
+        with IMPORTS:
+            from hemivar.mechanics.linear_material import Anisotropic
+
         more = {"density": density, "viscosity": viscosity, "branches": branches}
         return Anisotropic(C, out_of_plane, **more)  # type: ignore[arg-type]
 
@@ -189,6 +174,131 @@ class Material(Portable):
         more = {"density": density, "viscosity": viscosity, "branches": branches}
         return Hencky(bulk, shear, softened, strain, plane, **more)  # type: ignore[arg-type]
 
+    @staticmethod
+    def ramberg_osgood(
+        E: Number,
+        nu: Number,
+        yield_stress: Number,
+        exponent: Number,
+        offset: Number = 3.0 / 7.0,
+        linear_from: Number | None = None,
+        plane: PlaneState | str = PlaneState.STRAIN,
+        *,
+        density: Number | None = None,
+        viscosity: Moduli | Viscosity | None = None,
+        branches: Sequence[Branch] = (),
+    ) -> Material:
+        """Material of Ramberg and Osgood, in the deformation theory of plasticity with von Mises' stress.
+
+        A bar under the stress sigma stretches by ``sigma/E + offset (sigma/E) (sigma/yield_stress)^(exponent - 1)``.
+
+        Parameters
+        ----------
+        E, nu : float or callable
+            Young's modulus and Poisson's ratio at small strain; a callable gets points, shape (k, d), and returns
+            shape (k,).
+        yield_stress : float or callable
+            Positive.
+        exponent : float or callable
+            At least 1; 5 to 20 for metals.
+        offset : float or callable
+            Plastic over elastic strain at the yield stress, positive.
+        linear_from : float, callable or None
+            The size of the deviator ``|dev eps|`` from which on the stress grows linearly, with the slope that it has
+            there. Without it the slope falls to zero: then no solution is known to be the only one, and no error is
+            bounded.
+        plane : PlaneState or str
+            For 2D: ``"strain"`` (default) or ``"stress"``.
+        density, viscosity, branches
+            See :class:`Material`.
+        """
+        with IMPORTS:
+            from hemivar.mechanics.named_energies import RambergOsgood
+
+        more = {"density": density, "viscosity": viscosity, "branches": branches}
+        return RambergOsgood(E, nu, yield_stress, exponent, offset, linear_from, plane, **more)  # type: ignore[arg-type]
+
+    @staticmethod
+    def locking(
+        bulk: Number,
+        shear: Number,
+        stiffening: Number,
+        strain: Number,
+        measure: StrainMeasure | str = StrainMeasure.DEVIATOR,
+        plane: PlaneState | str = PlaneState.STRAIN,
+        *,
+        density: Number | None = None,
+        viscosity: Moduli | Viscosity | None = None,
+        branches: Sequence[Branch] = (),
+    ) -> Material:
+        """Elastic material with projection on a convex set of strains, beyond which it stiffens.
+
+        ``sigma = C eps + beta (eps - P_K eps)``, K the strains with ``|dev eps| <= strain``. A large beta makes a
+        locking material.
+
+        Parameters
+        ----------
+        bulk, shear : float or callable
+            Bulk and shear modulus within the set, positive; a callable gets points, shape (k, d), and returns shape
+            (k,).
+        stiffening : float or callable
+            beta, a stress, positive.
+        strain : float or callable
+            The size of the set, positive.
+        measure : StrainMeasure or str
+            What is limited: ``"deviator"`` (default), the size of the deviator, or ``"strain"``, that of the strain.
+        plane : PlaneState or str
+            For 2D: ``"strain"`` (default) or ``"stress"``.
+        density, viscosity, branches
+            See :class:`Material`.
+        """
+        with IMPORTS:
+            from hemivar.mechanics.named_energies import Locking
+
+        more = {"density": density, "viscosity": viscosity, "branches": branches}
+        return Locking(bulk, shear, stiffening, strain, measure, plane, **more)  # type: ignore[arg-type]
+
+    @staticmethod
+    def potential(
+        energy: str | Callable[[Array], object],
+        stress: Callable[[Array], object] | None = None,
+        tangent: Callable[[Array], object] | None = None,
+        *,
+        reach: float,
+        plane: PlaneState | str = PlaneState.STRAIN,
+        density: Number | None = None,
+        viscosity: Moduli | Viscosity | None = None,
+        branches: Sequence[Branch] = (),
+    ) -> Material:
+        """Material by a stored energy of your own, as a formula or as Python functions.
+
+        Parameters
+        ----------
+        energy : str or callable
+            A formula of ``tr`` and ``dev2``, the trace of the strain and the square of the size of its deviator, both
+            those of space; or of the components ``exx, eyy, ezz, eyz, exz, exy``. Its derivatives are found in
+            symbols. Or a function of strains, shape (k, v) in the order of the matrices, that returns shape (k,).
+        stress, tangent : callable
+            For a function only: its first and second derivatives, shapes (k, v) and (k, v, v).
+        reach : float
+            Strains up to this size ``|eps|`` are examined for the bounds of the tangent. Bounds of a formula are
+            proved by intervals where they can; those of functions are sampled, and called so.
+        plane : PlaneState or str
+            For 2D and formulas of ``tr`` and ``dev2``: ``"strain"`` (default) or ``"stress"``.
+        density, viscosity, branches
+            See :class:`Material`.
+
+        Raises
+        ------
+        ProblemError
+            The energy is not convex, or zero strain has an energy or a stress; the message names the strain.
+        """
+        with IMPORTS:
+            from hemivar.mechanics.own_energies import own_energy
+
+        more = {"density": density, "viscosity": viscosity, "branches": branches}
+        return own_energy(energy, stress, tangent, reach, plane, **more)  # type: ignore[arg-type]
+
     @property
     def homogeneous(self) -> bool:
         """Whether the material is the same everywhere."""
@@ -237,6 +347,21 @@ class Material(Portable):
     def bounds_by(self) -> BoundsBy:
         """How :meth:`lower_tensor` and :meth:`upper_tensor` were found; of several the least certain way."""
         return BoundsBy.CLOSED_FORM
+
+    @property
+    def reach(self) -> float:
+        """The size ``|eps|`` of the strain up to which the bounds hold; inf where they hold at every strain."""
+        return np.inf
+
+    def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
+        """Its law, its constants, and the bounds of its tangent, with how they were found; ``print`` shows them.
+
+        Parameters
+        ----------
+        point : sequence of float, optional
+            Where constants that vary are evaluated.
+        """
+        raise NotImplementedError
 
     def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         """The stored energy W per volume.
@@ -347,270 +472,3 @@ def no_matrices(points: Array) -> Array:
     """Matrices that are zero, at points (k, d), shape (k, v, v)."""
     size = points.shape[1] * (points.shape[1] + 1) // 2
     return np.broadcast_to(np.zeros((size, size)), (len(points), size, size))
-
-
-@dataclass(frozen=True, eq=False)
-class SingleMaterial(Material):
-    """A material of one kind: what it has of density, viscosity and branches.
-
-    Attributes
-    ----------
-    density : float, callable or None
-    viscosity : Moduli or None
-    branches : tuple of Branch
-    """
-
-    density: Number | None = field(default=None, kw_only=True)
-    viscosity: Moduli | None = field(default=None, kw_only=True)
-    branches: tuple[Branch, ...] = field(default=(), kw_only=True)
-
-    def __post_init__(self) -> None:
-        refuse_time(self.density, "density")
-        if self.density is not None and not callable(self.density):
-            given = check_finite(self.density, "density")
-            if given.ndim != 0:
-                raise ProblemError(f"density has shape {given.shape}; it must be one number or a callable")
-            object.__setattr__(self, "density", float(given))
-            _check_density(np.atleast_1d(given), np.zeros((1, 2)), "")
-        if self.viscosity is not None:
-            object.__setattr__(self, "viscosity", moduli(self.viscosity, "viscosity"))
-        branches = (self.branches,) if isinstance(self.branches, Branch) else self.branches
-        if not isinstance(branches, Sequence) or not all(isinstance(branch, Branch) for branch in branches):
-            raise ProblemError(
-                f"branches is {described(self.branches)}; give a list of Branch(lame=(lam, mu), time=T) or the like"
-            )
-        object.__setattr__(self, "branches", tuple(branches))
-
-    @property
-    def _in_plane_stress(self) -> bool:
-        return False
-
-    @property
-    def inert(self) -> bool:
-        return self.density is not None
-
-    @property
-    def viscous(self) -> bool:
-        return self.viscosity is not None
-
-    @property
-    def relaxation_times(self) -> tuple[float, ...]:
-        return tuple(sorted({branch.time for branch in self.branches}))
-
-    def _springs(self, number: int) -> list[Moduli]:
-        time = self.relaxation_times[number]
-        return [branch.moduli for branch in self.branches if branch.time == time]
-
-    def density_at(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array | None:
-        if self.density is None:
-            return None
-        density = evaluate_scalar(self.density, points, "density")
-        _check_density(density, points, None)
-        return density
-
-    def viscosity_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        return no_matrices(points) if self.viscosity is None else self.viscosity.at(points, self._in_plane_stress)
-
-    def branch_tensor(self, number: int, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        springs = [spring.at(points, self._in_plane_stress) for spring in self._springs(number)]
-        return springs[0] if len(springs) == 1 else np.sum(springs, axis=0)
-
-    def homogeneous_in(self, viscous: bool, numbers: Sequence[int] = ()) -> bool:
-        parts = [spring for number in numbers for spring in self._springs(number)]
-        parts += [self.viscosity] if viscous and self.viscosity is not None else []
-        return all(part.homogeneous for part in parts)
-
-
-@dataclass(frozen=True, eq=False)
-class Isotropic(SingleMaterial):
-    """What :meth:`Material.lame` and :meth:`Material.young` make.
-
-    Attributes
-    ----------
-    first, second : float or callable
-        Lame's constants, or Young's modulus and Poisson's ratio if ``technical``.
-    plane : PlaneState
-    technical : bool
-    """
-
-    first: Number
-    second: Number
-    plane: PlaneState
-    technical: bool
-
-    def __post_init__(self) -> None:
-        try:
-            object.__setattr__(self, "plane", PlaneState(self.plane))
-        except ValueError as error:
-            raise ProblemError(f"plane = {self.plane!r}; choose 'strain' or 'stress'") from error
-        for name, value in zip(self.names, (self.first, self.second), strict=True):
-            refuse_time(value, f"material constant {name}")
-        if self.homogeneous:
-            self._parameters(np.zeros((1, 2)), "")
-        super().__post_init__()
-
-    @property
-    def _in_plane_stress(self) -> bool:
-        return self.plane is PlaneState.STRESS
-
-    @property
-    def homogeneous(self) -> bool:
-        return not callable(self.first) and not callable(self.second)
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Names of the two constants."""
-        return ("E", "nu") if self.technical else ("lam", "mu")
-
-    def _parameters(self, points: Array, where: str | None = None) -> tuple[Array, Array]:
-        """Lame's constants at points, checked for what holds in every dimension."""
-        names = self.names
-        first = evaluate_scalar(self.first, points, f"material constant {names[0]}")
-        second = evaluate_scalar(self.second, points, f"material constant {names[1]}")
-        scale = first if self.technical else second
-        if self.technical:
-            _require(first > 0, points, first, "E", "must be positive", where)
-            _require((second > -1) & (second < 0.5), points, second, "nu", "must lie between -1 and 0.5", where)
-        else:
-            _require(second > 0, points, second, "mu", "must be positive", where)
-        in_range = (scale < LARGEST) & (scale > 1.0 / LARGEST) & (np.abs(first) < LARGEST)
-        units = f"must lie between {1.0 / LARGEST:.0e} and {LARGEST:.0e}: take another unit of force"
-        _require(in_range | (np.abs(first) >= LARGEST), points, scale, names[0 if self.technical else 1], units, where)
-        _require(in_range, points, first, names[0], units, where)
-        if self.technical:
-            mu = first / (2 * (1 + second))
-            lam, name, shown = 2 * mu * second / (1 - 2 * second), "nu", second
-            _require(lam < _STIFF * mu, points, shown, name, "is so near to 0.5 that rounding loses the shear", where)
-            _require(1 + second > 1.0 / _STIFF, points, shown, name, "is so near to -1 that rounding loses it", where)
-            return lam, mu
-        _require(first + second > 0, points, first, "lam", "must exceed -mu", where)
-        _require(first < _STIFF * second, points, second, "mu", "is so small beside lam that rounding loses it", where)
-        return first, second
-
-    def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        dim = points.shape[1]
-        constant = self.homogeneous
-        at = points[:1] if constant else points
-        lam, mu = self._parameters(at, "" if constant else None)
-        if dim == 3 or self.plane is PlaneState.STRESS:
-            _require(3 * lam + 2 * mu > 0, at, lam, "lam", "must exceed -2 mu / 3", "" if constant else None)
-        if self.plane is PlaneState.STRESS:
-            if dim == 3:
-                raise ProblemError("plane stress is a model for 2D meshes; leave 'plane' out for a 3D body")
-            lam = 2 * lam * mu / (lam + 2 * mu)
-        matrix = isotropic_matrices(lam, mu, dim)
-        return np.broadcast_to(matrix[0], (len(points), *matrix.shape[1:])) if constant else matrix
-
-    def out_of_plane_stress(
-        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
-    ) -> Array:
-        if self.plane is PlaneState.STRESS:
-            return np.zeros(len(points))
-        lam, _ = self._parameters(points)
-        return np.asarray(lam * (strain[:, 0, 0] + strain[:, 1, 1]))
-
-
-@dataclass(frozen=True, eq=False)
-class Anisotropic(SingleMaterial):
-    """What :meth:`Material.tensor` makes.
-
-    Attributes
-    ----------
-    matrix : array (v, v) or callable
-        The elasticity matrix.
-    out_of_plane : array (3,) or None
-        Row of the stress across the plane.
-    """
-
-    matrix: Array | Callable[[Array], object]
-    out_of_plane: Array | None
-
-    def __post_init__(self) -> None:
-        refuse_time(self.matrix, "the elasticity matrix")
-        if not callable(self.matrix):
-            matrix = np.array(real_array(self.matrix, "the elasticity matrix", finite=False))
-            if matrix.shape not in ((3, 3), (6, 6)):
-                raise ProblemError(
-                    f"the elasticity matrix has shape {matrix.shape}; it must be (3, 3) in 2D or (6, 6) in 3D"
-                )
-            _check_matrices(matrix[None], np.zeros((1, 2)), "")
-            matrix.setflags(write=False)
-            object.__setattr__(self, "matrix", matrix)
-        if self.out_of_plane is not None:
-            row = np.array(real_array(self.out_of_plane, "out_of_plane", finite=False))
-            if row.shape != (3,) or not np.all(np.isfinite(row)):
-                raise ProblemError(f"out_of_plane = {self.out_of_plane!r}; it must be three finite numbers")
-            row.setflags(write=False)
-            object.__setattr__(self, "out_of_plane", row)
-        super().__post_init__()
-
-    @property
-    def homogeneous(self) -> bool:
-        return not callable(self.matrix)
-
-    def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
-        size = points.shape[1] * (points.shape[1] + 1) // 2
-        value = self.matrix(points) if callable(self.matrix) else self.matrix
-        matrix = real_array(value, "the elasticity matrix", finite=False)
-        if matrix.shape not in ((size, size), (len(points), size, size)):
-            raise ProblemError(
-                f"the elasticity matrix has shape {matrix.shape}; a {points.shape[1]}D mesh needs ({size}, {size})"
-            )
-        if matrix.ndim == 2:
-            if callable(self.matrix):
-                _check_matrices(matrix[None], points, "")
-            return np.broadcast_to(matrix, (len(points), size, size))
-        _check_matrices(matrix, points, None)
-        return matrix
-
-    def out_of_plane_stress(
-        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
-    ) -> Array:
-        if self.out_of_plane is None:
-            return np.zeros(len(points))
-        row = self.out_of_plane
-        return np.asarray(row[0] * strain[:, 0, 0] + row[1] * strain[:, 1, 1] + 2 * row[2] * strain[:, 0, 1])
-
-
-def _check_density(density: Array, points: Array, where: str | None) -> None:
-    if not (density > 0.0).all():
-        bad = int(np.flatnonzero(~(density > 0.0))[0])
-        place = f" at x = {points[bad].tolist()}" if where is None else where
-        raise ProblemError(f"density = {density[bad]:g}{place}; it must be positive")
-    if not ((density < LARGEST) & (density > 1.0 / LARGEST)).all():
-        bad = int(np.argmax(np.abs(np.log(density))))
-        raise ProblemError(
-            f"density = {density[bad]:g}; it must lie between {1.0 / LARGEST:.0e} and {LARGEST:.0e}: take other units"
-        )
-
-
-def _require(ok: BoolArray, points: Array, value: Array, name: str, what: str, where: str | None) -> None:
-    if not np.all(ok):
-        bad = int(np.flatnonzero(~np.asarray(ok))[0])
-        place = f" at x = {points[bad].tolist()}" if where is None else where
-        raise ProblemError(f"material constant {name} = {value[bad]:g}{place}; it {what}")
-
-
-def _check_matrices(matrices: Array, points: Array, where: str | None) -> None:
-    def place(mask: BoolArray | np.bool_) -> str:
-        return f" at x = {points[int(np.flatnonzero(mask)[0])].tolist()}" if where is None else where
-
-    bad = ~np.isfinite(matrices).all(axis=(1, 2))
-    if bad.any():
-        raise ProblemError(f"the elasticity matrix is not finite{place(bad)}")
-    scale = np.abs(matrices).max(axis=(1, 2))
-    bad = ~((scale < LARGEST) & (scale > 1.0 / LARGEST))
-    if bad.any():
-        raise ProblemError(
-            f"the largest entry of the elasticity matrix is {scale[bad][0]:g}{place(bad)}; it must lie between "
-            f"{1.0 / LARGEST:.0e} and {LARGEST:.0e}: take another unit of force"
-        )
-    bad = np.abs(matrices - matrices.transpose(0, 2, 1)).max(axis=(1, 2)) > 1e-12 * scale
-    if bad.any():
-        raise ProblemError(f"the elasticity matrix is not symmetric{place(bad)}; pass (C + C') / 2")
-    lowest = np.linalg.eigvalsh(matrices)[:, 0]
-    bad = ~(lowest > 1e-14 * scale)
-    if bad.any():
-        raise ProblemError(
-            f"the elasticity matrix is not positive definite{place(bad)} (lowest eigenvalue {lowest[bad][0]:g})"
-        )

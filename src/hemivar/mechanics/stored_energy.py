@@ -14,8 +14,10 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray
 from hemivar.errors import ProblemError
-from hemivar.mechanics.material import Material, PlaneState, SingleMaterial
+from hemivar.mechanics.material import Material
+from hemivar.mechanics.material_words import PlaneState, plane_state
 from hemivar.mechanics.moduli import isotropic_matrices
+from hemivar.mechanics.single_material import SingleMaterial
 
 __all__ = ["InvariantEnergy", "Invariants", "IsotropicBounds", "StoredEnergy", "refuse_nonlinear"]
 
@@ -39,8 +41,14 @@ class StoredEnergy(SingleMaterial):
 
     @property
     @abstractmethod
-    def kind(self) -> str:
-        """Its name in files and messages."""
+    def kind(self) -> str: ...
+
+    @property
+    @abstractmethod
+    def formula(self) -> str: ...
+
+    @abstractmethod
+    def stated(self) -> Mapping[str, object]: ...
 
     @abstractmethod
     def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array: ...
@@ -108,10 +116,7 @@ class InvariantEnergy(StoredEnergy):
     """
 
     def __post_init__(self) -> None:
-        try:
-            object.__setattr__(self, "plane", PlaneState(self.plane))
-        except ValueError as error:
-            raise ProblemError(f"plane = {self.plane!r}; choose 'strain' or 'stress'") from error
+        object.__setattr__(self, "plane", plane_state(self.plane))
         super().__post_init__()
 
     @property

@@ -1,0 +1,514 @@
+"""Stored energies of one's own: formulas of invariants or of components of the strain, and Python functions."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hemivar.basics.arrays import real_array
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray
+from hemivar.errors import ProblemError
+from hemivar.formula.curvature import enclosed_range
+from hemivar.formula.graph import Graph
+from hemivar.formula.reader import Reader, shown
+from hemivar.mechanics.energy_bounds import (
+    FoundRange,
+    component_derivatives,
+    invariant_derivatives,
+    once,
+    sampled_range,
+    strain_text,
+)
+from hemivar.mechanics.material_words import BoundsBy, PlaneState, plane_state
+from hemivar.mechanics.stored_energy import InvariantEnergy, Invariants, IsotropicBounds, StoredEnergy
+
+__all__ = ["COMPONENTS", "INVARIANTS", "ComponentEnergy", "FormulaEnergy", "FunctionEnergy", "own_energy"]
+
+#: Variables of formulas: invariants of the strain of space, or its components.
+INVARIANTS = ("tr", "dev2")
+COMPONENTS = ("exx", "eyy", "ezz", "eyz", "exz", "exy")
+
+#: Which components a strain in the plane or in space has, in the order of the matrices.
+_OF_DIM = {2: (0, 1, 5), 3: (0, 1, 2, 3, 4, 5)}
+#: Part of the largest curvature below which one counts as zero.
+_ROUNDING = 1e-10
+
+
+def own_energy(
+    energy: object,
+    stress: object,
+    tangent: object,
+    reach: float,
+    plane: PlaneState | str,
+    *,
+    density: object = None,
+    viscosity: object = None,
+    branches: object = (),
+) -> StoredEnergy:
+    """What :meth:`Material.potential` makes.
+
+    Raises
+    ------
+    ProblemError
+    """
+    more = {"density": density, "viscosity": viscosity, "branches": branches}
+    if isinstance(energy, str):
+        if stress is not None or tangent is not None:
+            raise ProblemError("stress and tangent are found from a formula of the energy; leave them out")
+        graph, node = Reader(energy, "energy: ", (*INVARIANTS, *COMPONENTS)).graph()
+        if graph.names(node) & set(COMPONENTS):
+            if plane_state(plane) is PlaneState.STRESS:
+                raise ProblemError(
+                    "plane stress is for energies of tr and dev2; write the energy by these, or take plane strain"
+                )
+            return ComponentEnergy(energy, reach, **more)  # type: ignore[arg-type]
+        return FormulaEnergy(energy, reach, plane_state(plane), **more)  # type: ignore[arg-type]
+    if not (callable(energy) and callable(stress) and callable(tangent)):
+        raise ProblemError(
+            "give the energy as a formula in quotes, or three functions of the strain: energy, stress and tangent"
+        )
+    if plane_state(plane) is PlaneState.STRESS:
+        raise ProblemError("plane is for formulas; functions of strains in the plane say themselves what they assume")
+    return FunctionEnergy(energy, stress, tangent, reach, **more)  # type: ignore[arg-type]
+
+
+def _checked_reach(reach: object) -> float:
+    number = real_array(reach, "reach", finite=False)
+    if number.shape != () or not 1e-100 <= float(number) <= 1e100:
+        raise ProblemError(f"reach = {reach!r}; give the size of the strain, a positive number")
+    return float(number)
+
+
+@dataclass(frozen=True, eq=False)
+class FormulaEnergy(InvariantEnergy):
+    """An isotropic energy by a formula of ``tr`` and ``dev2``.
+
+    With ``q = tr / sqrt(3)`` and ``t = |dev eps|`` the tangent has the second derivatives by q and t, and across them
+    W_t / t, which is a mean of W_tt between 0 and t. So bounds of the former bound it.
+
+    Attributes
+    ----------
+    text : str
+    reach : float
+    plane : PlaneState
+    """
+
+    text: str
+    reach: float = np.inf
+    plane: PlaneState = PlaneState.STRAIN
+    _graph: Graph = field(init=False, repr=False, compare=False)
+    _nodes: tuple[int, ...] = field(init=False, repr=False, compare=False)
+    _bounds: tuple[IsotropicBounds, BoundsBy] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reach", _checked_reach(self.reach))
+        graph, node = Reader(self.text, "energy: ", INVARIANTS).graph()
+        by_p, by_s = (graph.derivative(node, name) for name in INVARIANTS)
+        nodes = (node, by_p, by_s, graph.derivative(by_p, "tr"), graph.derivative(by_p, "dev2"))
+        object.__setattr__(self, "_graph", graph)
+        object.__setattr__(self, "_nodes", (*nodes, graph.derivative(by_s, "dev2")))
+        super().__post_init__()
+        zero = self.invariants(np.zeros((1, 3)), np.zeros(1), np.zeros(1))
+        _refuse_at_zero(self.text, float(zero.value[0]), float(abs(zero.p[0])))
+        object.__setattr__(self, "_bounds", self._found())
+
+    @property
+    def kind(self) -> str:
+        return "potential"
+
+    @property
+    def formula(self) -> str:
+        return f"W = {shown(self.text)}"
+
+    def stated(self) -> Mapping[str, object]:
+        return {"reach": self.reach, "plane": self.plane.value if self._in_plane_stress else None}
+
+    @property
+    def homogeneous(self) -> bool:
+        return True
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        return self._bounds[1]
+
+    def invariants(self, points: Array, p: Array, s: Array) -> Invariants:
+        at = {"tr": p, "dev2": s}
+        with np.errstate(all="ignore"):
+            found = [
+                np.broadcast_to(np.asarray(self._graph.value(node, at), dtype=float), p.shape) for node in self._nodes
+            ]
+        bad = ~np.isfinite(np.sum(found, axis=0))
+        if bad.any():
+            i = int(np.argmax(bad))
+            raise ProblemError(
+                f"energy: formula '{shown(self.text)}' or a derivative is not finite at tr = {p[i]:.6g}, dev2 = "
+                f"{s[i]:.6g}; give one that is finite there"
+            )
+        value, by_p, by_s, pp, ps, ss = found
+        return Invariants(value, by_p, by_s, pp, ps, ss)
+
+    def bounds(self, points: Array) -> IsotropicBounds:
+        one = self._bounds[0]
+        parts = (one.bulk, one.shear, one.largest_bulk, one.largest_shear)
+        return IsotropicBounds(*(np.broadcast_to(part, (len(points),)) for part in parts))
+
+    def _second(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Bounds (3, k) of W_qq, W_qt and W_tt on boxes (k, 2) of q and t."""
+        return invariant_derivatives(self._graph, self._nodes[0], low, high)
+
+    def _found(self) -> tuple[IsotropicBounds, BoundsBy]:
+        reach = self.reach
+        low, high = np.array([-reach, 0.0]), np.array([reach, reach])
+
+        def inside(at: Array) -> BoolArray:
+            return np.asarray(np.hypot(at[:, 0], at[:, 1]) <= reach)
+
+        def one(row: int) -> FoundRange:
+            def of(first: Array, last: Array) -> tuple[Array, Array]:
+                below, above = self._second(first, last)
+                return below[row], above[row]
+
+            return FoundRange(enclosed_range(of, low, high, inside), _ROUNDING)
+
+        if self._graph.constant(self._nodes[4]):
+            bulk, shear = one(0), one(2)
+            self._refuse_concave(bulk, shear)
+            way = BoundsBy.INTERVALS if bulk.proved and shear.proved else BoundsBy.SAMPLED
+            numbers = (bulk.lower / 3.0, 0.5 * shear.lower, bulk.upper / 3.0, 0.5 * shear.upper)
+            return IsotropicBounds(*(np.array([number]) for number in numbers)), way
+        zero = self.invariants(np.zeros((1, 3)), np.zeros(1), np.zeros(1))
+        first = np.array([3.0 * zero.pp[0], 2.0 * zero.s[0]])
+        if not (first > 0.0).all():
+            raise ProblemError(
+                f"energy: formula '{shown(self.text)}' has no positive stiffness at zero strain; add one, such as "
+                "0.01*tr^2 + 0.01*dev2"
+            )
+
+        def relative(lows: Array, highs: Array) -> tuple[Array, Array]:
+            """Bounds of the eigenvalues of the second derivatives, relative to those at zero strain."""
+            below, above = self._second(lows, highs)
+            scale = np.array([1.0 / first[0], 1.0 / np.sqrt(first[0] * first[1]), 1.0 / first[1]])[:, None]
+            mid, off = 0.5 * (below + above) * scale, 0.5 * (above - below) * scale
+            shift = off + off[1]  # entries that are off move the matrix by no more than the diagonal of their sums
+            ends = []
+            for sign in (-1.0, 1.0):
+                first_one, last_one = mid[0] + sign * shift[0], mid[2] + sign * shift[2]
+                reach_of = np.hypot(0.5 * (first_one - last_one), mid[1])
+                ends.append(0.5 * (first_one + last_one) + sign * reach_of * (1.0 + 1e-14))
+            sure = np.isfinite(ends[0]) & np.isfinite(ends[1])
+            return np.where(sure, ends[0], -np.inf), np.where(sure, ends[1], np.inf)
+
+        # the range of all eigenvalues: the smallest from below, the largest from above
+        found = FoundRange(enclosed_range(relative, low, high, inside), _ROUNDING)
+        self._refuse_concave(found, found)
+        ends = (found.lower, found.lower, found.upper, found.upper)
+        relative_to = (first[0] / 3.0, 0.5 * first[1], first[0] / 3.0, 0.5 * first[1])
+        way = BoundsBy.INTERVALS if found.proved else BoundsBy.SAMPLED
+        return IsotropicBounds(*(np.array([end * of]) for end, of in zip(ends, relative_to, strict=True))), way
+
+    def _refuse_concave(self, *ranges: FoundRange) -> None:
+        for one in ranges:
+            if one.concave:
+                q, t = one.least_at
+                raise ProblemError(
+                    f"energy: formula '{shown(self.text)}' is not convex: at tr = {np.sqrt(3.0) * q:.6g}, dev2 = "
+                    f"{t * t:.6g} a second derivative is {one.least:.6g}; take a smaller reach, or another energy"
+                )
+
+
+class _RelativeEnergy(StoredEnergy):
+    """An energy whose tangent is bounded by multiples of that at zero strain."""
+
+    @property
+    def kind(self) -> str:
+        return "potential"
+
+    @property
+    def homogeneous(self) -> bool:
+        return True
+
+    @abstractmethod
+    def factors(self, dim: int) -> FoundRange:
+        """The range of the eigenvalues of the tangent relative to that at zero strain."""
+
+    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return np.asarray(self.factors(points.shape[1]).lower * self.stiffness_tensor(points))
+
+    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return np.asarray(self.factors(points.shape[1]).upper * self.stiffness_tensor(points))
+
+    def _first(self, dim: int) -> Array:
+        """The tangent at zero strain (v, v), positive definite."""
+        tangent = np.array(self.stiffness_tensor(np.zeros((1, dim)))[0])
+        if np.abs(tangent - tangent.T).max() > 1e-8 * np.abs(tangent).max():
+            raise ProblemError("the tangent at zero strain is not symmetric; it must be the derivative of the stress")
+        scaled = once(dim) @ tangent @ once(dim)
+        if not np.linalg.eigvalsh(scaled)[0] > 1e-12 * np.abs(scaled).max():
+            where = "in the plane" if dim == 2 else "in space"
+            raise ProblemError(
+                f"the energy has no stiffness at zero strain against some strain {where}: its tangent there is not "
+                "positive definite; give every component of the strain a stiffness"
+            )
+        return tangent
+
+    def _checked(self, found: FoundRange, dim: int) -> FoundRange:
+        if found.concave:
+            raise ProblemError(
+                f"the energy is not convex: at the strain {strain_text(found.least_at, dim)} its tangent has the "
+                f"eigenvalue {found.least:.6g}, relative to zero strain; take a smaller reach, or another energy"
+            )
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentEnergy(_RelativeEnergy):
+    """An energy by a formula of components of the strain, ``exx`` to ``exy``; shear components are halves of angles.
+
+    Attributes
+    ----------
+    text : str
+    reach : float
+    """
+
+    text: str
+    reach: float = np.inf
+    _graph: Graph = field(init=False, repr=False, compare=False)
+    _node: int = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reach", _checked_reach(self.reach))
+        graph, node = Reader(self.text, "energy: ", COMPONENTS).graph()
+        object.__setattr__(self, "_graph", graph)
+        object.__setattr__(self, "_node", node)
+        super().__post_init__()
+        dim = self._natural_dim
+        zero = np.zeros((1, dim * (dim + 1) // 2)), np.zeros((1, dim))
+        stress = self.stress(zero[1], zero[0])
+        _refuse_at_zero(self.text, float(self.energy(zero[1], zero[0])[0]), float(np.abs(stress).max()))
+        _ = self.bounds_by
+
+    @property
+    def formula(self) -> str:
+        return f"W = {shown(self.text)}"
+
+    def stated(self) -> Mapping[str, object]:
+        return {"reach": self.reach}
+
+    @property
+    def _natural_dim(self) -> int:
+        return 3 if self._graph.names(self._node) & {"ezz", "eyz", "exz"} else 2
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        return BoundsBy.INTERVALS if self.factors(self._natural_dim).proved else BoundsBy.SAMPLED
+
+    def _value(self, node: int, strain: Array) -> Array:
+        dim = 2 if strain.shape[1] == 3 else 3
+        at = {name: np.zeros(len(strain)) for name in COMPONENTS}
+        for column, which in enumerate(_OF_DIM[dim]):
+            at[COMPONENTS[which]] = strain[:, column] * (0.5 if column >= dim else 1.0)
+        with np.errstate(all="ignore"):
+            found = np.asarray(self._graph.value(node, at), dtype=float)
+        values = np.broadcast_to(found, (len(strain),))
+        bad = ~np.isfinite(values)
+        if bad.any():
+            where = strain_text(strain[int(np.argmax(bad))] / np.diag(once(dim)), dim)
+            raise ProblemError(
+                f"energy: formula '{shown(self.text)}' or a derivative is not finite at the strain {where}; give one "
+                "that is finite there"
+            )
+        return values
+
+    def _rates(self, dim: int) -> list[int]:
+        return [self._graph.derivative(self._node, COMPONENTS[which]) for which in _OF_DIM[dim]]
+
+    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return self._value(self._node, strain)
+
+    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        dim = points.shape[1]
+        found = np.stack([self._value(node, strain) for node in self._rates(dim)], axis=1)
+        found[:, dim:] *= 0.5
+        return found
+
+    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        dim, size = points.shape[1], strain.shape[1]
+        found = np.empty((len(strain), size, size))
+        for i, node in enumerate(self._rates(dim)):
+            for j in range(i, size):
+                second = self._graph.derivative(node, COMPONENTS[_OF_DIM[dim][j]])
+                factor = (0.5 if i >= dim else 1.0) * (0.5 if j >= dim else 1.0)
+                found[:, i, j] = found[:, j, i] = factor * self._value(second, strain)
+        return found
+
+    def out_of_plane_stress(
+        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
+    ) -> Array:
+        voigt = np.column_stack([strain[:, 0, 0], strain[:, 1, 1], 2.0 * strain[:, 0, 1]])
+        return np.array(self._value(self._graph.derivative(self._node, "ezz"), voigt))
+
+    @cached_property
+    def _in_the_plane(self) -> FoundRange:
+        return self._found(2)
+
+    @cached_property
+    def _throughout(self) -> FoundRange:
+        return self._found(3)
+
+    def factors(self, dim: int) -> FoundRange:
+        return self._in_the_plane if dim == 2 else self._throughout
+
+    def _found(self, dim: int) -> FoundRange:
+        first, reach = self._first(dim), self.reach
+        half = np.linalg.inv(np.linalg.cholesky(once(dim) @ first @ once(dim)))
+        size = len(half)
+        rows, columns = np.triu_indices(size)
+        names = [COMPONENTS[which] for which in _OF_DIM[dim]]
+
+        def relative(lows: Array, highs: Array) -> tuple[Array, Array]:
+            below, above = component_derivatives(self._graph, self._node, names, 1.0 / np.diag(once(dim)), lows, highs)
+            sure = np.isfinite(below + above).all(axis=0)
+            below, above = np.where(sure, below, 0.0), np.where(sure, above, 0.0)
+            mid, off = np.zeros((len(lows), size, size)), np.zeros((len(lows), size, size))
+            mid[:, rows, columns] = mid[:, columns, rows] = (0.5 * (below + above)).T
+            off[:, rows, columns] = off[:, columns, rows] = (0.5 * (above - below)).T
+            # entries that are off by so much move the matrix by no more than the diagonal one of their sums
+            shift = off.sum(axis=2)[:, :, None] * np.eye(size)
+            least = np.linalg.eigvalsh(half @ (mid - shift) @ half.T)[:, 0]
+            largest = np.linalg.eigvalsh(half @ (mid + shift) @ half.T)[:, -1]
+            slack = 1e-13 * np.maximum(np.abs(least), np.abs(largest))
+            return np.where(sure, least - slack, -np.inf), np.where(sure, largest + slack, np.inf)
+
+        def inside(at: Array) -> BoolArray:
+            return np.asarray(np.linalg.norm(at, axis=1) <= reach)
+
+        box = np.full(size, reach)
+        return self._checked(FoundRange(enclosed_range(relative, -box, box, inside), _ROUNDING), dim)
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionEnergy(_RelativeEnergy):
+    """An energy by Python functions of the strain.
+
+    Attributes
+    ----------
+    value, first, second : callable
+        Energy, stress and tangent of strains (k, v).
+    reach : float
+    """
+
+    value: Callable[[Array], object]
+    first: Callable[[Array], object]
+    second: Callable[[Array], object]
+    reach: float = np.inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reach", _checked_reach(self.reach))
+        super().__post_init__()
+        _ = self.factors(self._natural_dim)
+
+    @property
+    def formula(self) -> str:
+        return f"W by the function {getattr(self.value, '__name__', type(self.value).__name__)}"
+
+    def stated(self) -> Mapping[str, object]:
+        return {"reach": self.reach}
+
+    @cached_property
+    def _dim(self) -> int:
+        """3 if the functions take strains of space, else 2."""
+        try:
+            self._zero(3)
+        except Exception as in_space:
+            try:
+                self._zero(2)
+            except Exception:
+                raise (
+                    in_space
+                    if isinstance(in_space, ProblemError)
+                    else ProblemError(f"the functions fail at zero strain: {type(in_space).__name__}: {in_space}")
+                ) from in_space
+            return 2
+        return 3
+
+    def _zero(self, dim: int) -> None:
+        points, strain = np.zeros((1, dim)), np.zeros((1, dim * (dim + 1) // 2))
+        self.tangent(points, strain)
+        stress = self.stress(points, strain)
+        _refuse_at_zero("", float(self.energy(points, strain)[0]), float(np.abs(stress).max()))
+
+    @property
+    def _natural_dim(self) -> int:
+        return self._dim
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        return BoundsBy.SAMPLED
+
+    def _called(self, function: Callable[[Array], object], strain: Array, shape: tuple[int, ...], name: str) -> Array:
+        found = real_array(function(strain), f"{name} of the material", finite=False)
+        if found.shape != shape:
+            raise ProblemError(
+                f"the function of the {name} returned shape {found.shape} for strains of shape {strain.shape}; it must "
+                f"return shape {shape}"
+            )
+        bad = ~np.isfinite(found.reshape(len(strain), -1)).all(axis=1)
+        if bad.any():
+            dim = 2 if strain.shape[1] == 3 else 3
+            where = strain_text(strain[int(np.argmax(bad))] / np.diag(once(dim)), dim)
+            raise ProblemError(f"the function of the {name} is not finite at the strain {where}")
+        return found
+
+    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return self._called(self.value, strain, (len(strain),), "energy")
+
+    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return self._called(self.first, strain, strain.shape, "stress")
+
+    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        return self._called(self.second, strain, (*strain.shape, strain.shape[1]), "tangent")
+
+    def out_of_plane_stress(
+        self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None
+    ) -> Array:
+        """Of functions that take strains of space that of plane strain; else zero, as nothing is known."""
+        if self._dim == 2:
+            return np.zeros(len(points))
+        voigt = np.zeros((len(points), 6))
+        voigt[:, 0], voigt[:, 1], voigt[:, 5] = strain[:, 0, 0], strain[:, 1, 1], 2.0 * strain[:, 0, 1]
+        return self.stress(np.zeros((len(points), 3)), voigt)[:, 2]
+
+    @cached_property
+    def _in_the_plane(self) -> FoundRange:
+        return self._found(2)
+
+    @cached_property
+    def _throughout(self) -> FoundRange:
+        return self._found(3)
+
+    def factors(self, dim: int) -> FoundRange:
+        return self._in_the_plane if dim == 2 else self._throughout
+
+    def _found(self, dim: int) -> FoundRange:
+        first = self._first(dim)
+
+        def tangent(strain: Array) -> Array:
+            return self.tangent(np.zeros((len(strain), dim)), strain)
+
+        return self._checked(FoundRange(sampled_range(tangent, first, self.reach, dim), _ROUNDING), dim)
+
+
+def _refuse_at_zero(text: str, value: float, stress: float) -> None:
+    """Refuse an energy or a stress at zero strain."""
+    of = f"energy: formula '{shown(text)}'" if text else "the energy"
+    if value != 0.0:
+        raise ProblemError(f"{of} is {value:.6g} at zero strain; subtract it, so that zero strain has energy zero")
+    if stress != 0.0:
+        raise ProblemError(
+            f"{of} has a stress of size {stress:.6g} at zero strain; leave out what is linear in the strain, and give "
+            "it as a load"
+        )
