@@ -10,8 +10,13 @@ import pytest
 import scipy.integrate
 import scipy.optimize
 
+import hemivar as hv
 from hemivar.basics.types import Array
+from hemivar.certificates.continuous.body_data import body_data
+from hemivar.certificates.continuous.hypotheses import inexact_data
+from hemivar.errors import ProblemError
 from hemivar.mechanics import BoundsBy, Material, check_material
+from hemivar.mechanics.composed_material import lower_elasticity
 
 BULK, SHEAR = 20 / 3, 4.0
 HENCKY = "10/3*tr^2 + 4*(0.25*dev2 + 2*0.75*0.05^2*(sqrt(1 + dev2/0.05^2) - 1))"
@@ -306,3 +311,21 @@ def test_answers_do_not_depend_on_the_unit_of_stress(factor: float) -> None:
             one.stress(points, strain), factor * other.stress(points, strain), rtol=1e-9, atol=1e-15
         )
         np.testing.assert_allclose(one.lower_tensor(points), factor * other.lower_tensor(points), rtol=1e-9)
+
+
+def test_no_linear_material_lies_below_one_without_a_bound() -> None:
+    lower = lower_elasticity(EVERY["ramberg-osgood without bound"])
+    with pytest.raises(ProblemError, match=r"no lower bound .* is known at x = \[0.0, 0.0\]"):
+        lower.stiffness_tensor(np.zeros((2, 2)))
+    bounded = lower_elasticity(EVERY["formula"])
+    assert bounded.reach == 0.5
+    assert bounded.stiffness_tensor(np.zeros((1, 2)))[0, 2, 2] < SHEAR
+
+
+def test_what_is_shown_up_to_a_reach_guarantees_no_distance() -> None:
+    mesh = hv.rectangle(cells=2)
+    for material, told in ((EVERY["formula"], "|eps| <= 0.5 only"), (EVERY["hencky"], None)):
+        problem = hv.ContactProblem(mesh, material, supports={"left": hv.Clamped()}, body_force=(0.0, -0.1))
+        reasons = inexact_data(body_data(problem, np.zeros((len(mesh.points), 2))))
+        assert len(reasons) == (told is not None)
+        assert told is None or told in reasons[0]

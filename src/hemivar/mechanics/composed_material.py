@@ -311,7 +311,8 @@ class LowerElasticity(Material):
 
     def stiffness_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
         found = self.material.lower_tensor(points, regions)
-        zero = ~found.any(axis=(1, 2))
+        at = found[:1] if self.homogeneous else found
+        zero = ~(np.linalg.eigvalsh(at)[:, 0] > 1e-14 * np.abs(at).max(axis=(1, 2)))
         if zero.any():
             place = points[int(zero.argmax())].tolist()
             raise ProblemError(
@@ -319,6 +320,13 @@ class LowerElasticity(Material):
                 "margin and no distance; give a material whose stress grows at every strain"
             )
         return found
+
+    @property
+    def reach(self) -> float:
+        return self.material.reach
+
+    def describe(self, point: Sequence[float] | None = None) -> MaterialDescription:
+        return self.material.describe(point)
 
     def out_of_plane_stress(
         self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None

@@ -87,6 +87,9 @@ def inexact_data(data: BodyData) -> list[str]:
     found = data.varying.doubts
     if not problem.material.bounds_by.proved:
         found.append("the lower bound of the stiffness of the material is sampled")
+    elif np.isfinite(problem.material.reach):
+        reach = f"|eps| <= {problem.material.reach:.6g}"
+        found.append(f"the lower bound of the stiffness of the material is shown for strains of size {reach} only")
     if data.varies:
         found.append("the material varies within cells, where it is seen by a rule of integration")
     elif not problem.material.uniform:
