@@ -298,5 +298,5 @@ def test_table_and_figure_show_what_was_found(exact: hv.Study) -> None:
     assert axes.get_xlabel() == "mesh size h"
     triangles = [line for line in axes.get_lines() if len(line.get_xdata()) == 4 and line.get_marker() == "None"]
     slopes = [np.ptp(np.log(line.get_ydata())) / np.ptp(np.log(line.get_xdata())) for line in triangles]
-    assert min(slopes) == pytest.approx(1.0)
-    assert any(slope == pytest.approx(2.0) for slope in slopes)
+    orders = [order for order in exact.orders.values() if order > 0.0]
+    assert sorted(slopes) == pytest.approx(sorted(orders), abs=0.005)  # two decimals, as the legend has them

@@ -10,6 +10,7 @@ from hemivar.report.film_pictures import FilmColour
 from hemivar.report.histories import plot_errors, plot_history
 from hemivar.report.law_figures import plot_law
 from hemivar.report.march_figures import MARCH_FIGURES, Units, plot_march
+from hemivar.report.paper import Legend, paper
 from hemivar.report.path_diagrams import plot_path
 from hemivar.report.plane_body import Arrows
 from hemivar.report.saving import save
@@ -27,12 +28,14 @@ __all__ = [
     "Arrows",
     "BodyColour",
     "FilmColour",
+    "Legend",
     "SurveyReport",
     "Table",
     "Units",
     "adaptive_table",
     "animate",
     "comparison_table",
+    "paper",
     "plot_adaptive",
     "plot_certificate",
     "plot_contact",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hemivar.certificates import Certificate, DistanceToExact
+from hemivar.report.paper import current
 from hemivar.report.style import GREY
 from hemivar.solvers import Solution, Status
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FOOT", "certificate_line", "write_below", "write_foot"]
+__all__ = ["FOOT", "certificate_line", "with_notes", "write_below", "write_foot"]
 
 #: Room for the line below axes, in inches.
 FOOT = 0.22
@@ -31,8 +32,16 @@ def certificate_line(solution: Solution, certificate: Certificate | None, exact:
     return told if solution.status is Status.CONVERGED else f"{solution.status.value}: {told}"
 
 
+def with_notes() -> bool:
+    """Whether figures have notes here: all have but printed ones."""
+    printed = current()
+    return printed is None or printed.annotations
+
+
 def write_below(ax: Axes, line: str, points: float = 36.0) -> None:
-    """Write the line so many points below axes, under the name of their scale."""
+    """Write the line so many points below axes, under the name of their scale; not where notes are left out."""
+    if not with_notes():
+        return
     ax.annotate(
         line, (0.0, 0.0), (0.0, -points), xycoords="axes fraction", textcoords="offset points", fontsize=_SIZE,
         color=GREY, va="top", annotation_clip=False,
@@ -40,7 +49,12 @@ def write_below(ax: Axes, line: str, points: float = 36.0) -> None:
 
 
 def write_foot(fig: Figure, line: str) -> None:
-    """Write the line at the lower edge of a figure, which keeps room for it where its layout is constrained."""
+    """Write the line at the lower edge of a figure, which keeps room for it where its layout is constrained.
+
+    Nothing is written where notes are left out.
+    """
+    if not with_notes():
+        return
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     engine, share = fig.get_layout_engine(), FOOT / fig.get_figheight()

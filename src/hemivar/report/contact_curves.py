@@ -13,7 +13,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.files.boundary import contact_boundaries
 from hemivar.mechanics.scalar import ScalarProblem
-from hemivar.report.certificate_line import FOOT, certificate_line, write_foot
+from hemivar.report.certificate_line import FOOT, certificate_line, with_notes, write_foot
 from hemivar.report.contact_maps import contact_maps
 from hemivar.report.deformed import round_number
 from hemivar.report.picture import new_figure
@@ -128,7 +128,7 @@ def _contact_lines(solution: Solution, title: str | None, unit: str, stress_unit
     if bound is not None:
         handles.append(Line2D([], [], color=GREEN, ls=":", lw=0.8, label=r"friction bound $\pm h_\tau$"))
     handles += [state_mark(kind, kind.label) for kind in states.present]
-    above = 72.0 * FOOT / STYLE["legend.fontsize"] + 0.5  # the line at the foot, in letters
+    above = 0.5 + (72.0 * FOOT / STYLE["legend.fontsize"] if with_notes() else 0.0)  # the line at the foot, in letters
     fig.legend(
         handles=handles, loc="outside lower center", borderaxespad=above, ncols=in_rows(len(handles)),
         columnspacing=1.4, handlelength=1.8,

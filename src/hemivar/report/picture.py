@@ -2,30 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 from hemivar.basics.first_use import IMPORTS
+from hemivar.report.paper import current
 
 if TYPE_CHECKING:
     from matplotlib.backend_bases import RendererBase
     from matplotlib.figure import Figure
 
-__all__ = ["new_figure"]
+__all__ = ["new_figure", "new_figures"]
 
 #: Dots per inch in a notebook.
 _DPI = 110
 #: Letters of a line of text that are drawn, and lines of a text.
 _LONGEST = 200
 _MOST_LINES = 50
+#: Figures of the drawing that is under way.
+_MADE: ContextVar[list[Figure] | None] = ContextVar("made", default=None)
 
 
 def new_figure(size: tuple[float, float], *, layout: Literal["constrained", "tight"] | None = None) -> Figure:
     """A figure of this size in inches: matplotlib's own, which knows how to be shown in a notebook.
 
-    pyplot does not know of it: nothing must be closed, and no magic is needed.
+    pyplot does not know of it: nothing must be closed, and no magic is needed. In print it has the width of the paper.
     """
-    return _kind()(figsize=size, layout=layout)
+    printed = current()
+    figure = _kind()(figsize=size if printed is None else printed.size(size), layout=layout)
+    if (made := _MADE.get()) is not None:
+        made.append(figure)
+    return figure
+
+
+@contextmanager
+def new_figures() -> Iterator[list[Figure]]:
+    """Context that gives the figures made in it."""
+    made: list[Figure] = []
+    token = _MADE.set(made)
+    try:
+        yield made
+    finally:
+        _MADE.reset(token)
 
 
 @cache

@@ -16,6 +16,7 @@ from hemivar.report.body_colour import BodyColour
 from hemivar.report.deformed import DeformedBody, round_number
 from hemivar.report.law_figures import law_captions
 from hemivar.report.mesh_lines import mesh_lines
+from hemivar.report.paper import NOTE
 from hemivar.report.style import DASHES, GREEN, GREY, MANY_CELLS, MARKERS, RED, figure_of, state_mark
 
 if TYPE_CHECKING:
@@ -268,7 +269,7 @@ class PlaneBody:
         frame = ax.get_window_extent().transformed(fraction)
         written = box.get_window_extent().transformed(fraction)
         left, bottom = written.x0 + 0.06 / width, written.y0 - 0.05 / height
-        text = fig.text(left, bottom, "\n".join(lines), va="top", fontsize=8, linespacing=1.45)
+        text = fig.text(left, bottom, "\n".join(lines), va="top", fontsize=8, linespacing=1.45, gid=NOTE)
         bottom = text.get_window_extent().transformed(fraction).y0 - 0.2 / height
         per_length = frame.width / float(np.ptp(ax.get_xlim()))
         for quiver, name, reference, length in self.keys:

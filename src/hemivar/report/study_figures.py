@@ -12,6 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.report.picture import new_figure
 from hemivar.report.style import BLUE, GREY, RED, SERIES, drawing, figure_of, with_unit
+from hemivar.report.tables import reciprocal
 from hemivar.workflows.study import Study
 from hemivar.workflows.sweep import Sweep, SweepAxis
 
@@ -36,7 +37,7 @@ _TICKS = 12
 def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Axes | None = None) -> Figure:
     """Relative errors over the mesh size on logarithmic scales, each with a triangle of its slope.
 
-    The slope of a triangle is the fitted order, rounded to a half.  Hollow marks stand for a mesh next to the
+    The slope of a triangle is the fitted order, as in the legend.  Hollow marks stand for a mesh next to the
     reference, with which it shares errors; the fit leaves it out.
 
     Parameters
@@ -82,7 +83,8 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
         ax.set_xscale("log")
         ax.set_yscale("log")
         shown = sizes[np.isfinite(np.array(list(curves.values()))).any(axis=0)]
-        ax.set_xticks(shown, labels=[f"{h:.3g}" for h in shown])
+        whole = all(reciprocal(float(h)) for h in shown)
+        ax.set_xticks(shown, labels=[f"1/{reciprocal(float(h))}" if whole else f"{h:.3g}" for h in shown])
         ax.xaxis.set_minor_formatter(NullFormatter())
         ax.xaxis.set_tick_params(which="minor", length=0)
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _decimal(value)))
@@ -109,9 +111,9 @@ def _decimal(value: float) -> str:
 
 
 def _triangle(ax: Axes, sizes: Array, values: Array, order: float, colour: str, *, above: bool) -> None:
-    """A triangle beside the finest stretch of a curve that is no end of it, of the order rounded to a half."""
+    """A triangle of the fitted order beside the finest stretch of a curve that is no end of it."""
     good = np.flatnonzero(np.isfinite(values))
-    if math.isnan(order) or len(good) < 3 or (slope := round(2.0 * order) / 2.0) <= 0.0:
+    if math.isnan(order) or len(good) < 3 or (slope := round(order, 2)) <= 0.0:
         return
     right, left = sizes[good[-3]], sizes[good[-2]]
     rise = (right / left) ** slope
@@ -120,7 +122,7 @@ def _triangle(ax: Axes, sizes: Array, values: Array, order: float, colour: str, 
     ax.plot([left, right, upright, left], [low, low * rise, flat, low], color=colour, lw=0.8)
     for text, place, shift in (
         ("1", (math.sqrt(left * right), flat), (0, 2 if above else -2)),
-        (f"{slope:g}", (upright, low * math.sqrt(rise)), (-3 if above else 3, 0)),
+        (f"{slope:.2f}", (upright, low * math.sqrt(rise)), (-3 if above else 3, 0)),
     ):
         across = shift[0] != 0
         ax.annotate(

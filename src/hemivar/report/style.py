@@ -11,7 +11,8 @@ import numpy as np
 from hemivar.basics.first_use import IMPORTS, Lock
 from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
-from hemivar.report.picture import new_figure
+from hemivar.report.paper import Legend, current
+from hemivar.report.picture import new_figure, new_figures
 from hemivar.solvers.contact_states import KINDS, Kind, NormalState, TangentialState
 
 if TYPE_CHECKING:
@@ -115,8 +116,9 @@ def state_mark(kind: Kind, label: str) -> Line2D:
 
 
 def in_rows(count: int) -> int:
-    """Columns of a legend below a picture, in which ``count`` entries take as few rows of four at most as they can."""
-    return -(-count // max(-(-count // 4), 1))
+    """Columns of a legend below a picture: few rows, of four entries at most, in print of two."""
+    most = 4 if current() is None else 2
+    return -(-count // max(-(-count // most), 1))
 
 
 #: The settings of matplotlib belong to the process: one thread draws at a time.
@@ -129,8 +131,13 @@ def drawing() -> Iterator[None]:
     with IMPORTS:
         import matplotlib.figure
 
-    with _drawing, matplotlib.rc_context(STYLE):
-        yield
+    printed = current()
+    with _drawing, matplotlib.rc_context(STYLE if printed is None else STYLE | printed.settings):
+        with new_figures() as made:
+            yield
+        if printed is not None:
+            for figure in made:
+                printed.finish(figure)
 
 
 def with_unit(name: str, unit: str) -> str:
@@ -149,7 +156,9 @@ def axes_on(ax: Axes | None, size: tuple[float, float], foot: float = 0.0) -> tu
     width, height = size
     whole = height + foot
     fig = new_figure((width, whole))
-    return fig, fig.add_axes((0.09, (0.12 * height + foot) / whole, 0.56, 0.8 * height / whole))
+    printed = current()
+    beside = 0.56 if printed is None or printed.legend is Legend.OUTSIDE else 0.86
+    return fig, fig.add_axes((0.09, (0.12 * height + foot) / whole, beside, 0.8 * height / whole))
 
 
 def body_axes(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -105,9 +106,15 @@ class Table:
         return path
 
     def latex(self) -> str:
-        """The table for LaTeX with the package booktabs: numbers rounded and to the right, the title as its caption."""
+        """The table for LaTeX with the package booktabs, the title as its caption.
+
+        Numbers of a column have the same digits, zeros at their ends included: orders two decimals, others three or
+        four significant ones. A mesh size ``h`` that is the reciprocal of a whole number is written as one, ``1/64``.
+        """
         right = self._numeric()
-        lines = [" & ".join(map(_latex, row)) for row in ([_text(cell) for cell in row] for row in self.rows)]
+        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
+        texts = [_digits(name, column) for name, column in zip(self.columns, columns, strict=True)]
+        lines = [" & ".join(map(_latex, row)) for row in zip(*texts, strict=True)]
         tabular = [
             r"\begin{tabular}{" + "".join("r" if to_right else "l" for to_right in right) + "}",
             r"\toprule",
@@ -196,6 +203,30 @@ def _text(cell: object) -> str:
     return str(cell)
 
 
+def _digits(name: str, column: Sequence[object]) -> list[str]:
+    """The cells of a column for print."""
+    numbers = [float(cell) for cell in column if isinstance(cell, float | np.floating) and math.isfinite(float(cell))]
+    sizes = [abs(value) for value in numbers if value]
+    if name == "h" and sizes and all(reciprocal(size) for size in sizes):
+        return [
+            f"1/{reciprocal(float(cell))}" if isinstance(cell, float | np.floating) else _text(cell) for cell in column
+        ]
+    if "order" in name:
+        form = ".2f"
+    elif sizes and (min(sizes) < 1e-3 or max(sizes) >= 1e5):
+        form = ".2e"
+    else:
+        form = f".{max(3 - math.floor(math.log10(max(sizes))), 0)}f" if sizes else ".4g"
+    plain = [isinstance(cell, float | np.floating) and math.isfinite(float(cell)) for cell in column]
+    return [f"{cell:{form}}" if fine else _text(cell) for cell, fine in zip(column, plain, strict=True)]
+
+
+def reciprocal(size: float) -> int:
+    """The whole number n of 2 or more with ``size = 1/n``, or 0 where there is none."""
+    n = round(1.0 / size) if 1e-9 < size < 0.6 else 0
+    return n if n > 1 and abs(size * n - 1.0) < 1e-9 else 0
+
+
 def _escape(text: str) -> str:
     """A text for Markdown, in which it makes neither cells, lines, links, pictures nor HTML."""
     plain = "".join(c if c.isprintable() else " " for c in text)
@@ -232,7 +263,7 @@ _LATEX = {
 
 def _latex(text: str) -> str:
     """A text for LaTeX, numbers as formulas."""
-    number = re.fullmatch(r"(-?\d+(?:\.\d+)?)(?:e([-+]\d+))?", text)
+    number = re.fullmatch(r"(-?\d+(?:[./]\d+)?)(?:e([-+]\d+))?", text)
     if number is not None:
         power = "" if number[2] is None else rf" \cdot 10^{{{int(number[2])}}}"
         return f"${number[1]}{power}$"
