@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hemivar.errors import ProblemError
 
@@ -60,10 +60,10 @@ class Print:
     annotations: bool
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Settings of matplotlib: all letters have one size, ticks and legends a little less."""
         small = 0.9 * self.font
-        sizes = {"font.size": self.font, "axes.labelsize": self.font, "axes.titlesize": self.font}
+        sizes: dict[str, object] = {"font.size": self.font, "axes.labelsize": self.font, "axes.titlesize": self.font}
         sizes |= dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), small)
         return {
             **sizes,
