@@ -419,7 +419,7 @@ WORKING = {
     "coercivity.recession": ("_Programme",),
     "evolution.jump_paths": ("_Fall",),
     "laws.testing": ("_Checker",),
-    "solvers.nearby": ("Pieces",),
+    "solvers.active_set_newton": ("NewtonCache",),
     "systems.dense_newton": ("DenseFactor",),
 }
 

@@ -26,7 +26,7 @@ from hemivar.evolution.schemes import Scheme
 from hemivar.evolution.stage import expected_multiplier, forces, left_over, stage_state
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.linear import factorisation
-from hemivar.solvers.nearby import OutOfBalance, Pieces, nearby_solution
+from hemivar.solvers.active_set_newton import ForceResidual, NewtonCache, active_set_newton
 from hemivar.systems import elimination
 from tests.counting import at_most_calls
 
@@ -179,11 +179,11 @@ def test_a_residual_that_only_rounding_explains_is_asked_of_the_stiffness() -> N
     system, known = hv.Workspace().condensed(problem, many=True), hv.solve(problem)
     asked: list[Array] = []
 
-    def vague(u: Array) -> OutOfBalance:
+    def vague(u: Array) -> ForceResidual:
         asked.append(u)
-        return OutOfBalance(np.array(problem.contact_force(known.multiplier)), 1e6)
+        return ForceResidual(np.array(problem.contact_force(known.multiplier)), 1e6)
 
-    found = nearby_solution(system, known.local, known.multiplier, hv.Controls(), Pieces(), vague)
+    found = active_set_newton(system, known.local, known.multiplier, hv.Controls(), NewtonCache(), vague)
     assert found is not None
     assert len(asked) == 1
     assert found.residual.noise < 1e-12  # and not 8 eps 1e6
@@ -237,7 +237,7 @@ def test_memory_does_not_grow_but_for_the_rows_of_the_table() -> None:
 def test_near_solutions_are_those_of_the_search(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
     options = {"step": STEP, "save": NONE, "solver": hv.NonsmoothNewton(), "controls": hv.Controls(rtol=1e-11)}
     quick = march(body(law), 20 * STEP, **options)
-    monkeypatch.setattr("hemivar.evolution.stage_solver.nearby_solution", lambda *_: None)
+    monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", lambda *_: None)
     searched = march(body(law), 20 * STEP, **options)
     for name in ("displacement", "velocity"):
         one, other = getattr(quick.moment.body, name), getattr(searched.moment.body, name)
@@ -255,7 +255,7 @@ def test_a_far_start_ends_at_the_solution_or_is_given_up(seed: int) -> None:
     known = hv.solve(problem)
     r = known.local + random.normal(scale=10.0 ** random.uniform(-4, 1), size=known.local.shape)
     lam = random.normal(scale=np.abs(known.multiplier).max(), size=known.local.shape)
-    found = nearby_solution(system, r, lam, hv.Controls(), Pieces())
+    found = active_set_newton(system, r, lam, hv.Controls(), NewtonCache())
     if found is not None:
         assert hv.residual(problem, found.unknowns, found.multiplier).below(0.0, 1e-9)
         np.testing.assert_allclose(found.unknowns, known.unknowns, atol=1e-7 * np.abs(known.unknowns).max())
@@ -265,7 +265,7 @@ def test_where_a_step_may_have_several_solutions_it_is_searched(monkeypatch: pyt
     def refused(*_: object) -> None:
         raise AssertionError("a step with several solutions was not searched")
 
-    monkeypatch.setattr("hemivar.evolution.stage_solver.nearby_solution", refused)
+    monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", refused)
     law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
     problem = hv.ContactProblem(
         mesh=hv.rectangle((1.0, 1.0), 1),

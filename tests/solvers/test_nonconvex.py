@@ -260,7 +260,8 @@ def test_other_methods_want_to_be_wrapped(method: str) -> None:
     with pytest.raises(MethodError, match="FixedPoint"):
         solve(problem, METHODS[method])
     wrapped = suited(METHODS[method], problem)
-    assert wrapped.name == ("semismooth-newton" if method == "newton" else f"fixed-point({method})")
+    within = {"newton": "semismooth-newton", "multigrid": "semismooth-multigrid"}
+    assert wrapped.name == within.get(method, f"fixed-point({method})")
     assert suited(wrapped, problem) is wrapped
 
 

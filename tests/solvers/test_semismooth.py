@@ -27,8 +27,8 @@ from hemivar.laws import (
     Tresca,
 )
 from hemivar.laws.friction.bounds import stack_bounds
-from hemivar.solvers import Controls, FixedPoint, NonsmoothNewton, SemismoothNewton, Status, solve, suited
-from hemivar.solvers.nearby import Pieces, nearby_solution
+from hemivar.solvers import Controls, FixedPoint, LoadStepping, NonsmoothNewton, SemismoothNewton, Status, solve, suited
+from hemivar.solvers.active_set_newton import NewtonCache, active_set_newton
 from hemivar.systems.condensed import CondensedProblem, condense
 
 from .pieces_of_friction import points_of, random_points
@@ -167,11 +167,11 @@ def test_newtons_equation_is_the_derivative(dim: int, normal: Superpotential, bo
 
 def newton_step(system: CondensedProblem, r: Array) -> Array:
     """Where Newton's equation at r leads."""
-    pieces = Pieces()
+    pieces = NewtonCache()
     graphs, lam = pieces.graphs(system), system.multiplier(r)
     assert graphs is not None
     on = graphs.onto(system.body.per_area * r + lam, r)
-    change = pieces.direction(system, on, ~on.held, system.out_of_balance(on.place))
+    change = pieces.factor.direction(system, on, ~on.held, system.out_of_balance(on.place))
     assert change is not None
     return np.asarray(on.place + change)
 
@@ -318,7 +318,7 @@ def test_nothing_ends_on_a_ridge() -> None:
     system = condense(problem)
     for slip, stands in ((ridge, False), (valley, True)):
         pair = np.full((2, 2), [2.0 / 3.0, slip]), np.full((2, 2), [1.0 / 3.0, 0.12 - slip])
-        found = nearby_solution(system, *pair, Controls(), Pieces())
+        found = active_set_newton(system, *pair, Controls(), NewtonCache())
         assert (found is not None) is stands
         assert found is None or found.local[:, 1] == pytest.approx(valley, abs=1e-12)
         solution = solve(problem, initial=pair[0].ravel())
@@ -332,8 +332,8 @@ def test_options_are_checked() -> None:
         SemismoothNewton(NonsmoothNewton())  # type: ignore[arg-type]
     with pytest.raises(hv.ProblemError, match="halvings"):
         SemismoothNewton(halvings=0)
-    with pytest.raises(hv.ProblemError, match="condensed"):
-        SemismoothNewton(FixedPoint(hv.NonsmoothMultigrid()))
+    with pytest.raises(hv.ProblemError, match="NonsmoothMultigrid"):
+        SemismoothNewton(FixedPoint(LoadStepping(hv.NonsmoothMultigrid())))
 
 
 # ---- in time -------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from hemivar.evolution.state import Kinematics, Rates, TimeState
 from hemivar.evolution.step_laws import StepLaw
 from hemivar.evolution.step_operator import StepOperator
 from hemivar.solvers import Solution
-from hemivar.solvers.nearby import OutOfBalance
+from hemivar.solvers.active_set_newton import ForceResidual
 
 __all__ = [
     "Force",
@@ -278,7 +278,7 @@ def expected_multiplier(before: TimeState, span: float) -> Array:
     return before.multiplier + (span / known.step) * known.multiplier
 
 
-def left_over(discrete: DiscreteEvolution, stage: Stage, reached: StageState, enough: float) -> OutOfBalance:
+def left_over(discrete: DiscreteEvolution, stage: Stage, reached: StageState, enough: float) -> ForceResidual:
     """What the forces of a displacement that was reached leave of the load, at a stage at which no support moves.
 
     Parameters
@@ -293,7 +293,7 @@ def left_over(discrete: DiscreteEvolution, stage: Stage, reached: StageState, en
     for name, force in reached.forces.items():
         if name != "internal":
             rest = blas.daxpy(force.vector, rest, a=-force.factor)
-    return OutOfBalance(rest, norm(stage.load) + rounding_size(discrete, stage, reached.body, enough))
+    return ForceResidual(rest, norm(stage.load) + rounding_size(discrete, stage, reached.body, enough))
 
 
 def rounding_size(discrete: DiscreteEvolution, stage: Stage, reached: Kinematics, enough: float) -> float:

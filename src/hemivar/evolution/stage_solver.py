@@ -30,7 +30,7 @@ from hemivar.solvers import (
     Status,
     solve,
 )
-from hemivar.solvers.nearby import OutOfBalance, nearby_solution
+from hemivar.solvers.active_set_newton import ForceResidual, active_set_newton
 from hemivar.systems.body_on_levels import set_up
 from hemivar.systems.workspace import Workspace
 
@@ -135,8 +135,10 @@ class StageSolver:
 
     def condenses(self, problem: DiscreteProblem) -> bool:
         """Whether stages are solved on the body condensed onto its contact points, by the default method."""
+        method = SemismoothNewton if problem.law.state_dependent else NonsmoothNewton
         return (
-            isinstance(self.solver, SemismoothNewton if problem.law.state_dependent else NonsmoothNewton)
+            isinstance(self.solver, method)
+            and self.solver.condenses
             and problem.contact_points > 0
             and problem.offset.size <= _DENSE
         )
@@ -238,12 +240,12 @@ class StageSolver:
             r, lam = initial.local, initial.multiplier
         enough = controls.atol / _ROUNDING
 
-        def left(unknowns: Array) -> OutOfBalance:
+        def left(unknowns: Array) -> ForceResidual:
             nonlocal reached
             reached = stage_state(self.discrete, stage, unknowns)
             return left_over(self.discrete, stage, reached, enough)
 
-        found = nearby_solution(system, r, lam, controls, stage.operator.newton, left if stage.held else None)
+        found = active_set_newton(system, r, lam, controls, stage.operator.newton, left if stage.held else None)
         if found is None:
             return None
         return StageSolution(found, reached=reached if reached and reached.unknowns is found.unknowns else None)

@@ -11,7 +11,7 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.evolution.discrete import Bodies, DiscreteEvolution
 from hemivar.evolution.schemes import RateFormula, Rule, Scheme
 from hemivar.evolution.step_laws import StageLaws
-from hemivar.solvers.nearby import Pieces
+from hemivar.solvers.active_set_newton import NewtonCache
 
 __all__ = ["StepOperator", "StepOperators", "body_factors", "decay", "gain", "step_operator"]
 
@@ -59,7 +59,7 @@ class StepOperator:
         The velocity there.
     laws : StageLaws
         Laws of its stages.
-    newton : Pieces
+    newton : NewtonCache
         The last factor of Newton's equation.
     constants : Recent
         Constants c of laws by their weak convexity.
@@ -73,7 +73,7 @@ class StepOperator:
     predictor: RateFormula
     predictor_rate: RateFormula
     laws: StageLaws
-    newton: Pieces = field(default_factory=Pieces, repr=False)
+    newton: NewtonCache = field(default_factory=NewtonCache, repr=False)
     constants: Recent[tuple[bytes, ...], float] = field(default_factory=lambda: Recent(_LAWS), repr=False)
 
 

@@ -1,4 +1,5 @@
-"""Conjugate gradients for the linear problems of a nonsmooth method: they may stop early, and may be indefinite."""
+"""Krylov methods for the linear problems of a nonsmooth method: conjugate gradients, which may stop early and may meet
+indefinite matrices, and minimal residuals for matrices that are not symmetric."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ import numpy as np
 from hemivar.basics.types import Array
 from hemivar.linear.vectors import WHOLE, Vectors
 
-__all__ = ["Descent", "Matrix", "conjugate_gradients"]
+__all__ = ["Descent", "Matrix", "conjugate_gradients", "minimal_residuals"]
 
 _FLAT = 1e-12
 #: By how much a residual is larger than what is enough, if the next one is still larger.
@@ -113,3 +114,62 @@ def conjugate_gradients(
             return Descent(x, r, iteration)
         far = sparing and not far and iteration > 1 and rest > _FAR * wanted
     return Descent(x, r, limit)
+
+
+def minimal_residuals(
+    A: Callable[[Array], Array],
+    b: Array,
+    precondition: Callable[[Array], Array],
+    tolerance: float,
+    limit: int,
+    due: Callable[[], float] | None = None,
+    vectors: Vectors = WHOLE,
+) -> tuple[Array, int]:
+    """``A^-1 b`` by generalised minimal residuals from zero, preconditioned on the right (Saad and Schultz 1986).
+
+    Parameters
+    ----------
+    A : function
+        Times a vector (n,); it need not be symmetric.
+    b : array (n,)
+    precondition : function
+        A linear map of vectors (n,).
+    tolerance : float
+        Ends once the 2-norm of the residual is no larger.
+    limit : int
+        Most products with A; memory for twice as many vectors is taken.
+    due : function, optional
+        Ends where it is not zero.
+    vectors : Vectors
+        How the parts of a vector are summed.
+
+    Returns
+    -------
+    solution : array (n,)
+    iterations : int
+    """
+    size = float(vectors.norms(b)[0])
+    x, H, first = np.zeros_like(b), np.zeros((limit + 1, limit)), np.zeros(limit + 1)
+    first[0] = size
+    if not size > tolerance:
+        return x, 0
+    basis, images = [b / size], []
+    for k in range(limit):
+        images.append(precondition(basis[k]))
+        w = A(images[k])
+        for _ in range(2):  # once more for what rounding leaves
+            parts = vectors.total(*(float(q @ w) for q in basis))
+            for part, q in zip(parts.tolist(), basis, strict=True):
+                w = w - part * q
+            H[: k + 1, k] += parts
+        H[k + 1, k] = vectors.norms(w)[0]
+        own = H[: k + 2, : k + 1]
+        y = np.linalg.lstsq(own, first[: k + 2], rcond=None)[0]
+        rest = float(np.linalg.norm(first[: k + 2] - own @ y))
+        late = 0.0 if due is None else float(vectors.largest(due())[0])
+        if rest <= tolerance or late or not H[k + 1, k] > _FLAT * float(np.abs(own).max()):
+            break
+        basis.append(w / H[k + 1, k])
+    for part, image in zip(y.tolist(), images, strict=True):
+        x += part * image
+    return x, len(images)

@@ -20,7 +20,7 @@ from hemivar.systems.contact_moves import snapped
 from hemivar.systems.newton_equation import Accuracy, LinearisedPoint, NewtonEquation
 from hemivar.systems.workspace import Workspace
 
-__all__ = ["NonsmoothMultigrid"]
+__all__ = ["NonsmoothMultigrid", "nested_guess"]
 
 #: Relative residual up to which coarser meshes are solved, and the most steps there.
 _NESTED, _NESTED_STEPS = 1e-3, 15
@@ -108,18 +108,13 @@ class NonsmoothMultigrid(TruncatedNewton):
         return set_up(problem, workspace)
 
     def first_guess(self, system: Body, budget: Budget) -> tuple[Array, Status | None]:
-        below = system.posed_below() if self.nested else None
-        if below is None:
+        if not self.nested:
             return system.start(), None
-        rough = replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False)
-        x, stopped = rough.first_guess(below, budget)
-        if stopped is None:
-            controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
-            start = State(x, below.multiplier(x))
-            found, status, _ = iterate(rough, below, start, controls, budget)
-            self.release(found)
-            x, stopped = found.r, status if status in STOPPED else None
-        return system.start(system.from_below(x)), stopped
+        return nested_guess(
+            replace(self, tolerance=0.1 * _NESTED, absolute=0.0, sweeps=min(self.sweeps, 2), settled=False),
+            system,
+            budget,
+        )
 
     def on_pieces(self, system: Body, x: Array) -> Array | None:
         """The bottom of the pieces of the laws on which a place lies, with the points at kinks held there.
@@ -155,3 +150,18 @@ class NonsmoothMultigrid(TruncatedNewton):
                 return None
             x, _ = line.end(1.0, near)
         return x
+
+
+def nested_guess(rough: Solver, system: Body, budget: Budget) -> tuple[Array, Status | None]:
+    """The solution on the next coarser mesh by a method, which starts from the one below it, and so on; and a status
+    where the search for it was stopped."""
+    below = system.posed_below()
+    if below is None:
+        return system.start(), None
+    x, stopped = nested_guess(rough, below, budget)
+    if stopped is None:
+        controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
+        found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
+        rough.release(found)
+        x, stopped = found.r, status if status in STOPPED else None
+    return system.start(system.from_below(x)), stopped

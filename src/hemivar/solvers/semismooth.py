@@ -19,20 +19,29 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws.dependent import DependentLaw
 from hemivar.laws.separate import OnGraph
+from hemivar.laws.vector_law import spread
+from hemivar.solvers.active_set_newton import SEMISMOOTH
 from hemivar.solvers.base import Solver, State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.fixed_point import FixedPoint
-from hemivar.solvers.nearby import SEMISMOOTH, Pieces
+from hemivar.solvers.multigrid import NonsmoothMultigrid, nested_guess
 from hemivar.solvers.status import Status
-from hemivar.systems.condensed import CondensedProblem
+from hemivar.solvers.truncated_newton import TruncatedNewton
+from hemivar.systems.body import Body
+from hemivar.systems.contact_system import ContactSystem
+from hemivar.systems.newton_equation import Accuracy, GraphPoint, NewtonEquation
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["SemismoothNewton"]
 
+#: Its name on all unknowns.
+SEMISMOOTH_MULTIGRID = "semismooth-multigrid"
 #: Part of what is added up in F that is rounding.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
 #: Part of a step by which |F| must fall at least.
 _FALLS = 1e-4
+#: Part of |F| that Newton's equation leaves where it is solved by iteration: while pieces change, and once they stay.
+_FIRST, _SETTLED = 0.1, 1e-3
 #: Part of the bound by which it is raised first, and the least one.
 _RAISED, _LEAST = 0.25, 1.0 / 512.0
 
@@ -41,8 +50,10 @@ _RAISED, _LEAST = 0.25, 1.0 / 512.0
 class SemismoothNewton(Solver):
     """Newton's method for laws whose friction bound depends on penetration or pressure, such as Coulomb's.
 
-    Nothing is frozen: the bound is a part of Newton's equation on the condensed body, by its derivatives (Alart and
-    Curnier 1991; Hueeber, Stadler and Wohlmuth 2008).  A step is halved until ``|F|`` falls.  Where it does not, the
+    Nothing is frozen: the bound is a part of Newton's equation, by its derivatives (Alart and Curnier 1991; Hueeber,
+    Stadler and Wohlmuth 2008).  The equation is that of the system of the method inside the fixed point: on the
+    condensed body it is solved by LU factors, on all unknowns by minimal residuals, preconditioned with the multigrid
+    cycle of the law whose bound is frozen.  A step is halved until ``|F|`` falls.  Where it does not, the
     bound is raised from zero in parts, each solved from the one before; where that fails, too, or where the bound has
     no derivatives or the profile falls at once, the fixed point takes over.  ``solution.fallbacks`` counts both.
 
@@ -68,16 +79,16 @@ class SemismoothNewton(Solver):
         for name in ("rounds", "halvings"):
             if getattr(self, name) < 1:
                 raise ProblemError(f"SemismoothNewton.{name} is {getattr(self, name)}; it must be at least 1")
-        if not self.fallback.condenses:
+        if not (self.fallback.condenses or isinstance(self.fallback.inner, NonsmoothMultigrid)):
             raise ProblemError(
-                f"SemismoothNewton works on the condensed body, and {self.fallback.name} does not; take that method "
-                "itself"
+                "SemismoothNewton needs a method on the condensed body or NonsmoothMultigrid, and "
+                f"{self.fallback.inner.name} is neither; take FixedPoint itself"
             )
 
     @property
     def name(self) -> str:  # type: ignore[override]
         """Name in tables."""
-        return SEMISMOOTH
+        return SEMISMOOTH if self.condenses else SEMISMOOTH_MULTIGRID
 
     @property
     def default_steps(self) -> int:  # type: ignore[override]
@@ -107,15 +118,38 @@ class SemismoothNewton(Solver):
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.fallback.prepare(problem, workspace)
 
-    def begin(self, system: CondensedProblem, start: State, budget: Budget) -> State:
-        equation = _Equation.of(system)
+    @property
+    def condenses(self) -> bool:
+        return self.fallback.condenses
+
+    def first_guess(self, system: ContactSystem, budget: Budget) -> tuple[Array, Status | None]:
+        inner = self.fallback.inner
+        if isinstance(system, Body) and isinstance(inner, NonsmoothMultigrid) and inner.nested:
+            return nested_guess(self, system, budget)
+        return super().first_guess(system, budget)
+
+    def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
+        equation = _Equation.of(system, self._accuracy)
         point = None if equation is None else equation.at(start.r)
         if equation is None or point is None:
             return self._fixed(system, start, start, budget)
-        way = _Way(start, equation, point)
-        return State(start.r, point.lam, 1, memory=way)
+        return self._at(system, point, _Way(start, equation, point), State(start.r, start.lam, 1))
 
-    def step(self, system: CondensedProblem, state: State, budget: Budget) -> State:
+    @property
+    def _accuracy(self) -> Accuracy:
+        """How accurately the fixed point solves; rounds are as accurate as they must be for |F| to fall fast."""
+        inner = self.fallback.inner
+        return inner.accuracy if isinstance(inner, TruncatedNewton) else Accuracy(0.0, 0.0, 1)
+
+    def _at(self, system: ContactSystem, point: _Point, way: _Way, state: State) -> State:
+        """The state at a point."""
+        found = system.residual(point.x, point.lam, point.force)
+        energy = system.energy(point.x, point.lam, point.force)
+        return State(
+            point.x, point.lam, state.evaluations, energy=energy, residual=found, memory=way, fallbacks=state.fallbacks
+        )
+
+    def step(self, system: ContactSystem, state: State, budget: Budget) -> State:
         way: _Way = state.memory
         if way.outer is not None:
             return self._followed(system, way, state, budget)
@@ -124,41 +158,52 @@ class SemismoothNewton(Solver):
         assert point is not None
         if point.off <= equation.rounding(point):
             return replace(state, ended=Status.STALLED)
-        evaluations, fallbacks, new = state.evaluations + 1, state.fallbacks, None
+        fallbacks, new = state.fallbacks, None
         if way.rounds < self.rounds:
-            new = equation.lower(point, self.halvings)
+            new = equation.lower(point, self.halvings, budget)
         if new is None:
             fallbacks += 1
             new = self._raised(equation, way.start.r, budget) if way.rounds >= 0 else None
             way = replace(way, rounds=-self.rounds)
+        state = replace(state, evaluations=state.evaluations + (1 if new is None else new.cycles), fallbacks=fallbacks)
         if new is None:
-            fixed = self._fixed(system, way.start, replace(state, fallbacks=fallbacks), budget)
+            equation.equation.release()
+            fixed = self._fixed(system, way.start, state, budget)
             return self._followed(system, fixed.memory, fixed, budget)
-        way = replace(way, point=new, rounds=way.rounds + 1)
-        return State(new.r, new.lam, evaluations, memory=way, fallbacks=fallbacks)
+        return self._at(system, new, replace(way, point=new, rounds=way.rounds + 1), state)
 
-    def settle(self, system: CondensedProblem, state: State, budget: Budget) -> State | None:
+    def settle(self, system: ContactSystem, state: State, budget: Budget) -> State | None:
         way: _Way = state.memory
         law = system.law_at(state.r, state.lam)
         if way.outer is not None or all((alpha == 0.0).all() for alpha in law.weak_convexity):
             return None
         inner, frozen = self.fallback.inner, system.with_law(law)
-        lower = inner.settle(frozen, inner.begin(frozen, State(state.r, state.lam), budget), budget)
-        return None if lower is None else self._fixed(system, State(lower.r, lower.lam), state, budget)
+        begun = inner.begin(frozen, State(state.r, state.lam), budget)
+        try:
+            lower = inner.settle(frozen, begun, budget)
+        finally:
+            inner.release(begun)
+        if lower is None:
+            return None
+        if way.equation is not None:
+            way.equation.equation.release()
+        return self._fixed(system, State(lower.r, lower.lam), state, budget)
 
     def release(self, state: State) -> None:
-        way: _Way = state.memory
-        if way.outer is not None:
+        way = state.memory
+        if isinstance(way, _Way) and way.outer is not None:
             self.fallback.release(way.outer)
+        elif isinstance(way, _Way) and way.equation is not None:
+            way.equation.equation.release()
 
-    def _fixed(self, system: CondensedProblem, start: State, state: State, budget: Budget) -> State:
+    def _fixed(self, system: ContactSystem, start: State, state: State, budget: Budget) -> State:
         """The fixed point from a start, from now on."""
         outer = self.fallback.begin(system, start, budget)
         return replace(
             outer, evaluations=state.evaluations, memory=_Way(start, outer=outer), fallbacks=state.fallbacks + 1
         )
 
-    def _followed(self, system: CondensedProblem, way: _Way, state: State, budget: Budget) -> State:
+    def _followed(self, system: ContactSystem, way: _Way, state: State, budget: Budget) -> State:
         """A step of the fixed point."""
         assert way.outer is not None
         outer = self.fallback.step(system, way.outer, budget)
@@ -170,7 +215,7 @@ class SemismoothNewton(Solver):
         done, part = 0.0, _RAISED
         while point is not None and done < 1.0:
             here = min(done + part, 1.0)
-            new = self._solved(equation.times(here), point.r, budget)
+            new = self._solved(equation.times(here), point.x, budget)
             if new is not None:
                 point, done, part = new, here, 2.0 * part
             elif part <= _LEAST:
@@ -179,60 +224,76 @@ class SemismoothNewton(Solver):
                 part *= 0.5
         return point
 
-    def _solved(self, equation: _Equation, r: Array, budget: Budget) -> _Point | None:
-        """The solution that Newton's equation leads to from a place."""
-        point = equation.at(r)
+    def _solved(self, equation: _Equation, x: Array, budget: Budget) -> _Point | None:
+        """The solution that Newton's equation leads to from a point."""
+        point, cycles = equation.at(x), 0
         for _ in range(self.rounds):
             if point is None or point.off <= equation.rounding(point):
-                return point
+                return None if point is None else replace(point, cycles=cycles)
             budget.check()
-            point = equation.lower(point, self.halvings)
+            point = equation.lower(point, self.halvings, budget)
+            cycles += 0 if point is None else point.cycles
         return None
 
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A place, what is in equilibrium with it, and how far it is off the law.
+    """A point, what is in equilibrium with its contact points, and how far it is off the law and its own equilibrium.
 
     Attributes
     ----------
+    x, force : arrays of the shape of a point
+        The point, and load minus elastic force there.
     r, lam : arrays (m, d)
     on : OnGraph
         Where the law is linearised.
     off : float
         |F|, as a force.
+    same : bool
+        Whether the pieces of the laws are those of the point before.
+    cycles : int
+        What it cost to come there from the point before.
     """
 
+    x: Array
+    force: Array
     r: Array
     lam: Array
     on: OnGraph
     off: float
+    same: bool = False
+    cycles: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class _Equation:
-    """``F(r) = 0``.
+    """``F(x) = 0``.
 
     Attributes
     ----------
-    system : CondensedProblem
+    system : ContactSystem
     graphs : DependentLaw
-    pieces : Pieces
+    stiffness : array (m, d)
+        What sorts points onto the pieces of their laws, per area.
+    equation : NewtonEquation
+    accuracy : Accuracy
     """
 
-    system: CondensedProblem
+    system: ContactSystem
     graphs: DependentLaw
-    pieces: Pieces
+    stiffness: Array
+    equation: NewtonEquation
+    accuracy: Accuracy
 
     @staticmethod
-    def of(system: CondensedProblem) -> _Equation | None:
+    def of(system: ContactSystem, accuracy: Accuracy) -> _Equation | None:
         """The equation of a problem; None where p does not sort its points, or its law has no derivatives."""
-        pieces = Pieces()
-        graphs = pieces.graphs(system)
-        if not isinstance(graphs, DependentLaw):
+        pair, d = 1.0 / system.compliance, system.active.shape[1]
+        graphs = DependentLaw.of(system.law, pair, d)
+        soft = bool((system.law.normal.weak_convexity >= pair[:, 0]).any())
+        if graphs is None or system.vectors.largest(float(soft))[0]:
             return None
-        soft = (system.law.normal.weak_convexity >= system.body.pointwise[:, 0]).any()
-        return None if soft else _Equation(system, graphs, pieces)
+        return _Equation(system, graphs, spread(pair, d), system.newton_equation(), accuracy)
 
     def times(self, factor: float) -> _Equation:
         """The equation with a part of the bound."""
@@ -241,33 +302,44 @@ class _Equation:
     def rounding(self, point: _Point) -> float:
         """What rounding leaves in F."""
         system = self.system
-        size = system.body.sizes @ np.abs(point.r.ravel()) + np.abs(system.load)
-        return _ROUNDING * (norm(size) + norm(system.weights[:, None] * point.lam))
+        own = system.vectors.norms(system.rounding_sizes(point.x), system.weights[:, None] * point.lam)
+        return _ROUNDING * float(own.sum())
 
-    def at(self, r: Array) -> _Point | None:
-        """F at a place; None where the bound has no value."""
-        system, stiffness, active = self.system, self.system.body.per_area, self.system.active
+    def at(self, x: Array, before: _Point | None = None, cycles: int = 0) -> _Point | None:
+        """F at a point; None where the bound has no value."""
+        system, stiffness, r = self.system, self.stiffness, self.system.local(x)
+        force = system.out_of_balance(x)
         try:
-            lam = system.multiplier(r)
+            lam = system.multiplier(x, force)
             on = self.graphs.onto(stiffness * r + lam, r)
         except ProblemError:
             return None
         off = np.abs(on.multiplier - lam)
         if on.moved:
             off += stiffness * np.abs(on.place - r)
-        missed = norm(system.weights[:, None] * np.where(active, off, 0.0))
-        return _Point(r, lam, on, missed) if np.isfinite(missed) else None
+        weights = system.weights[:, None]
+        missed = system.vectors.norms(
+            weights * np.where(system.active, off, 0.0), system.less_contact(force, weights * lam)
+        )
+        total = norm(missed)
+        same = before is not None and np.array_equal(before.on.held, on.held)
+        return _Point(x, force, r, lam, on, total, same, cycles) if np.isfinite(total) else None
 
-    def lower(self, point: _Point, halvings: int) -> _Point | None:
+    def lower(self, point: _Point, halvings: int, budget: Budget) -> _Point | None:
         """The point after a step that lowers |F|; None where there is none."""
         system, on = self.system, point.on
-        place = np.where(system.active, on.place, system.fixed)
-        change = self.pieces.direction(system, on, system.active & ~on.held, system.out_of_balance(place))
-        if change is None or not np.isfinite(change).all():
+        first = system.moved(point.x, np.where(system.active, on.place, system.fixed))
+        force = point.force - system.multiply_contact(first - point.x)
+        enough = (_SETTLED if point.same else _FIRST) * point.off
+        accuracy = replace(self.accuracy, absolute=self.accuracy.absolute + enough, due=budget.due)
+        found = self.equation.generalised(GraphPoint(first, force, on, system.active & ~on.held), accuracy)
+        budget.check()
+        if found is None or not np.isfinite(found[0]).all():
             return None
-        way, length = place + change - point.r, 1.0
+        change, cycles = found
+        way, length = first + change - point.x, 1.0
         for _ in range(halvings):
-            new = self.at(point.r + length * way)
+            new = self.at(point.x + length * way, point, cycles)
             if new is not None and new.off < (1.0 - _FALLS * length) * point.off:
                 return new
             length *= 0.5

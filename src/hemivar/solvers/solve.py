@@ -32,6 +32,7 @@ from hemivar.solvers.newton import NonsmoothNewton, Search
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
+from hemivar.solvers.truncated_newton import TruncatedNewton
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.workspace import Workspace
 
@@ -279,8 +280,8 @@ def _solution(system: PosedSystem, end: _End) -> Solution:
 def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     """The method, able to treat a law that depends on the solution if the problem has one.
 
-    :class:`NonsmoothNewton` becomes :class:`SemismoothNewton` where the bound has derivatives; every other method runs
-    inside a :class:`FixedPoint`.
+    :class:`NonsmoothNewton` and :class:`NonsmoothMultigrid` become :class:`SemismoothNewton` where the bound has
+    derivatives; every other method runs inside a :class:`FixedPoint`.
 
     Parameters
     ----------
@@ -293,7 +294,7 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     """
     if not problem.law.state_dependent or solver.handles_state:
         return solver
-    follows = isinstance(solver, NonsmoothNewton) and solver.search is Search.GLOBAL and problem.law.follows_state
+    follows = isinstance(solver, TruncatedNewton) and solver.search is Search.GLOBAL and problem.law.follows_state
     return SemismoothNewton(FixedPoint(solver)) if follows else FixedPoint(solver)
 
 

@@ -222,8 +222,7 @@ def set_up(problem: DiscreteProblem, workspace: Workspace) -> BodyProblem:
     """
     began = time.perf_counter()
     bodies = workspace.once("bodies", problem.model, lambda: _bodies(problem, workspace))
-    meshes = () if problem.law.state_dependent else tuple(bodies[:-1])  # nothing starts from a coarser mesh then
-    return bodies[-1].posed(problem, meshes, began)
+    return bodies[-1].posed(problem, tuple(bodies[:-1]), began)
 
 
 def _bodies(problem: DiscreteProblem, workspace: Workspace) -> list[BodyProblem]:

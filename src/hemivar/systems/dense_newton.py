@@ -9,9 +9,10 @@ import numpy as np
 import scipy.linalg as la
 from scipy.linalg import blas, lapack
 
-from hemivar.basics.types import Array, IntArray
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.laws.separate import OnGraph
 from hemivar.systems.contact_moves import ContactBody
-from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
+from hemivar.systems.newton_equation import Accuracy, Correction, GraphPoint, LinearisedPoint
 
 __all__ = ["DenseBody", "DenseFactor", "DenseNewton", "descent_direction", "newton_matrix"]
 
@@ -70,6 +71,33 @@ class DenseFactor:
         half = blas.dtrsv(factor, right, lower=1)  # half of what a solve for many takes
         return np.asarray(blas.dtrsv(factor, half, lower=1, trans=1, overwrite_x=1))
 
+    def direction(self, body: DenseBody, on: OnGraph, free: BoolArray, balance: Array) -> Array | None:
+        """The change (m, d) from ``on.place`` that solves Newton's equation there; None where it has no solution.
+
+        Parameters
+        ----------
+        body : DenseBody
+        on : OnGraph
+            The law there.
+        free : bool array (m, d)
+            Components that move.
+        balance : array (m, d)
+            Elastic force there.
+        """
+        index, pushed = np.flatnonzero(free), on.pushed
+        change = np.zeros(free.shape)
+        if not index.size:
+            return change
+        right = balance - body.weights[:, None] * on.multiplier
+        if pushed is not None:
+            pushed = pushed * body.active[:, :1]
+            right -= pushed * right[:, :1]
+        step = self.solve(body, index, on.curvature, right.ravel()[index], pushed)
+        if step is None:
+            return None
+        change.ravel()[index] = step
+        return change
+
     def _part(self, matrix: Array, index: IntArray) -> Array:
         """Rows and columns of a matrix, in memory that is used again: new memory costs more than the numbers."""
         k, n = index.size, len(matrix)
@@ -107,6 +135,11 @@ class DenseNewton:
             found = descent_direction(newton_matrix(self.body, index, at.line.hessian), right)
         step.ravel()[index] = found
         return Correction(step, self.body.couple(step), 1, convex)
+
+    def generalised(self, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, int] | None:
+        """The change by LU factors where the derivative is not symmetric."""
+        step = self.factor.direction(self.body, at.on, at.free, at.force)
+        return None if step is None else (step, 1)
 
     def negative_curvature(self, at: LinearisedPoint) -> Array | None:
         """The eigenvector of the lowest eigenvalue, if that is negative."""

@@ -10,9 +10,9 @@ import numpy as np
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.discrete.residual import LoadScale
-from hemivar.linear.krylov import conjugate_gradients
+from hemivar.linear.krylov import conjugate_gradients, minimal_residuals
 from hemivar.systems.contact_moves import ContactBody, moving_curvature
-from hemivar.systems.newton_equation import Accuracy, Correction, LinearisedPoint
+from hemivar.systems.newton_equation import Accuracy, Correction, GraphPoint, LinearisedPoint
 
 __all__ = ["KrylovNewton", "SparseBody", "Truncation"]
 
@@ -20,6 +20,8 @@ __all__ = ["KrylovNewton", "SparseBody", "Truncation"]
 _PATIENCE = 1.5
 #: Part of a move from which it counts as cut back to a piece, and not as rounded.
 _CUT = 1e-9
+#: Most iterations of minimal residuals, which keep two vectors of each.
+_VECTORS = 40
 
 
 class Truncation(Protocol):
@@ -110,6 +112,37 @@ class KrylovNewton:
         if found.negative is not None:
             body.refuse_direction(found.negative)
         return Correction(found.solution, bent, found.iterations, negative=found.negative)
+
+    def generalised(self, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, int]:
+        """The change by minimal residuals, with the cycle of the law whose bound is frozen, which is symmetric."""
+        body, on, free = self.body, at.on, at.free
+        d, weights, held = free.shape[1], self.body.weights[:, None], ~free[self.body.active]
+        curvature = on.curvature if on.curvature.ndim == 3 else on.curvature[:, :, None] * np.eye(d)
+        curvature = weights[:, :, None] * curvature * (free[:, :, None] & free[:, None, :])
+        coupling = curvature[:, :, :1].copy()
+        coupling[:, 0] = 0.0
+        curvature[:, 1:, 0] = 0.0
+        self.matrix.change(at.x, held, curvature)
+        pushed = np.zeros(free.shape) if on.pushed is None else np.where(free & body.active[:, :1], on.pushed, 0.0)
+        pushes = bool(body.vectors.largest(float(pushed.any()))[0])
+
+        def product(v: Array) -> Array:
+            out = np.array(self.matrix @ v)
+            rows = coupling[:, :, 0] * body.spread(v[body.unknown])[:, :1]
+            if pushes:
+                rows -= pushed * body.spread(body.pull(v))[:, :1]
+            out[body.unknown] += body.gather(rows)
+            out[body.unknown[held]] = 0.0
+            return out
+
+        rest = body.spread(at.force[body.unknown]) - weights * on.multiplier
+        rest -= pushed * rest[:, :1]
+        right = at.force.copy()
+        right[body.unknown] = body.gather(rest)
+        right[body.unknown[held]] = 0.0
+        scale = body.load_scale.of(float(body.vectors.norms(at.force[body.unknown])[0]))
+        tolerance, limit = accuracy.absolute + accuracy.tolerance * scale, min(accuracy.iterations, _VECTORS)
+        return minimal_residuals(product, right, self.matrix.cycle, tolerance, limit, accuracy.due, body.vectors)
 
     def negative_curvature(self, at: LinearisedPoint) -> Array | None:
         """It would cost an eigenvalue problem; directions that conjugate gradients meet are followed."""

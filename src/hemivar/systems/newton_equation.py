@@ -8,10 +8,11 @@ from typing import Protocol
 
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
+from hemivar.laws.separate import OnGraph
 from hemivar.laws.vector_law import Linearisation, Near
 from hemivar.systems.contact_moves import ContactBody, smooth_components
 
-__all__ = ["Accuracy", "Correction", "LinearisedPoint", "NewtonEquation"]
+__all__ = ["Accuracy", "Correction", "GraphPoint", "LinearisedPoint", "NewtonEquation"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +102,35 @@ class Correction:
     negative: Array | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class GraphPoint:
+    """A point whose contact points lie on the graphs of their laws, which may follow from the state.
+
+    Attributes
+    ----------
+    x : array (m, d) or (n,)
+        The point of the system.
+    force : array of the shape of x
+        Load minus elastic force at x.
+    on : OnGraph
+        The law there.
+    free : bool array (m, d)
+        Components that move.
+    """
+
+    x: Array
+    force: Array
+    on: OnGraph
+    free: BoolArray
+
+
 class NewtonEquation(Protocol):
     """Newton's equation of one system; it belongs to one solve."""
+
+    def generalised(self, at: GraphPoint, accuracy: Accuracy) -> tuple[Array, int] | None:
+        """The change of a point by the generalised derivative of the laws, which need not be symmetric, and the cycles;
+        None where it is singular."""
+        ...
 
     def solve(self, at: LinearisedPoint, accuracy: Accuracy) -> Correction:
         """The correction of a point."""

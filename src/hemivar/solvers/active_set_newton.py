@@ -1,9 +1,10 @@
-"""The solution of a condensed problem near a state that all but solves it: a few of Newton's equations and no search.
+"""The first rounds of a step in time: a primal-dual active set method, without a search.
 
 In an evolution one problem follows another that hardly differs.  With ``p = r + c lam`` the law says ``r = prox_c(p)``,
-which sorts the contact points onto the pieces of their laws and onto kinks; Newton's equation on these pieces gives the
-next pair.  If pieces do not change any more the pair solves the problem, and its residual, that of the full problem,
-proves it.  Where there is one solution it is the one that any other method finds.
+which sorts the contact points onto the pieces of their laws and onto kinks: the active sets.  Newton's equation on
+these gives the next pair (Hintermueller, Ito and Kunisch 2003).  If the sets do not change any more the pair solves
+the problem, and its residual, that of the full problem, proves it.  Where there is one solution it is the one that
+any other method finds.  Where the sets do not settle in a few rounds, the method of the march takes over.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from hemivar.solvers.status import Status
 from hemivar.systems.condensed import CondensedProblem
 from hemivar.systems.dense_newton import DenseFactor, newton_matrix
 
-__all__ = ["SEMISMOOTH", "OutOfBalance", "Pieces", "nearby_solution"]
+__all__ = ["SEMISMOOTH", "ForceResidual", "NewtonCache", "active_set_newton"]
 
 #: The method where the bound of the law depends on the state.
 SEMISMOOTH = "semismooth-newton"
@@ -40,7 +41,7 @@ _PART = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class OutOfBalance:
+class ForceResidual:
     """What the body leaves of its load, the foundation apart.
 
     Attributes
@@ -56,7 +57,7 @@ class OutOfBalance:
 
 
 @dataclass(frozen=True, eq=False)
-class _Vectors:
+class _GeneralGraph:
     """What :class:`SeparateLaw` answers, of a law that has many knots."""
 
     law: ContactLaw
@@ -76,11 +77,11 @@ class _Vectors:
 
 
 #: A law as Newton's equations ask for it.
-_Graphs = SeparateLaw | RadialLaw | DependentLaw | _Vectors
+_Graphs = SeparateLaw | RadialLaw | DependentLaw | _GeneralGraph
 
 
 @dataclass(eq=False)
-class Pieces:
+class NewtonCache:
     """What is kept of Newton's equations: the tables of the law, and the factor of the equation that was solved last.
 
     The factor serves as long as the contact points keep their pieces.  Nothing in it changes an answer.  It belongs to
@@ -100,45 +101,18 @@ class Pieces:
                 made = DependentLaw.of(law, pair, d)
             else:
                 made = RadialLaw.of(law, pair) if d == 3 else SeparateLaw.of(law, pair, d)
-                made = _Vectors(law, pair, body.per_area, body.compliance) if made is None else made
+                made = _GeneralGraph(law, pair, body.per_area, body.compliance) if made is None else made
             found = self._law = made
         return found
 
-    def direction(self, system: CondensedProblem, on: OnGraph, free: BoolArray, balance: Array) -> Array | None:
-        """The change (m, d) from ``on.place`` that solves Newton's equation there; None where it has no solution.
 
-        Parameters
-        ----------
-        system : CondensedProblem
-        on : OnGraph
-            The law there.
-        free : bool array (m, d)
-            Components that move.
-        balance : array (m, d)
-            Elastic force there.
-        """
-        index, pushed = np.flatnonzero(free), on.pushed
-        change = np.zeros(free.shape)
-        if not index.size:
-            return change
-        right = balance - system.weights[:, None] * on.multiplier
-        if pushed is not None:
-            pushed = pushed * system.active[:, :1]
-            right -= pushed * right[:, :1]
-        step = self.factor.solve(system, index, on.curvature, right.ravel()[index], pushed)
-        if step is None:
-            return None
-        change.ravel()[index] = step
-        return change
-
-
-def nearby_solution(
+def active_set_newton(
     system: CondensedProblem,
     r: Array,
     lam: Array,
     controls: Controls,
-    pieces: Pieces,
-    out_of_balance: Callable[[Array], OutOfBalance] | None = None,
+    cache: NewtonCache,
+    out_of_balance: Callable[[Array], ForceResidual] | None = None,
 ) -> Solution | None:
     """The solution that Newton's equations lead to from a pair, or None where they do not settle at once.
 
@@ -148,7 +122,7 @@ def nearby_solution(
     r, lam : arrays (m, d)
         Local displacements and multiplier of a state nearby.
     controls : Controls
-    pieces : Pieces
+    cache : NewtonCache
         Of the same body.
     out_of_balance : callable, optional
         What unknowns (n,) leave of the load, if the caller needs the forces of the body anyway.  Where that is more
@@ -156,7 +130,7 @@ def nearby_solution(
     """
     began = time.perf_counter()
     body, active, weights = system.body, system.active, system.weights[:, None]
-    graphs, stiffness, whole = pieces.graphs(system), body.per_area, body.everywhere
+    graphs, stiffness, whole = cache.graphs(system), body.per_area, body.everywhere
     if graphs is None:
         return None
     if not whole:
@@ -169,7 +143,7 @@ def nearby_solution(
         r = on.place if whole else np.where(active, on.place, system.fixed)
         free = ~on.held if whole else active & ~on.held
         balance = system.out_of_balance(r)
-        change = pieces.direction(system, on, free, balance)
+        change = cache.factor.direction(system, on, free, balance)
         if change is None:
             return None
         r = r + change
@@ -238,7 +212,7 @@ def _load_scale(system: CondensedProblem, graphs: _Graphs, load: float, contact_
     """
     if contact_force <= load:
         return LoadScale(load, math.inf)
-    if isinstance(graphs, _Vectors):
+    if isinstance(graphs, _GeneralGraph):
         return system.load_scale
     offset, ends, shape = system.problem.offset, graphs.domain, system.shape
     inside = np.minimum(np.maximum(-offset, ends[0].reshape(shape)), ends[1].reshape(shape))
@@ -256,7 +230,7 @@ def _residual(
     graphs: _Graphs,
     load: float,
     controls: Controls,
-    known: Callable[[Array], OutOfBalance] | None,
+    known: Callable[[Array], ForceResidual] | None,
 ) -> Residual:
     """The residual of the full problem."""
     problem, body = system.problem, system.body
@@ -266,7 +240,7 @@ def _residual(
     inclusion = norm(system.weights[:, None] * graphs.graph_distance(r, lam, body.resilience))
     scale = _load_scale(system, graphs, load, size)
 
-    def of(rest: OutOfBalance) -> Residual:
+    def of(rest: ForceResidual) -> Residual:
         balance = rest.force
         balance[contact.seen] -= force
         return Residual.of(norm(balance), inclusion, scale, size, rest.size)
@@ -276,4 +250,4 @@ def _residual(
         tolerance = controls.atol + controls.rtol * found.scale
         if found.noise <= tolerance and found.total <= tolerance:
             return found
-    return of(OutOfBalance(problem.load - body.entries @ u, problem.linear.rounding_scale(u, problem.load)))
+    return of(ForceResidual(problem.load - body.entries @ u, problem.linear.rounding_scale(u, problem.load)))
