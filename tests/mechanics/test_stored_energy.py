@@ -186,8 +186,9 @@ def test_it_travels() -> None:
     np.testing.assert_array_equal(again.stress(points, strain), hencky().stress(points, strain))
 
 
-def test_no_method_takes_it_for_linear() -> None:
-    mesh = hv.rectangle(cells=2)
-    problem = hv.ContactProblem(mesh, hencky(), supports={"bottom": hv.Clamped()}, body_force=(0.0, -1.0))
-    with pytest.raises(ProblemError, match="not linear"):
-        hv.discretize(problem)
+def test_what_asks_for_a_linear_body_says_so() -> None:
+    mesh, contact = hv.rectangle(cells=2), {"top": hv.Contact(hv.Compliance(1.0))}
+    problem = hv.ContactProblem(mesh, hencky(), supports={"bottom": hv.Clamped()}, contact=contact)
+    for function in (hv.condense, hv.find_solutions, hv.follow_path, hv.smallness):
+        with pytest.raises(ProblemError, match="needs a linear body, and the material of this one is not linear"):
+            function(problem)

@@ -123,6 +123,25 @@ class Quadratic(Portable):
         """``K``, the same everywhere."""
         return self.stiffness
 
+    def tangent(self, u: Array | None = None) -> Quadratic:
+        """The body itself."""
+        return self
+
+    @property
+    def at_rest(self) -> Quadratic:
+        """The body itself."""
+        return self
+
+    @property
+    def lower(self) -> Quadratic:
+        """The body itself, for its second derivative is the same everywhere."""
+        return self
+
+    @property
+    def upper(self) -> Quadratic:
+        """The body itself."""
+        return self
+
     def rounding_scale(self, u: Array, load: Array) -> float:
         """Norm of the sizes of what is added up in ``f - K u``, entry by entry: rounding is a part of it."""
         sizes = np.abs(u)

@@ -10,11 +10,13 @@ from hemivar.basics.portable import Portable
 from hemivar.coercivity.rigid_modes import FreeMotions, no_motions
 from hemivar.discrete.bulk import Bulk, Quadratic
 from hemivar.discrete.contact import ContactPoints
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError
 
 if TYPE_CHECKING:
     from hemivar.discrete.operator_family import Composition
+    from hemivar.discrete.potential import Tangent
     from hemivar.mechanics.scalar import Statement
 
 __all__ = ["Model", "quadratic"]
@@ -41,8 +43,9 @@ class Model(Portable):
         What was discretised; the same on a coarser mesh serves multigrid.
     resisted : bool
         Whether an elastic bedding of the body, or its inertia in a step in time, resists every motion.
-    parts : Composition, optional
-        What the stiffness of a step in time is made of; the same of the matrices on a coarser mesh serves multigrid.
+    parts : Composition or Tangent, optional
+        What the stiffness of a step in time, or of a linear body in the place of another one, is made of; the same on a
+        coarser mesh serves multigrid.
 
     Raises
     ------
@@ -55,7 +58,7 @@ class Model(Portable):
     space: Space | None = None
     origin: Statement | None = None
     resisted: bool = False
-    parts: Composition | None = None
+    parts: Composition | Tangent | None = None
 
     def __post_init__(self) -> None:
         expect(self.bulk, Bulk, "the bulk of a discrete problem", _ARRAYS)
@@ -102,6 +105,8 @@ def quadratic(bulk: Bulk, what: str = "this") -> Quadratic:
     ProblemError
         It is not: what is asked for needs a linear body.
     """
+    if isinstance(bulk, Potential):
+        raise ProblemError(f"{what} needs a linear body, and the material of this one is not linear")
     if not isinstance(bulk, Quadratic):
         raise ProblemError(f"{what} needs a linear body; the bulk is a {type(bulk).__name__}: give a Quadratic")
     return bulk

@@ -13,6 +13,7 @@ from hemivar.basics.arrays import norm, real_array
 from hemivar.basics.types import Array
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.contact_energy import law_forces
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.laws import ContactLaw
@@ -146,7 +147,9 @@ def contact_compliance(problem: DiscreteProblem) -> Array:
     It makes displacement and multiplier comparable; the columns are for the normal and the tangential part.
     """
     bulk = problem.bulk
-    stiff = bulk.diagonal if isinstance(bulk, Quadratic) else bulk.hessian(np.zeros(bulk.unknowns)).diagonal()
+    stiff = (
+        bulk.diagonal if isinstance(bulk, Quadratic | Potential) else bulk.hessian(np.zeros(bulk.unknowns)).diagonal()
+    )
     flexibility = problem.contact.trace.power(2) @ (1.0 / stiff)
     flexibility = flexibility.reshape(problem.contact_points, problem.contact.components)
     normal = flexibility[:, 0]
@@ -230,7 +233,7 @@ def inaccurate_law(problem: DiscreteProblem, displacement: Array, multiplier: Ar
 def _moved(problem: DiscreteProblem, u: Array) -> float:
     """Norm of the sizes of what is added up in the forces on the unknowns."""
     bulk = problem.bulk
-    if isinstance(bulk, Quadratic):
+    if isinstance(bulk, Quadratic | Potential):
         return bulk.rounding_scale(u, problem.load)
     sums = np.asarray(abs(bulk.hessian(u)).sum(axis=1))
     return norm(sums * np.abs(u) + np.abs(problem.load))

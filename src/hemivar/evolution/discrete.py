@@ -326,7 +326,11 @@ class Bodies:
         known, model = self._slow, problem.model
         if known is None or known[0] is not model or known[1] != key:
             bulk = Quadratic(make(problem.stiffness), assembled=True)
-            parts = None if model.parts is None else replace(model.parts, scale=factor * model.parts.scale)
+            parts = (
+                None
+                if not isinstance(model.parts, Composition)
+                else replace(model.parts, scale=factor * model.parts.scale)
+            )
             known = self._slow = model, key, replace(model, bulk=bulk, parts=parts)
         return known[2]
 

@@ -32,7 +32,7 @@ from hemivar.branches.chain import Chain, chain_of
 from hemivar.branches.follower import Follower, Track, TrackPoint
 from hemivar.branches.path import PathEnd
 from hemivar.certificates.smallness import smallness
-from hemivar.discrete.operator_family import OperatorFamily
+from hemivar.discrete.operator_family import Composition, OperatorFamily
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError
 from hemivar.evolution.descent import bottom, downhill, slowed
@@ -295,7 +295,7 @@ class _Swing:
         """The problem with the stiffness ``K + M/step^2``."""
         if rung not in self._made:
             parts = self.problem.model.parts
-            assert parts is not None
+            assert isinstance(parts, Composition)
             heavy = replace(parts.of(self.paths.family), inertia=self.step(rung) ** -2)
             self._made[rung] = replace(self.problem, model=heavy.model(True), law_known=True)
         return self._made[rung]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +15,57 @@ from hemivar.mechanics.material import Material
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.mesh.mesh import Mesh
 
-__all__ = ["ConstitutiveLaw", "constitutive_law", "elastic"]
+__all__ = ["ConstitutiveLaw", "EnergyDensity", "EnergyLaw", "constitutive_law", "elastic"]
+
+
+class EnergyDensity(Protocol):
+    """A stored energy per volume of strains (k, v) at points (k, d): a :class:`hemivar.Material`."""
+
+    def energy(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """W, shape (k,)."""
+        ...
+
+    def stress(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Its derivative, shape (k, v)."""
+        ...
+
+    def tangent(self, points: Array, strain: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Its second derivative, shape (k, v, v)."""
+        ...
+
+    def lower_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices (k, v, v) below all of them; zero where none is known."""
+        ...
+
+    def upper_tensor(self, points: Array, regions: Mapping[str, BoolArray] | None = None) -> Array:
+        """Matrices (k, v, v) above all of them."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyLaw:
+    """A stored energy of the strains of fields of c components, which need not be quadratic.
+
+    Attributes
+    ----------
+    strains : int array, shape (c, d)
+        As in :class:`ConstitutiveLaw`.
+    density : EnergyDensity
+    homogeneous : bool
+        Whether W is the same everywhere.
+    uniform : bool
+        Whether W is the same all over each cell.
+    """
+
+    strains: IntArray
+    density: EnergyDensity
+    homogeneous: bool
+    uniform: bool
+
+    @staticmethod
+    def of(material: Material, dim: int) -> EnergyLaw:
+        """That of a material in d dimensions."""
+        return EnergyLaw(voigt_index(dim), material, material.homogeneous, material.uniform)
 
 
 @dataclass(frozen=True, eq=False)

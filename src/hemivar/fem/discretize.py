@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,16 +14,19 @@ from hemivar.coercivity.free_motion import refuse_free_motion
 from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.loading import Loading
 from hemivar.discrete.model import Model
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field, Space
 from hemivar.errors import ProblemError, SupportError
 from hemivar.fem.assembly import load_vector
+from hemivar.fem.constitutive import EnergyLaw
 from hemivar.fem.contact_points import refuse_dependent
 from hemivar.fem.edge_blocks import node_graph
+from hemivar.fem.energy_integral import EnergyIntegral, NodalEnergy
 from hemivar.fem.locking import locking_warning
-from hemivar.fem.mass import body_blocks, resists
+from hemivar.fem.mass import body_blocks, mass_blocks, resists
 from hemivar.fem.scalar_energy import discretize_scalar
-from hemivar.fem.unknowns import nodal_conditions
+from hemivar.fem.unknowns import NodalConditions, nodal_conditions
 from hemivar.mechanics.bedding import bedding_of
 from hemivar.mechanics.obstacles import refuse_inside
 from hemivar.mechanics.scalar import ScalarProblem, Statement
@@ -43,6 +47,8 @@ def discretize(
     boundary (nodal quadrature) they are the normal and the tangents, so that the trace selects unknowns; at
     inclined rollers the free tangents; elsewhere the Cartesian axes. ``K = P' Kf P``, ``f = P'(F - Kf u0)``;
     gap and slip offset take up ``u0``. A bedding of the body is part of K, and a body with one has no free motions.
+    A body that is not linear has a :class:`hemivar.discrete.Potential` in the place of K, and its internal forces at
+    ``u0`` in that of ``Kf u0``.
 
     With nodal quadrature, contact point j is a node; its normal is the normalised sum of the adjacent facet
     normals times facet measures, its weight the integral of its shape function over the contact boundary.
@@ -92,22 +98,15 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
     refuse_evolution(problem, evolving)
     mesh, order = problem.mesh, problem.order
     conditions = nodal_conditions(problem)
-    supports, basis = conditions.supports, conditions.basis
+    basis = conditions.basis
     if basis.shape[1] == 0:
         raise SupportError("the supports leave the body no freedom; refine the mesh or remove supports")
 
     full_load = load_vector(mesh, order, problem.body_force, problem.tractions)
-    prescribed, bedding = conditions.prescribed, bedding_of(problem.bedding)
-    reaction = np.zeros_like(prescribed)
-    blocks = body_blocks(mesh, problem.material, bedding, node_graph(mesh, order))
-    resisted = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
-    if prescribed.any():
-        reaction = blocks.times(supports.value).ravel()
-    blocks.turn(conditions.directions)
-    stiffness = blocks.matrix(conditions.free)
-    del blocks
-    load = basis.T @ (full_load - reaction)
-    constant = float(prescribed @ (0.5 * reaction - full_load))
+    prescribed = conditions.prescribed
+    body = _linear(problem, conditions) if problem.material.linear else _nonlinear(problem, conditions)
+    load = basis.T @ (full_load - body.reaction)
+    constant = body.energy - float(prescribed @ full_load)
 
     if check_coercivity:
         for name, stated in problem.contact.items():
@@ -120,11 +119,11 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
     left_out = None if contact.points is None else friction_warning(contact.points[contact.without_friction])
     discrete = DiscreteProblem(
         Model(
-            Quadratic(stiffness, assembled=True),
+            body.bulk,
             contact,
             Space((Field(mesh, order, basis, prescribed),)),
             problem,
-            resisted,
+            body.resisted,
         ),
         Loading(load, offset, law, constant + energy),
         tuple(sentence for sentence in (locking_warning(problem), left_out) if sentence is not None),
@@ -134,6 +133,42 @@ def _discretize(problem: ContactProblem, check_coercivity: bool, evolving: bool)
         for warning in discrete.notes:
             logging.getLogger("hemivar").info("%s", warning)
     return discrete
+
+
+@dataclass(frozen=True, eq=False)
+class _DiscreteBody:
+    """The body by its unknowns; ``reaction (nodes * d,)`` and ``energy`` are those of the prescribed displacements."""
+
+    bulk: Quadratic | Potential
+    reaction: Array
+    energy: float
+    resisted: bool
+
+
+def _linear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
+    mesh, order, prescribed, bedding = problem.mesh, problem.order, conditions.prescribed, bedding_of(problem.bedding)
+    reaction = np.zeros_like(prescribed)
+    blocks = body_blocks(mesh, problem.material, bedding, node_graph(mesh, order))
+    resisted = resists(mesh, order, bedding, np.einsum("ncc->nc", blocks.diagonal))
+    if prescribed.any():
+        reaction = blocks.times(conditions.supports.value).ravel()
+    blocks.turn(conditions.directions)
+    bulk = Quadratic(blocks.matrix(conditions.free), assembled=True)
+    return _DiscreteBody(bulk, reaction, 0.5 * float(prescribed @ reaction), resisted)
+
+
+def _nonlinear(problem: ContactProblem, conditions: NodalConditions) -> _DiscreteBody:
+    mesh, order, bedding = problem.mesh, problem.order, bedding_of(problem.bedding)
+    energy = NodalEnergy(mesh, order, EnergyLaw.of(problem.material, mesh.dim))
+    own = None if bedding.none else mass_blocks(mesh, bedding, energy.graph)
+    start = conditions.supports.value
+    integral = EnergyIntegral(energy, conditions.basis, start, conditions.directions, conditions.free, own)
+    bulk, resisted = Potential(integral), False
+    if own is not None:
+        diagonal = energy.blocks(start).diagonal + own.diagonal
+        resisted = resists(mesh, order, bedding, np.einsum("ncc->nc", diagonal))
+    reaction = integral.forces(np.zeros(integral.unknowns)).ravel()
+    return _DiscreteBody(bulk, reaction, bulk.initial_value, resisted)
 
 
 def refuse_evolution(problem: ContactProblem, evolving: bool = False) -> None:

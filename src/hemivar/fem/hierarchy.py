@@ -12,6 +12,7 @@ from hemivar.basics.types import Array, IntArray
 from hemivar.coercivity.rigid_modes import rigid_basis
 from hemivar.discrete.contact import ContactPoints
 from hemivar.discrete.operator_family import Composition, OperatorFamily
+from hemivar.discrete.potential import Potential, Tangent
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.space import Field
 from hemivar.fem.discretize import discretize
@@ -19,7 +20,7 @@ from hemivar.fem.dynamics import body_family
 from hemivar.fem.scalar_dynamics import scalar_family
 from hemivar.mechanics.scalar import ScalarProblem
 
-__all__ = ["Coarser", "coarser", "family_of", "rigid_motions"]
+__all__ = ["Coarser", "coarser", "family_of", "rigid_motions", "tangent_problem"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +48,21 @@ class Coarser:
     def posed(self, finer: DiscreteProblem) -> DiscreteProblem:
         """The coarser problem with load, gap and law of another problem on the finer mesh."""
         return self.problem.with_(
-            load=self.prolongation.T @ finer.load,
+            load=self.prolongation.T @ _stated_load(finer) - _initial_forces(self.problem),
             offset=finer.offset[self.shared],
             law=finer.law.take(self.shared),
         )
+
+    def restrict(self, unknowns: Array) -> Array:
+        """Coarse unknowns of the displacement field given by fine ones (n,), taken at the nodes that both meshes have.
+
+        They need not have been prolonged from anything.
+        """
+        coarse, parent = self.problem.field, self.field.mesh.parent
+        assert coarse is not None
+        assert parent is not None
+        same = _nodes_of_both(parent.interpolation)
+        return coarse.restrict(self.field.full(unknowns)[same])
 
     def interpolate(self, unknowns: Array) -> Array:
         """Fine unknowns (n,) of the coarse displacement field given by its unknowns."""
@@ -76,8 +88,10 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     field, statement = problem.field, problem.origin
     if field is None or statement is None or field.order != 1 or field.mesh.parent is None:
         return None
-    if problem.model.parts is not None:
+    if isinstance(problem.model.parts, Composition):
         return _coarser_in_time(problem, problem.model.parts)
+    if isinstance(problem.model.parts, Tangent):
+        return _coarser_tangent(problem, problem.model.parts)
     parent = field.mesh.parent
     coarse = discretize(replace(statement, mesh=parent.mesh), check_coercivity=False, evolving=True)
     assert coarse.field is not None
@@ -87,6 +101,35 @@ def coarser(problem: DiscreteProblem) -> Coarser | None:
     prolongation.eliminate_zeros()
     step = Coarser(coarse, prolongation, field, _shared_points(problem.contact, coarse.contact, parent.interpolation))
     return replace(step, problem=step.posed(problem))
+
+
+def _coarser_tangent(problem: DiscreteProblem, tangent: Tangent) -> Coarser | None:
+    """That of a linear body in the place of another one: the other one is made on the coarser mesh once."""
+    bulk = cast(Potential, tangent.problem.bulk)
+    step = cast("Coarser | None", bulk.known.once("coarser", lambda: coarser(tangent.problem)))
+    if step is None:
+        return None
+    coarse = tangent_problem(step.problem, step.restrict(tangent.unknowns))
+    assert problem.field is not None
+    step = replace(step, problem=coarse, field=problem.field)
+    return replace(step, problem=step.posed(problem))
+
+
+def tangent_problem(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
+    """The problem with the linear body that has the stiffness of its body at unknowns (n,)."""
+    bulk = cast(Potential, problem.bulk)
+    model = replace(problem.model, bulk=bulk.tangent(u), parts=Tangent(problem, u))
+    return replace(problem, model=model, law_known=True)
+
+
+def _stated_load(problem: DiscreteProblem) -> Array:
+    """The load (n,) apart from the internal forces of the prescribed displacements, of a body that is not linear."""
+    bulk = problem.bulk
+    return problem.load + bulk.initial_forces if isinstance(bulk, Potential) else problem.load
+
+
+def _initial_forces(problem: DiscreteProblem) -> Array | float:
+    return problem.bulk.initial_forces if isinstance(problem.bulk, Potential) else 0.0
 
 
 def _coarser_in_time(problem: DiscreteProblem, parts: Composition) -> Coarser | None:
@@ -123,14 +166,20 @@ def family_of(problem: DiscreteProblem, inertia: bool) -> OperatorFamily:
 
 def _shared_points(fine: ContactPoints, coarse: ContactPoints, interpolation: sp.csr_array) -> IntArray:
     """The finer contact point at the node and on the boundary of each coarser one."""
-    kept = np.flatnonzero(np.diff(interpolation.indptr) == 1)  # nodes that both meshes have
-    same = np.full(interpolation.shape[1], -1)
-    same[interpolation.indices[interpolation.indptr[kept]]] = kept
+    same = _nodes_of_both(interpolation)
     many = len(fine.names) + 1
     keys = fine.node * many + fine.boundary
     order = np.argsort(keys)
     wanted = same[coarse.node] * many + coarse.boundary
     return np.asarray(order[np.searchsorted(keys[order], wanted)], dtype=np.int64)
+
+
+def _nodes_of_both(interpolation: sp.csr_array) -> IntArray:
+    """The finer node at the place of each coarser one."""
+    kept = np.flatnonzero(np.diff(interpolation.indptr) == 1)
+    same = np.full(interpolation.shape[1], -1)
+    same[interpolation.indices[interpolation.indptr[kept]]] = kept
+    return same
 
 
 def rigid_motions(field: Field) -> Array:

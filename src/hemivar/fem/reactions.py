@@ -7,12 +7,14 @@ import numpy as np
 from hemivar.basics.arrays import norm
 from hemivar.basics.types import Array, IntArray
 from hemivar.discrete.model import quadratic
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem.assembly import load_vector
-from hemivar.fem.constitutive import constitutive_law
+from hemivar.fem.constitutive import EnergyLaw, constitutive_law
 from hemivar.fem.contact_points import shares
 from hemivar.fem.elements import barycentric_gradients, shape_derivatives
+from hemivar.fem.energy_integral import NodalEnergy
 from hemivar.fem.mass import cell_masses
 from hemivar.fem.quadrature import quadrature_rule
 from hemivar.fem.scalar_energy import scalar_reactions
@@ -66,7 +68,8 @@ def support_reactions(problem: DiscreteProblem, displacement: Array, multiplier:
     load = load_vector(mesh, order, stated.body_force, stated.tractions).reshape(-1, mesh.dim)
     moved = internal_forces(stated, supports.value, cells)
     expected = field.basis.T @ (load - moved).ravel()
-    quadratic(problem.bulk, "the reaction of a support")
+    if not isinstance(problem.bulk, Potential):
+        quadratic(problem.bulk, "the reaction of a support")
     if norm(expected - problem.load) > _SAME_LOAD * max(norm(load.ravel()), norm(moved.ravel())):
         raise ProblemError(
             "reactions are known under the stated load only, and this problem has another one; state that load"
@@ -102,7 +105,22 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
     """Forces that some cells exert on the nodes against a displacement, shape (nodes, d): their part of ``K U``.
 
     That of a bedding is counted."""
-    mesh, order, law = problem.mesh, problem.order, constitutive_law(problem)
+    mesh, order = problem.mesh, problem.order
+    forces = _of_material(problem, displacement, cells)
+    bedding = bedding_of(problem.bedding)
+    if not bedding.none:
+        nodes = mesh.cell_nodes(order)[cells]
+        own = cell_masses(mesh, order, bedding, cells) @ displacement[nodes]
+        forces = forces + sum_by(nodes.ravel(), own.reshape(-1, own.shape[2]), len(displacement))
+    return forces
+
+
+def _of_material(problem: ContactProblem, displacement: Array, cells: IntArray) -> Array:
+    mesh, order = problem.mesh, problem.order
+    if not problem.material.linear:
+        energy = NodalEnergy(mesh, order, EnergyLaw.of(problem.material, mesh.dim))
+        return energy.forces(displacement, cells)
+    law = constitutive_law(problem)
     matrices, _ = law.on(mesh, 2 * order, cells)
     barycentric, weights = quadrature_rule(mesh.dim, max(2 * (order - 1), 1) if law.homogeneous else 2 * order)
     gradients, nodes = barycentric_gradients(mesh, cells), mesh.cell_nodes(order)[cells]
@@ -113,7 +131,4 @@ def internal_forces(problem: ContactProblem, displacement: Array, cells: IntArra
         strain = law.strain(np.einsum("kld,klc->kcd", shapes, values))
         stress = (matrices[:, min(q, matrices.shape[1] - 1)] @ strain[:, :, None])[:, :, 0]
         forces += np.einsum("k,kcd,kld->klc", weight * volumes, stress[:, law.strains], shapes)
-    bedding = bedding_of(problem.bedding)
-    if not bedding.none:
-        forces += cell_masses(mesh, order, bedding, cells) @ values
     return sum_by(nodes.ravel(), forces.reshape(-1, forces.shape[2]), len(displacement))

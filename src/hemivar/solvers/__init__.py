@@ -10,6 +10,7 @@ from hemivar.solvers.methods import METHODS, method_named
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.nested import solve_nested, transfer_solution
 from hemivar.solvers.newton import NonsmoothNewton, Search
+from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.solve import solve, solving, suited
@@ -40,6 +41,7 @@ __all__ = [
     "PrimalDualActiveSet",
     "Progress",
     "ProximalBundle",
+    "ProximalNewton",
     "RootFinder",
     "Search",
     "SemismoothNewton",

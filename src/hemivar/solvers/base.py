@@ -12,13 +12,13 @@ from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import Residual
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.status import Status
-from hemivar.systems.contact_system import ContactSystem
+from hemivar.systems.contact_system import PointSystem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["PosedSystem", "Solver", "State"]
 
 
-class PosedSystem(ContactSystem, Protocol):
+class PosedSystem(PointSystem, Protocol):
     """A system of a problem that is in one place."""
 
     @property
@@ -107,6 +107,11 @@ class Solver(ABC):
     @property
     def handles_state(self) -> bool:
         """Whether it treats laws whose bounds depend on the solution."""
+        return False
+
+    @property
+    def handles_nonlinear(self) -> bool:
+        """Whether it treats bodies that are not linear."""
         return False
 
     def downhill(self) -> Solver:

@@ -17,7 +17,7 @@ from hemivar.solvers.controls import Budget, Controls
 from hemivar.solvers.loop import iterate
 from hemivar.solvers.newton import NonsmoothNewton
 from hemivar.solvers.status import STOPPED, Status
-from hemivar.systems.contact_system import ContactSystem
+from hemivar.systems.contact_system import PointSystem
 from hemivar.systems.workspace import Workspace
 
 __all__ = ["FixedPoint", "Outer"]
@@ -80,13 +80,17 @@ class FixedPoint(Solver):
     def handles_state(self) -> bool:
         return True
 
+    @property
+    def handles_nonlinear(self) -> bool:
+        return self.inner.handles_nonlinear
+
     def refuse(self, problem: DiscreteProblem) -> str | None:
         if not problem.law.state_dependent:
             return self.inner.refuse(problem)
         start = problem.local(np.zeros(problem.unknowns))
         return self.inner.refuse(problem.with_(law=problem.law.frozen(start, np.zeros(start.shape))))
 
-    def begin(self, system: ContactSystem, start: State, budget: Budget) -> State:
+    def begin(self, system: PointSystem, start: State, budget: Budget) -> State:
         return replace(start, memory=Outer(start.r, start.lam))
 
     @property
@@ -102,7 +106,7 @@ class FixedPoint(Solver):
     def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> object:
         return self.inner.prepare(problem, workspace)
 
-    def step(self, system: ContactSystem, state: State, budget: Budget) -> State:
+    def step(self, system: PointSystem, state: State, budget: Budget) -> State:
         memory: Outer = state.memory
         law = system.law.frozen(system.local(memory.r), memory.lam) if system.law.state_dependent else system.law
         ordinary = system.with_law(law)
@@ -166,7 +170,7 @@ class Outer:
     inner: Any = None
 
 
-def _size(system: ContactSystem, r: Array, lam: Array) -> float:
+def _size(system: PointSystem, r: Array, lam: Array) -> float:
     """Energy norm of a change of displacement, with that of the multiplier in the norm that goes with it."""
     compliance = spread(system.compliance, lam.shape[1])
     own = float((system.weights[:, None] * compliance * np.where(system.active, lam, 0.0) ** 2).sum())

@@ -74,6 +74,10 @@ class LoadStepping(Solver):
         return self.inner.handles_state
 
     @property
+    def handles_nonlinear(self) -> bool:
+        return self.inner.handles_nonlinear
+
+    @property
     def condenses(self) -> bool:
         return self.inner.condenses
 

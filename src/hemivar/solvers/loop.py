@@ -15,7 +15,7 @@ from hemivar.solvers.base import Solver, State
 from hemivar.solvers.contact_states import ContactStates, contact_states
 from hemivar.solvers.controls import Budget, Controls, OutOfTime, Progress
 from hemivar.solvers.status import Status
-from hemivar.systems.contact_system import ContactSystem
+from hemivar.systems.contact_system import PointSystem
 
 __all__ = ["Watch", "finish", "iterate", "states_of", "steps"]
 
@@ -28,7 +28,7 @@ Watch = Callable[[State, tuple[Progress, ...]], None]
 
 def iterate(
     solver: Solver,
-    system: ContactSystem,
+    system: PointSystem,
     state: State,
     controls: Controls,
     budget: Budget,
@@ -41,7 +41,7 @@ def iterate(
 
 def steps(
     solver: Solver,
-    system: ContactSystem,
+    system: PointSystem,
     state: State,
     controls: Controls,
     budget: Budget,
@@ -58,7 +58,7 @@ def steps(
     Parameters
     ----------
     solver : Solver
-    system : ContactSystem
+    system : PointSystem
     state : State
         Where to start, or what a run before this one ended with.
     controls : Controls
@@ -141,7 +141,7 @@ def _stopped(due: float) -> Status:
 
 
 def states_of(
-    system: ContactSystem,
+    system: PointSystem,
     r: Array,
     lam: Array,
     *,
@@ -157,7 +157,7 @@ def states_of(
 
 
 def finish(
-    system: ContactSystem, state: State, status: Status, controls: Controls, excused: float = 0.0
+    system: PointSystem, state: State, status: Status, controls: Controls, excused: float = 0.0
 ) -> tuple[Array, Array, Residual, Status]:
     """All unknowns from the iterate, a multiplier, the residual of the full problem and the status that this allows.
 

@@ -15,6 +15,7 @@ from hemivar.basics.arrays import real_array
 from hemivar.basics.generators import result_of
 from hemivar.basics.types import Array
 from hemivar.coercivity.recession import Verdict, decide
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem.posed import Posable, posed
@@ -29,6 +30,7 @@ from hemivar.solvers.loop import finish, steps
 from hemivar.solvers.methods import method_named
 from hemivar.solvers.multigrid import NonsmoothMultigrid
 from hemivar.solvers.newton import NonsmoothNewton, Search
+from hemivar.solvers.proximal_newton import ProximalNewton
 from hemivar.solvers.semismooth import SemismoothNewton
 from hemivar.solvers.solution import Solution
 from hemivar.solvers.status import STOPPED, Status
@@ -67,7 +69,8 @@ def solve(
         The method with its options, or the name of one, as ``hemivar methods`` lists them; by name, it is made
         :func:`suited` to friction bounds that depend on the solution. By default :class:`NonsmoothNewton`, or
         :class:`NonsmoothMultigrid` where that is predicted to be faster or the memory to be too small (:func:`choose`;
-        the logger ``hemivar`` says which and why).
+        the logger ``hemivar`` says which and why). Where the body is not linear it runs inside a
+        :class:`ProximalNewton`.
     controls : Controls, optional
         Tolerances, limits, callback.
     rtol, max_steps, max_time : optional
@@ -137,6 +140,7 @@ def solving(
             chosen, reason = NonsmoothNewton(), f"NonsmoothNewton for {problem.unknowns} unknowns, condensed already"
         solver = suited(chosen, problem)
         logging.getLogger("hemivar").info("%s", reason)
+    solver = _for_body(solver, problem)
     controls = Controls() if controls is None else controls
     attempts = _attempts(solver, problem, initial is None)
     solver = attempts[0]
@@ -163,7 +167,7 @@ def _attempts(solver: Solver, problem: DiscreteProblem, from_rest: bool) -> list
     if problem.limit is None:
         return [solver]
     own = solver.downhill()
-    steps = from_rest and isinstance(own, NonsmoothNewton | NonsmoothMultigrid | FixedPoint)
+    steps = from_rest and isinstance(own, NonsmoothNewton | NonsmoothMultigrid | FixedPoint | ProximalNewton)
     return [own, LoadStepping(own)] if steps else [own]
 
 
@@ -278,8 +282,9 @@ def _solution(system: PosedSystem, end: _End) -> Solution:
 
 
 def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
-    """The method, able to treat a law that depends on the solution if the problem has one.
+    """The method, able to treat a body that is not linear, and a law that depends on the solution, if there is one.
 
+    Every method runs inside a :class:`ProximalNewton` where the body is not linear. Else
     :class:`NonsmoothNewton` and :class:`NonsmoothMultigrid` become :class:`SemismoothNewton` where the bound has
     derivatives; every other method runs inside a :class:`FixedPoint`.
 
@@ -292,10 +297,22 @@ def suited(solver: Solver, problem: DiscreteProblem) -> Solver:
     -------
     Solver
     """
+    solver = _for_body(solver, problem)
     if not problem.law.state_dependent or solver.handles_state:
         return solver
     follows = isinstance(solver, TruncatedNewton) and solver.search is Search.GLOBAL and problem.law.follows_state
     return SemismoothNewton(FixedPoint(solver)) if follows else FixedPoint(solver)
+
+
+def _for_body(solver: Solver, problem: DiscreteProblem) -> Solver:
+    """The method, able to treat the body of a problem."""
+    if isinstance(problem.bulk, Quadratic) or solver.handles_nonlinear:
+        return solver
+    if isinstance(solver, SemismoothNewton):
+        return _for_body(solver.fallback, problem)
+    if isinstance(solver, FixedPoint | LoadStepping):
+        return replace(solver, inner=_for_body(solver.inner, problem))
+    return ProximalNewton(solver)
 
 
 def _start(system: PosedSystem, solver: Solver, initial: Solution | Array | None, budget: Budget) -> State:

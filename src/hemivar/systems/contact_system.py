@@ -10,21 +10,42 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from hemivar.basics.types import Array
+from hemivar.basics.types import Array, BoolArray
 from hemivar.discrete.contact_energy import contact_energy, law_forces
 from hemivar.discrete.residual import LoadScale, Residual
 from hemivar.laws import ContactLaw
+from hemivar.linear.vectors import Vectors
 from hemivar.systems.contact_moves import ContactBody
 from hemivar.systems.newton_equation import NewtonEquation
 
-__all__ = ["ContactSystem", "Equilibrium"]
+__all__ = ["ContactSystem", "Equilibrium", "PointSystem"]
 
 #: Part of the largest displacement or gap by which a penetration may pass the end of a law: rounding.
 _PASSED = 1e-12
 
 
-class ContactSystem(ContactBody, Protocol):
-    """A body with its foundation, as a method sees it; arrays are those of this process."""
+class PointSystem(Protocol):
+    """A body with its foundation, as the loop sees it, linear or not; arrays are those of this process."""
+
+    @property
+    def vectors(self) -> Vectors:
+        """How the parts of all processes are looked at together."""
+        ...
+
+    @property
+    def law(self) -> ContactLaw:
+        """The contact law."""
+        ...
+
+    @property
+    def weights(self) -> Array:
+        """Quadrature weights (m,)."""
+        ...
+
+    @property
+    def active(self) -> BoolArray:
+        """Components (m, d) that are free to move."""
+        ...
 
     @property
     def compliance(self) -> Array:
@@ -88,31 +109,6 @@ class ContactSystem(ContactBody, Protocol):
         """Sizes of what is added up in :meth:`out_of_balance`, flat."""
         ...
 
-    @property
-    def stiffest(self) -> float:
-        """Largest eigenvalue of the contact block scaled by its diagonal."""
-        ...
-
-    def moved(self, x: Array, r: Array) -> Array:
-        """The point with its contact points changed so that their local displacements are ``r (m, d)``."""
-        ...
-
-    def multiply(self, change: Array) -> Array:
-        """Elastic force that a change of a point takes away, of its shape."""
-        ...
-
-    def multiply_contact(self, change: Array) -> Array:
-        """The same for a change of the contact points alone, all else being held."""
-        ...
-
-    def refreshed(self, x: Array, force: Array) -> Array:
-        """:meth:`out_of_balance` of a point where it is ``force`` up to rounding; computed anew where that is cheap."""
-        ...
-
-    def newton_equation(self, known: NewtonEquation | None = None) -> NewtonEquation:
-        """Newton's equation of the system, for one solve; ``known`` is that of the same body on another foundation."""
-        ...
-
     def stretch(self, change: Array) -> float:
         """Energy norm of a difference of two points."""
         ...
@@ -142,13 +138,42 @@ class ContactSystem(ContactBody, Protocol):
         ...
 
 
+class ContactSystem(PointSystem, ContactBody, Protocol):
+    """A linear body with its foundation, as Newton's method sees it."""
+
+    @property
+    def stiffest(self) -> float:
+        """Largest eigenvalue of the contact block scaled by its diagonal."""
+        ...
+
+    def moved(self, x: Array, r: Array) -> Array:
+        """The point with its contact points changed so that their local displacements are ``r (m, d)``."""
+        ...
+
+    def multiply(self, change: Array) -> Array:
+        """Elastic force that a change of a point takes away, of its shape."""
+        ...
+
+    def multiply_contact(self, change: Array) -> Array:
+        """The same for a change of the contact points alone, all else being held."""
+        ...
+
+    def refreshed(self, x: Array, force: Array) -> Array:
+        """:meth:`out_of_balance` of a point where it is ``force`` up to rounding; computed anew where that is cheap."""
+        ...
+
+    def newton_equation(self, known: NewtonEquation | None = None) -> NewtonEquation:
+        """Newton's equation of the system, for one solve; ``known`` is that of the same body on another foundation."""
+        ...
+
+
 class Equilibrium:
     """Energy, multiplier and residual of the points of a system.
 
-    In all of them ``force`` is :meth:`ContactSystem.out_of_balance` of the point where the caller has it already.
+    In all of them ``force`` is :meth:`PointSystem.out_of_balance` of the point where the caller has it already.
     """
 
-    def law_at(self: ContactSystem, x: Array, lam: Array | None = None) -> ContactLaw:
+    def law_at(self: PointSystem, x: Array, lam: Array | None = None) -> ContactLaw:
         """The law, with a bound that depends on the solution evaluated at ``x`` and the multiplier ``lam (m, d)``, by
         default what is in equilibrium with ``x``."""
         if not self.law.state_dependent:
@@ -156,7 +181,7 @@ class Equilibrium:
         lam = _balancing(self, self.out_of_balance(x)) if lam is None else lam
         return self.law.frozen(self.local(x), lam)
 
-    def energy(self: ContactSystem, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
+    def energy(self: PointSystem, x: Array, lam: Array | None = None, force: Array | None = None) -> float:
         """E(u) of the displacement that a point stands for.
 
         Parameters
@@ -173,7 +198,7 @@ class Equilibrium:
         own = contact_energy(law, self.weights, self.local(x), close)
         return float(self.vectors.total(elastic + own)[0]) + self.constant
 
-    def multiplier(self: ContactSystem, x: Array, force: Array | None = None) -> Array:
+    def multiplier(self: PointSystem, x: Array, force: Array | None = None) -> Array:
         """The multiplier (m, d) in equilibrium with ``x``; on fixed components the smallest that the law allows."""
         lam = _balancing(self, self.out_of_balance(x) if force is None else force)
         if not self.active.all():
@@ -182,7 +207,7 @@ class Equilibrium:
             lam = np.where(self.active, lam, reaction)
         return lam
 
-    def residual(self: ContactSystem, x: Array, lam: Array, force: Array | None = None) -> Residual:
+    def residual(self: PointSystem, x: Array, lam: Array, force: Array | None = None) -> Residual:
         """The residual of the pair; what is not in the point is in equilibrium.
 
         Parameters
@@ -202,6 +227,6 @@ class Equilibrium:
         return Residual.of(sizes[0], sizes[1], self.load_scale, sizes[2], sizes[3])
 
 
-def _balancing(system: ContactSystem, force: Array) -> Array:
+def _balancing(system: PointSystem, force: Array) -> Array:
     """The multiplier (m, d) that takes up a force."""
     return np.asarray(system.at_contact(force) / system.weights[:, None])

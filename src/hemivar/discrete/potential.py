@@ -1,0 +1,147 @@
+"""The stored energy of a body that is not linear, shifted so that it and its derivative are zero at u = 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.arrays import norm
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.portable import Portable
+from hemivar.basics.recent import Recent
+from hemivar.basics.types import Array
+from hemivar.discrete.bulk import Quadratic
+
+if TYPE_CHECKING:
+    from hemivar.discrete.problem import DiscreteProblem
+
+__all__ = ["BodyEnergy", "Potential", "Tangent"]
+
+
+class BodyEnergy(Protocol):
+    """Stored energy of a body by its unknowns, prescribed displacements included."""
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        ...
+
+    def value(self, u: Array) -> float:
+        """The energy at the unknowns u (n,)."""
+        ...
+
+    def gradient(self, u: Array) -> Array:
+        """Its derivative (n,)."""
+        ...
+
+    def hessian(self, u: Array) -> sp.csr_array:
+        """Its second derivative (n, n), symmetric, on one sparsity for all u."""
+        ...
+
+    def lower(self) -> sp.csr_array | None:
+        """A matrix (n, n) below every second derivative and positive where they are; None if none is known."""
+        ...
+
+    def upper(self) -> sp.csr_array:
+        """A matrix (n, n) above every second derivative."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Potential(Portable):
+    """Stored energy of a body that is not linear, a :class:`Bulk`: ``W(u) - W(0) - W'(0) u``.
+
+    What is taken away, which prescribed displacements leave, belongs to load and constant of the loading, as for a
+    linear body.
+
+    Parameters
+    ----------
+    energy : BodyEnergy
+        W.
+    """
+
+    energy: BodyEnergy
+
+    def __repr__(self) -> str:
+        return f"Potential({self.unknowns} unknowns)"
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return self.energy.unknowns
+
+    @cached_property
+    def initial_value(self) -> float:
+        """``W(0)``, the energy of the prescribed displacements alone."""
+        return self.energy.value(np.zeros(self.unknowns))
+
+    @cached_property
+    def initial_forces(self) -> Array:
+        """``W'(0)``, (n,): internal forces under the prescribed displacements alone."""
+        return self.energy.gradient(np.zeros(self.unknowns))
+
+    def value(self, u: Array) -> float:
+        """``W(u) - W(0) - W'(0) u``."""
+        return self.energy.value(u) - self.initial_value - float(self.initial_forces @ u)
+
+    def gradient(self, u: Array) -> Array:
+        """``W'(u) - W'(0)``, shape (n,)."""
+        return np.asarray(self.energy.gradient(u) - self.initial_forces)
+
+    def hessian(self, u: Array) -> sp.csr_array:
+        """``W''(u)``, (n, n)."""
+        return self.energy.hessian(u)
+
+    def tangent(self, u: Array) -> Quadratic:
+        """The linear body with the stiffness ``W''(u)``."""
+        return Quadratic(self.hessian(u), assembled=True)
+
+    @cached_property
+    def at_rest(self) -> Quadratic:
+        """The linear body with the stiffness at u = 0."""
+        return self.tangent(np.zeros(self.unknowns))
+
+    @cached_property
+    def lower(self) -> Quadratic | None:
+        """A linear body below, by which this one is strongly monotone; None if no bound is known."""
+        found = self.energy.lower()
+        return None if found is None else Quadratic(found, assembled=True)
+
+    @cached_property
+    def upper(self) -> Quadratic:
+        """A linear body above: no second derivative exceeds its stiffness."""
+        return Quadratic(self.energy.upper(), assembled=True)
+
+    @cached_property
+    def known(self) -> Recent[str, object]:
+        """What others found out about it: its coarser level."""
+        return Recent(1)
+
+    @property
+    def diagonal(self) -> Array:
+        """Diagonal of the stiffness at u = 0, shape (n,)."""
+        return self.at_rest.diagonal
+
+    def rounding_scale(self, u: Array, load: Array) -> float:
+        """Norm of the sizes of what is added up in ``f - W'(u)``, entry by entry, by the stiffness at u = 0."""
+        return norm(self.at_rest.row_sums * np.abs(u) + np.abs(load) + np.abs(self.initial_forces))
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent(Portable):
+    """Where a linear body has its stiffness from: a body that is not linear, and the place; on a coarser mesh it is
+    made of the body there.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+        Of the body that is not linear.
+    unknowns : array (n,)
+        The place.
+    """
+
+    problem: DiscreteProblem
+    unknowns: Array

@@ -1,0 +1,210 @@
+"""The stored energy of a body that is not linear, integrated: its value, its forces and its stiffness at a field."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.portable import Portable
+from hemivar.basics.types import Array, BoolArray, IntArray
+from hemivar.fem.assembly import portions, stiffness_blocks
+from hemivar.fem.constitutive import ConstitutiveLaw, EnergyLaw
+from hemivar.fem.edge_blocks import EdgeBlocks, NodeGraph, node_graph
+from hemivar.fem.elements import scaled_gradients, shape_derivatives
+from hemivar.fem.quadrature import at_quadrature_points, quadrature_rule
+from hemivar.mesh.mesh import Mesh
+
+__all__ = ["EnergyIntegral", "NodalEnergy"]
+
+
+@dataclass(frozen=True, eq=False)
+class NodalEnergy(Portable):
+    """``int W(strain(U))`` of nodal values U (nodes, c).
+
+    Where W is the same all over a cell and elements are linear, one point of quadrature is exact; else the rule is of
+    degree 2 (order 1) or 4 (order 2).
+
+    Attributes
+    ----------
+    mesh : Mesh
+    order : int
+    law : EnergyLaw
+    """
+
+    mesh: Mesh
+    order: int
+    law: EnergyLaw
+
+    @cached_property
+    def graph(self) -> NodeGraph:
+        """Which nodes couple."""
+        return node_graph(self.mesh, self.order)
+
+    @cached_property
+    def degree(self) -> int:
+        """Of the rule of quadrature."""
+        return 1 if self.order == 1 and self.law.uniform else 2 * self.order
+
+    def value(self, field: Array) -> float:
+        """The energy."""
+        total = 0.0
+        for part in portions(self.mesh, self.order):
+            density, weights = self.at(self.law.density.energy, self.strains(field, part)[0], part)
+            total += float(self.mesh.volumes[part] @ (density @ weights))
+        return total
+
+    def forces(self, field: Array, cells: IntArray | None = None) -> Array:
+        """Its derivative (nodes, c): the internal forces of all cells or of some."""
+        count, components, strains = len(field), field.shape[1], self.law.strains
+        total = np.zeros((components, count))
+        nodes_of = self.mesh.cell_nodes(self.order)
+        for part in portions(self.mesh, self.order) if cells is None else [cells]:
+            strain, shapes = self.strains(field, part)
+            stress, weights = self.at(self.law.density.stress, strain, part)
+            nodes, volumes = nodes_of[part].T, self.mesh.volumes[part]
+            for i in range(components):
+                local = np.zeros(nodes.shape)
+                for q, (h, weight) in enumerate(zip(shapes, weights, strict=True)):
+                    for k in range(strains.shape[1]):
+                        local += h[:, k] * (weight * stress[:, q, strains[i, k]])
+                local *= volumes
+                total[i] += np.bincount(nodes.ravel(), local.ravel(), minlength=count)
+        return np.ascontiguousarray(total.T)
+
+    def blocks(self, field: Array) -> EdgeBlocks:
+        """Its second derivative by nodes and edges: the stiffness at the field."""
+        strains = self.law.strains
+        return stiffness_blocks(self.mesh, _TangentLaw(strains, _not_by_points, False, self, field), self.graph)
+
+    def bound(self, upper: bool) -> EdgeBlocks:
+        """The stiffness of the upper tensor, or of the lower one."""
+        density, law = self.law.density, self.law
+        tensor = density.upper_tensor if upper else density.lower_tensor
+        return stiffness_blocks(self.mesh, ConstitutiveLaw(law.strains, tensor, law.homogeneous), self.graph)
+
+    @property
+    def bounded_below(self) -> bool:
+        """Whether a lower tensor is known in all cells."""
+        tensors = (
+            at_quadrature_points(self.mesh, self.degree, self.law.density.lower_tensor, part)[0]
+            for part in portions(self.mesh, self.order)
+        )
+        return all(bool((np.einsum("mqii->mqi", tensor) > 0.0).all()) for tensor in tensors)
+
+    def strains(self, field: Array, part: slice | IntArray) -> tuple[Array, list[Array]]:
+        """Strains (k q, v) of some cells, by cells and points; and at each point the gradients (L, d, k) of the shape
+        functions."""
+        barycentric, _ = quadrature_rule(self.mesh.dim, self.degree)
+        slopes = scaled_gradients(self.mesh, part, self.mesh.volumes[part])
+        values = np.ascontiguousarray(field[self.mesh.cell_nodes(self.order)[part]].transpose(1, 2, 0))
+        flat, shapes = slopes.reshape(len(slopes), -1), []
+        found = np.zeros((slopes.shape[2], len(barycentric), int(self.law.strains.max()) + 1))
+        for q, place in enumerate(barycentric):
+            h = slopes
+            if self.order > 1:
+                h = (shape_derivatives(self.order, place) @ flat).reshape(-1, *slopes.shape[1:])
+            shapes.append(h)
+            for (i, k), row in np.ndenumerate(self.law.strains):
+                for node in range(len(h)):
+                    found[:, q, row] += h[node, k] * values[node, i]
+        return found.reshape(-1, found.shape[2]), shapes
+
+    def at(
+        self, density: Callable[[Array, Array, dict[str, BoolArray]], Array], strain: Array, part: slice | IntArray
+    ) -> tuple[Array, Array]:
+        """A function of points, strains and regions at the points of some cells, (k, q, ...); and their weights."""
+        return at_quadrature_points(self.mesh, self.degree, lambda points, masks: density(points, strain, masks), part)
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyIntegral(Portable):
+    """The energy of the unknowns u (n,), ``int W(strain(P u + u0))``, with that of a bedding.
+
+    Attributes
+    ----------
+    nodal : NodalEnergy
+    basis : sparse array, shape (nodes * c, n)
+        P.
+    prescribed : array, shape (nodes, c)
+        u0.
+    directions : array, shape (nodes, c, c), or None
+        Those of the components of every node; None for those along the axes.
+    free : bool array, shape (nodes, c)
+        Which of them are unknowns.
+    bedding : EdgeBlocks or None
+        Its stiffness, in components along the axes.
+    """
+
+    nodal: NodalEnergy
+    basis: sp.csr_array
+    prescribed: Array
+    directions: Array | None
+    free: BoolArray
+    bedding: EdgeBlocks | None = None
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return int(self.basis.shape[1])
+
+    def field(self, u: Array) -> Array:
+        """Nodal values ``P u + u0``, shape (nodes, c)."""
+        return np.asarray((self.basis @ u).reshape(self.free.shape) + self.prescribed)
+
+    def value(self, u: Array) -> float:
+        """The energy at unknowns (n,)."""
+        field = self.field(u)
+        own = 0.0 if self.bedding is None else 0.5 * float(np.vdot(field, self.bedding.times(field)))
+        return self.nodal.value(field) + own
+
+    def forces(self, u: Array) -> Array:
+        """Internal forces and those of the bedding on all nodes, (nodes, c)."""
+        field = self.field(u)
+        forces = self.nodal.forces(field)
+        return forces if self.bedding is None else forces + self.bedding.times(field)
+
+    def gradient(self, u: Array) -> Array:
+        """Its derivative (n,)."""
+        return np.asarray(self.basis.T @ self.forces(u).ravel())
+
+    def hessian(self, u: Array) -> sp.csr_array:
+        """Its second derivative (n, n), on the sparsity of the stiffness of a linear body."""
+        return self._reduced(self.nodal.blocks(self.field(u)))
+
+    def lower(self) -> sp.csr_array | None:
+        """The stiffness of the lower tensor (n, n); None where it is not known everywhere."""
+        return self._reduced(self.nodal.bound(upper=False)) if self.nodal.bounded_below else None
+
+    def upper(self) -> sp.csr_array:
+        """The stiffness of the upper tensor (n, n)."""
+        return self._reduced(self.nodal.bound(upper=True))
+
+    def _reduced(self, blocks: EdgeBlocks) -> sp.csr_array:
+        """The matrix (n, n) of blocks, which are used up, and of the bedding."""
+        if self.bedding is not None:
+            np.add(blocks.diagonal, self.bedding.diagonal, out=blocks.diagonal)
+            np.add(blocks.upper, self.bedding.upper, out=blocks.upper)
+        if self.directions is not None:
+            blocks.turn(self.directions)
+        return blocks.matrix(self.free)
+
+
+@dataclass(frozen=True, eq=False)
+class _TangentLaw(ConstitutiveLaw):
+    """The derivative of the stress at the strains of a field (nodes, c), at the points of the rule of the energy."""
+
+    energy: NodalEnergy
+    field: Array
+
+    def on(
+        self, mesh: Mesh, degree: int, cells: slice | IntArray = slice(None), vertices: IntArray | None = None
+    ) -> tuple[Array, Array]:
+        return self.energy.at(self.energy.law.density.tangent, self.energy.strains(self.field, cells)[0], cells)
+
+
+def _not_by_points(points: Array, regions: object) -> Array:
+    raise NotImplementedError("the derivative of the stress follows the field, cell by cell")

@@ -1,0 +1,257 @@
+"""Bodies that are not linear: contact problems of linear bodies in their place, and a search along the way to each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hemivar.basics.arguments import expect, whole_number
+from hemivar.basics.types import Array
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.contact_energy import contact_energy
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.errors import ProblemError
+from hemivar.solvers.base import Solver, State
+from hemivar.solvers.controls import Budget, Controls
+from hemivar.solvers.loop import iterate
+from hemivar.solvers.newton import NonsmoothNewton
+from hemivar.solvers.status import STOPPED, Status
+from hemivar.systems.nonlinear_body import NonlinearBody, linear_bulk
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["ProximalNewton"]
+
+#: Part of the fall of the model by which the energy must fall.
+_FALLS = 0.1
+#: What rounding makes of an energy, relative to its parts.
+_ROUNDED = 1e-14
+#: Relative residual up to which coarser meshes are solved, and the most steps there.
+_NESTED, _NESTED_STEPS = 1e-3, 15
+
+
+@dataclass(frozen=True)
+class ProximalNewton(Solver):
+    """Proximal Newton method for bodies that are not linear (Lee, Sun and Saunders 2014).
+
+    Each step solves the contact problem of a linear body that has the forces and the stiffness of this one at the
+    place, as accurately as the residual has fallen so far, and goes towards its answer as far as the energy itself
+    falls by a part of what the linear body makes it fall.  Where no part of that way serves, the stiffness of the upper
+    bound of the material takes the place of the tangent; its energy lies above the true one.  So the energy never
+    rises, and the steps converge where contact softens less than the lower bound of the material is stiff.
+
+    With a method on meshes it starts from the answer on the next coarser mesh.
+
+    Parameters
+    ----------
+    inner : Solver
+        Method for the linear bodies.
+    forcing : float
+        Part of the residual that a step may leave at most, in (0, 1).
+    halvings : int
+        How often a step may be halved.
+    tolerance : float, optional
+        Residual, relative to the load, below which linear bodies need not be solved; a tenth of ``Controls.rtol`` by
+        default.
+    """
+
+    inner: Solver = field(default_factory=NonsmoothNewton)
+    forcing: float = 0.1
+    halvings: int = 8
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        expect(self.inner, Solver, "ProximalNewton.inner", "pass a method such as NonsmoothNewton()")
+        whole_number(self.halvings, "ProximalNewton.halvings", 0)
+        if not 0.0 < self.forcing < 1.0:
+            raise ProblemError(f"ProximalNewton.forcing is {self.forcing}; it must be in (0, 1)")
+        if self.inner.handles_state or isinstance(self.inner, ProximalNewton):
+            raise ProblemError(
+                f"{self.inner.name} inside ProximalNewton has no energy that could fall; put it outside: "
+                "FixedPoint(ProximalNewton(...))"
+            )
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Name in tables."""
+        return f"proximal-newton({self.inner.name})"
+
+    @property
+    def descends(self) -> bool:  # type: ignore[override]
+        """Its energy never rises."""
+        return True
+
+    @property
+    def condenses(self) -> bool:
+        return self.inner.condenses
+
+    @property
+    def handles_nonlinear(self) -> bool:
+        return True
+
+    def refuse(self, problem: DiscreteProblem) -> str | None:
+        if not problem.contact_points:
+            return None
+        return self.inner.refuse(problem.with_(bulk=linear_bulk(problem.bulk, np.zeros(problem.unknowns))))
+
+    def for_tolerance(self, rtol: float) -> Solver:
+        return self if self.tolerance is not None else replace(self, tolerance=0.1 * rtol)
+
+    def downhill(self) -> Solver:
+        return replace(self, inner=self.inner.downhill())
+
+    def prepare(self, problem: DiscreteProblem, workspace: Workspace) -> NonlinearBody:
+        return NonlinearBody.of(problem, workspace)
+
+    def first_guess(self, system: NonlinearBody, budget: Budget) -> tuple[Array, Status | None]:
+        below = None if self.inner.condenses else system.posed_below()
+        if below is None:
+            return system.start(), None
+        x, stopped = self.first_guess(below, budget)
+        if stopped is None:
+            rough = replace(self, tolerance=0.1 * _NESTED)
+            controls = Controls(rtol=_NESTED, max_steps=_NESTED_STEPS)
+            found, status, _ = iterate(rough, below, State(x, below.multiplier(x)), controls, budget)
+            x, stopped = found.r, status if status in STOPPED else None
+        return system.start(system.from_below(x)), stopped
+
+    def begin(self, system: NonlinearBody, start: State, budget: Budget) -> State:
+        return _state(system, start.r, start.evaluations, system.out_of_balance(start.r))
+
+    def step(self, system: NonlinearBody, state: State, budget: Budget) -> State:
+        memory: _Memory = state.memory
+        assert state.residual is not None
+        evaluations, now = state.evaluations, state.residual
+        wanted = min(self.forcing, now.total / memory.first if memory.first > 0.0 else self.forcing) * now.total
+        wanted = max(wanted, (self.tolerance or 0.0) * now.scale)
+        for method, model in self._models(system, state.r, memory.force):
+            budget.check()
+            accurate = method.for_tolerance(wanted / now.scale) if now.scale > 0.0 else method
+            posed = accurate.prepare(model, Workspace(1))
+            begin = posed.start(posed.of_unknowns(state.r))
+            controls = Controls(rtol=0.0, atol=wanted, max_time=budget.left)
+            found, status, _ = iterate(accurate, posed, State(begin, posed.multiplier(begin)), controls, budget)
+            evaluations += found.evaluations
+            end = posed.recover(found.r, found.lam)[0]
+            accurate.release(found)
+            if status in STOPPED or status is Status.UNBOUNDED:
+                return replace(state, evaluations=evaluations, ended=status)
+            reached = _Line.of(system, state, end - state.r, model.linear).search(self.halvings)
+            if reached is not None:
+                x, energy = reached
+                return _state(system, x, evaluations, system.out_of_balance(x), memory.first, energy)
+        return replace(state, evaluations=evaluations, ended=Status.STALLED)
+
+    def _models(self, system: NonlinearBody, x: Array, force: Array) -> Iterator[tuple[Solver, DiscreteProblem]]:
+        """Methods and problems of linear bodies, to be tried one after the other."""
+        tangent = system.tangent_at(x, force)
+        yield self.inner, tangent
+        careful = self.inner.downhill()
+        if careful is not self.inner:
+            yield careful, tangent
+        above = system.above_at(x, force)
+        if above is not None:
+            yield self.inner, above
+
+
+@dataclass(frozen=True, eq=False)
+class _Memory:
+    """What the method keeps between its steps: out of balance force (n,) at the place, and the first residual."""
+
+    force: Array
+    first: float
+
+
+def _state(
+    system: NonlinearBody,
+    x: Array,
+    evaluations: int,
+    force: Array,
+    first: float | None = None,
+    energy: float | None = None,
+) -> State:
+    """The state at a place where the force that is left is known; and the energy, if it was compared with another."""
+    lam = system.multiplier(x, force)
+    found = system.residual(x, lam, force)
+    memory = _Memory(force, found.total if first is None else first)
+    energy = system.energy(x) if energy is None else energy
+    return State(x, lam, evaluations, energy=energy, residual=found, memory=memory)
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """The energy, and that of the model, along the way from a place to the answer of the model.
+
+    Attributes
+    ----------
+    system : NonlinearBody
+    x, way : arrays (n,)
+    total, energy, contact : float
+        Residual, energy and its part of the contact points at x.
+    slope, square : float
+        Work of the out of balance force along the way, and twice the energy of the linear body.
+    rounding : float
+        What the arithmetic alone makes of a difference of energies.
+    """
+
+    system: NonlinearBody
+    x: Array
+    way: Array
+    total: float
+    energy: float
+    contact: float
+    slope: float
+    square: float
+    rounding: float
+
+    @staticmethod
+    def of(system: NonlinearBody, state: State, way: Array, bulk: Quadratic) -> _Line:
+        assert state.residual is not None
+        assert state.energy is not None
+        force = state.memory.force
+        contact = _contact(system, state.r)
+        stored = system.bulk.value(state.r)
+        parts = abs(stored) + float(np.abs(system.load) @ np.abs(state.r)) + abs(contact) + abs(system.constant)
+        return _Line(
+            system,
+            state.r,
+            way,
+            state.residual.total,
+            state.energy,
+            contact,
+            float(force @ way),
+            float(way @ bulk.gradient(way)),
+            _ROUNDED * parts,
+        )
+
+    def search(self, halvings: int) -> tuple[Array, float] | None:
+        """Where the energy falls enough, (n,), and the energy there; None where it does not."""
+        length = 1.0
+        for attempt in range(halvings + 1):
+            new = self.x + length * self.way
+            contact = _contact(self.system, new)
+            model = contact - self.contact - length * self.slope + 0.5 * length**2 * self.square
+            if math.isfinite(contact):
+                energy = self.system.energy(new)
+                fall = energy - self.energy
+                if model < 0.0 and fall <= _FALLS * model:
+                    return new, energy
+                rounded = max(abs(model), fall) <= self.rounding
+                if attempt == 0 and rounded and self._better(new):
+                    return new, min(energy, self.energy)
+            length *= 0.5
+        return None
+
+    def _better(self, new: Array) -> bool:
+        """Whether the residual is smaller; asked where energies cannot be told apart."""
+        force = self.system.out_of_balance(new)
+        return self.system.residual(new, self.system.multiplier(new, force), force).total < self.total
+
+
+def _contact(system: NonlinearBody, x: Array) -> float:
+    """What the law adds to the energy."""
+    if not system.problem.contact_points:
+        return 0.0
+    return contact_energy(system.law_at(x), system.weights, system.local(x), 1e-12 * system.magnitude(x))

@@ -1,0 +1,250 @@
+"""A body that is not linear with its foundation: all unknowns, and the linear bodies that take its place near them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from hemivar.basics.first_use import cached_property
+from hemivar.basics.types import Array, BoolArray
+from hemivar.coercivity.free_motion import free_growth
+from hemivar.coercivity.recession import Growth
+from hemivar.discrete.bulk import Bulk, Quadratic
+from hemivar.discrete.potential import Potential
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.discrete.residual import LoadScale, Residual, contact_compliance, load_scale
+from hemivar.fem.hierarchy import Coarser, coarser, tangent_problem
+from hemivar.laws import ContactLaw
+from hemivar.linear.cycle import selects
+from hemivar.linear.vectors import WHOLE, Vectors
+from hemivar.systems.contact_system import Equilibrium
+from hemivar.systems.workspace import Workspace
+
+__all__ = ["NonlinearBody", "linear_bulk"]
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearBody(Equilibrium):
+    """Energy of all unknowns of a body whose stored energy need not be quadratic.
+
+    Attributes
+    ----------
+    problem : DiscreteProblem
+    workspace : Workspace
+        Where what belongs to its model is kept.
+    seconds : float
+        Spent on setting up.
+    """
+
+    problem: DiscreteProblem
+    workspace: Workspace
+    seconds: float = 0.0
+
+    @staticmethod
+    def of(problem: DiscreteProblem, workspace: Workspace) -> NonlinearBody:
+        """The body of a problem; its stiffness at rest is made."""
+        began = time.perf_counter()
+        body = NonlinearBody(problem, workspace)
+        body.at_rest  # noqa: B018 - made while the clock runs
+        return replace(body, seconds=time.perf_counter() - began)
+
+    @property
+    def bulk(self) -> Bulk:
+        """The stored energy."""
+        return self.problem.bulk
+
+    @property
+    def at_rest(self) -> Quadratic:
+        """The linear body with the stiffness at rest, by which sizes are compared."""
+        bulk = self.bulk
+        if isinstance(bulk, Quadratic | Potential):
+            return bulk.at_rest
+        model = self.problem.model
+        return self.workspace.once("stiffness at rest", model, lambda: linear_bulk(bulk, np.zeros(bulk.unknowns)))
+
+    @property
+    def law(self) -> ContactLaw:
+        """The contact law."""
+        return self.problem.law
+
+    @property
+    def weights(self) -> Array:
+        """Quadrature weights (m,)."""
+        return self.problem.contact.weights
+
+    @property
+    def vectors(self) -> Vectors:
+        """It is in one piece."""
+        return WHOLE
+
+    @cached_property
+    def active(self) -> BoolArray:
+        """Components (m, d) that are free to move."""
+        return np.asarray(np.diff(self.problem.contact.trace.indptr) > 0).reshape(self.problem.contact.shape)
+
+    @cached_property
+    def fixed(self) -> Array:
+        """Values (m, d) of the components that are not."""
+        return np.where(self.active, 0.0, -self.problem.offset)
+
+    @cached_property
+    def compliance(self) -> Array:
+        """Displacement for a unit pressure at a point when all else is held, (m, 2)."""
+        return contact_compliance(self.problem)
+
+    @property
+    def material_compliance(self) -> Array:
+        """:attr:`compliance`: nothing has been eliminated."""
+        return self.compliance
+
+    @property
+    def load(self) -> Array:
+        """Forces (n,)."""
+        return self.problem.load
+
+    @property
+    def constant(self) -> float:
+        """Energy that does not depend on the unknowns."""
+        return self.problem.constant
+
+    @cached_property
+    def load_scale(self) -> LoadScale:
+        """What residuals are held against."""
+        return load_scale(self.problem, self.compliance)
+
+    def start(self, guess: Array | None = None) -> Array:
+        """Admissible unknowns (n,) near ``guess``, or near zero displacement."""
+        x = np.zeros(self.load.shape) if guess is None else np.array(guess, dtype=float)
+        r = self.local(x)
+        change = np.where(self.active, self.law.admissible(np.where(self.active, r, self.fixed)) - r, 0.0)
+        return x + self._lifted(change) if change.any() else x
+
+    def of_unknowns(self, unknowns: Array) -> Array:
+        """The unknowns (n,) themselves."""
+        return unknowns
+
+    def local(self, x: Array) -> Array:
+        """Local displacements (m, d)."""
+        return self.problem.contact.traced(x) - self.problem.offset
+
+    def magnitude(self, x: Array) -> float:
+        """Largest displacement or gap of the contact points."""
+        moved = np.abs(self.problem.contact.trace) @ np.abs(x)
+        return float(max(moved.max(initial=0.0), np.abs(self.problem.offset).max(initial=0.0)))
+
+    def out_of_balance(self, x: Array) -> Array:
+        """``f`` less the internal forces, (n,)."""
+        return self.problem.out_of_balance(x)
+
+    def at_contact(self, force: Array) -> Array:
+        """Forces (m, d) on the contact points that come closest to a force (n,)."""
+        B = self.problem.contact.trace
+        pulled = np.asarray(B @ force)
+        return (pulled if self._gram is None else self._gram(pulled)).reshape(self.active.shape)
+
+    def less_contact(self, force: Array, contact: Array) -> Array:
+        """What is left of a force (n,) where contact points take up theirs, (m, d)."""
+        return np.asarray(force - self.problem.contact.trace.T @ contact.ravel())
+
+    def rounding_sizes(self, x: Array) -> Array:
+        """Sizes of what is added up in the forces (n,), by the stiffness at rest."""
+        sizes = self.at_rest.row_sums * np.abs(x) + np.abs(self.load)
+        bulk = self.bulk
+        return np.asarray(sizes + np.abs(bulk.initial_forces) if isinstance(bulk, Potential) else sizes)
+
+    def stretch(self, change: Array) -> float:
+        """Energy norm of a change of the unknowns (n,), by the stiffness at rest."""
+        return float(np.sqrt(max(float(change @ self.at_rest.gradient(change)), 0.0)))
+
+    def energy(self, x: Array, lam: Array | None = None, force: Array | None = None) -> float:  # type: ignore[override]
+        """E(u), see :meth:`Equilibrium.energy`; the force is not needed."""
+        return self.problem.energy(x, self.multiplier(x, force) if lam is None and self.law.state_dependent else lam)
+
+    def recover(self, x: Array, *multipliers: Array) -> tuple[Array, list[Residual]]:
+        """The unknowns themselves, with the residual for each multiplier."""
+        force = self.out_of_balance(x)
+        return x, [self.residual(x, lam, force) for lam in multipliers]
+
+    def with_law(self, law: ContactLaw) -> NonlinearBody:
+        """The same body on another foundation."""
+        return self.for_problem(self.problem.with_(law=law))
+
+    def for_problem(self, problem: DiscreteProblem) -> NonlinearBody:
+        """The same body under another load, gap or law."""
+        return NonlinearBody(problem, self.workspace)
+
+    def free_growth(self) -> list[Growth]:
+        """Growth of the energy along the motions that deform nothing, where mesh and supports tell them."""
+        field = self.problem.field
+        if field is None or not field.knows_motions:
+            return []
+        return free_growth(self.problem, self.problem.model.free_motions)
+
+    # ---- linear bodies in its place ----------------------------------------------------------------------
+
+    def tangent_at(self, x: Array, force: Array) -> DiscreteProblem:
+        """The problem of the linear body that has the forces and the stiffness of this one at ``x``, where ``force`` is
+        what is left of the load; its energy lacks a constant."""
+        if not isinstance(self.bulk, Potential):
+            return self._linear(linear_bulk(self.bulk, x), x, force)
+        found = tangent_problem(self.problem, x)
+        return found.with_(load=force + found.bulk.gradient(x))
+
+    def above_at(self, x: Array, force: Array) -> DiscreteProblem | None:
+        """The problem of a linear body that has the same forces at ``x`` and more energy elsewhere; None where none is
+        known."""
+        return self._linear(self.bulk.upper, x, force) if isinstance(self.bulk, Potential) else None
+
+    def _linear(self, bulk: Quadratic, x: Array, force: Array) -> DiscreteProblem:
+        return self.problem.with_(bulk=bulk, load=force + bulk.gradient(x))
+
+    def posed_below(self) -> NonlinearBody | None:
+        """The same on the next coarser mesh, where there is one."""
+        found = self._below
+        return None if found is None else NonlinearBody(found.posed(self.problem), self.workspace)
+
+    def from_below(self, x: Array) -> Array:
+        """Unknowns (n,) of the displacement field given by those of the next coarser mesh."""
+        assert self._below is not None
+        return self._below.interpolate(x)
+
+    @cached_property
+    def _below(self) -> Coarser | None:
+        problem, bulk = self.problem, self.bulk
+        if not isinstance(bulk, Potential) or not selects(problem.contact.trace):
+            return None
+        return cast("Coarser | None", bulk.known.once("coarser", lambda: coarser(problem)))
+
+    @cached_property
+    def _gram(self) -> Callable[[Array], Array] | None:
+        """Solves with ``B B'`` where contact points share unknowns."""
+        B = self.problem.contact.trace
+        if selects(B):
+            return None
+        rows = np.flatnonzero(self.active.ravel())
+        inverse = spla.factorized(sp.csc_array(B[rows] @ B[rows].T))
+
+        def solve(pulled: Array) -> Array:
+            out = np.zeros(pulled.shape)
+            out[rows] = inverse(pulled[rows])
+            return out
+
+        return solve
+
+    def _lifted(self, change: Array) -> Array:
+        """Least unknowns (n,) with these local displacements (m, d)."""
+        flat = change.ravel() if self._gram is None else self._gram(change.ravel())
+        return np.asarray(self.problem.contact.trace.T @ flat)
+
+
+def linear_bulk(bulk: Bulk, u: Array) -> Quadratic:
+    """The linear body with the stiffness of another one at unknowns (n,)."""
+    if isinstance(bulk, Quadratic | Potential):
+        return bulk.tangent(u)
+    return Quadratic(bulk.hessian(u))
