@@ -25,7 +25,7 @@ from hemivar.laws import (
     Tresca,
 )
 from hemivar.laws.vector_law import spread
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mechanics import Contact
 from hemivar.solvers import (
     InnerSolver,
     NewtonKrylov,
@@ -40,6 +40,7 @@ from hemivar.solvers.base import State
 from hemivar.solvers.controls import Budget
 from hemivar.solvers.survey.active_set import ExactInner, RadialSets
 from hemivar.systems import condense
+from tests import bodies
 
 from ..mesh.meshes import cube
 from ..problems import OTHER_DATA, SURVEY_DATA, discrete_square, relative_difference
@@ -65,15 +66,7 @@ CASES: dict[str, tuple[tuple[float, float, float], Superpotential, Friction]] = 
 
 def block(case: str) -> DiscreteProblem:
     force, normal, friction = CASES[case]
-    return discretize(
-        ContactProblem(
-            mesh=cube(3),
-            material=Material.lame(4.0, 4.0),
-            supports={"left": Clamped()},
-            contact={"bottom": Contact(normal, friction)},
-            body_force=force,
-        )
-    )
+    return discretize(bodies.body(cube(3), Contact(normal, friction), body_force=force))
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -30,6 +30,7 @@ from hemivar.mechanics import (
 )
 from hemivar.mesh import rectangle
 from hemivar.solvers import NormalState, Solution, TangentialState, solve
+from tests import bodies
 
 from ..mesh.meshes import distorted
 
@@ -139,12 +140,7 @@ def test_a_shared_node_is_booked_to_the_support_named_first() -> None:
 
 def test_a_column_on_its_foundation() -> None:
     """Uniaxial strain under a pressed top: lambda + 2 mu = 12, by hand."""
-    column = ContactProblem(
-        rectangle((2.0, 1.0), (4, 2)),
-        Material.lame(4.0, 4.0),
-        supports={"left": Roller(), "right": Roller(), "top": Fixed(y=-0.1)},
-        contact={"bottom": Contact(SurveyLaw(100.0))},
-    )
+    column = bodies.column(SurveyLaw(100.0), cells=(4, 2), size=(2.0, 1.0), top=Fixed(y=-0.1))
     solution = solve(discretize(column)).raise_for_status()
     bottom = solution.on("bottom")
     np.testing.assert_allclose(bottom.force, [0.0, 2.4], atol=1e-12)

@@ -16,6 +16,7 @@ from hemivar.files import read_film, solution_record
 from hemivar.files.snapshot import moving_states
 from hemivar.solvers import NormalState, TangentialState
 from hemivar.solvers.contact_states import KINDS, ContactStates, contact_states, state_words
+from tests import bodies
 
 OPEN, BONDED, SOFTENING, DEBONDED, CONTACT = NormalState
 FREE, STICK, SLIP = TangentialState
@@ -166,12 +167,7 @@ def column(pulled: list[float], contact: hv.Contact, **more: object) -> hv.Evolu
     def top(x: np.ndarray, t: float) -> np.ndarray:
         return np.full(len(x), np.interp(t, np.arange(len(pulled)), pulled))
 
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (1, 1)),
-        material=hv.Material.lame(0.0, 50.0),
-        supports={"top": hv.Fixed(y=top), "left": hv.Roller(), "right": hv.Roller()},
-        contact={"bottom": contact},
-    )
+    problem = bodies.column(contact, 100.0, top=hv.Fixed(y=top))
     return hv.Evolution(problem)
 
 
@@ -221,13 +217,13 @@ def test_a_point_above_a_foundation_that_has_crept_is_open() -> None:
 
 def test_points_at_midpoints_of_facets_have_states_that_there_are(tmp_path: Path) -> None:
     """A node between two facets has the states of one of them, not a mean of numbers that are names."""
-    strip = hv.ContactProblem(
-        mesh=hv.rectangle((4.0, 1.0), (8, 2)),
-        material=hv.Material.lame(40.0, 40.0),
-        supports={"left": hv.Clamped()},
+    strip = bodies.strip(
+        hv.Signorini(),
+        (8, 2),
+        size=(4.0, 1.0),
+        lame=(40.0, 40.0),
         body_force=(0.0, -1.0),
         tractions={"right": (0.0, 2.0)},
-        contact={"bottom": hv.Contact(hv.Signorini())},
         quadrature=hv.Quadrature.MIDPOINT,
     )
     found = hv.solve(strip)
@@ -238,13 +234,9 @@ def test_points_at_midpoints_of_facets_have_states_that_there_are(tmp_path: Path
 
 
 def test_films_read_files_with_and_without_the_second_state(tmp_path: Path) -> None:
-    strip = hv.ContactProblem(
-        mesh=hv.rectangle((4.0, 1.0), (8, 2)),
-        material=hv.Material.lame(40.0, 40.0),
-        supports={"left": hv.Clamped()},
-        body_force=(0.0, -1.0),
-        tractions={"right": (1.5, 1.6)},
-        contact={"bottom": hv.Contact(hv.Adhesive(8.0, 0.4, 4.0, 60.0), hv.Tresca(0.05))},
+    contact = hv.Contact(hv.Adhesive(8.0, 0.4, 4.0, 60.0), hv.Tresca(0.05))
+    strip = bodies.strip(
+        contact, (8, 2), size=(4.0, 1.0), lame=(40.0, 40.0), body_force=(0.0, -1.0), tractions={"right": (1.5, 1.6)}
     )
     found = hv.solve(strip)
     labels = [KINDS[number].label for number in found.states.numbers]

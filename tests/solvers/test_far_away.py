@@ -8,6 +8,7 @@ import scipy.sparse.linalg as sla
 
 import hemivar as hv
 from hemivar.basics.types import Array
+from tests import bodies
 
 METHODS = [hv.NonsmoothNewton(), hv.NonsmoothMultigrid()]
 #: Glue that has let go at an opening of 0.042.
@@ -18,13 +19,7 @@ LAWS = [hv.Signorini(), hv.Compliance(3.0), TORN]
 def hanging(load: object, law: hv.Superpotential, friction: hv.Friction | None = None) -> hv.ContactProblem:
     """A block under a ceiling, 0.05 above its foundation."""
     contact = hv.Contact(law, hv.NoFriction() if friction is None else friction, gap=0.05)
-    return hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 4),
-        material=hv.Material.lame(4, 4, density=1.0),
-        supports={"top": hv.Clamped()},
-        body_force=load,
-        contact={"bottom": contact},
-    )
+    return bodies.square(contact, 4, density=1.0, supports={"top": hv.Clamped()}, body_force=load)
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)

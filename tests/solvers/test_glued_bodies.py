@@ -17,6 +17,7 @@ from hemivar.errors import SupportError
 from hemivar.fem import LoadLine
 from hemivar.mesh import Mesh
 from hemivar.solvers import METHODS
+from tests import bodies
 
 GLUE = hv.Adhesive(24.0, 2.0, 6.0, 72.0)
 #: Resists the slip by springs 10 up to the stress 1, and then by less.
@@ -39,11 +40,9 @@ def pulled(tension: float, mesh: Mesh | None = None, **changed: object) -> hv.Co
 
 def lever(part: float = 1.0, stiff: float = 1.0, cells: int = 4) -> hv.ContactProblem:
     """A block that nothing but glue holds, pulled up and sideways at its right side."""
-    return hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), cells),
-        material=hv.Material.lame(4.0 * stiff, 4.0 * stiff),
-        contact={"bottom": hv.Contact(GLUE, SHEAR)},
-        tractions={"right": (0.3 * part, 1.0 * part)},
+    contact = hv.Contact(GLUE, SHEAR)
+    return bodies.square(
+        contact, cells, lame=(4.0 * stiff, 4.0 * stiff), supports={}, tractions={"right": (0.3 * part, 1.0 * part)}
     )
 
 
@@ -197,11 +196,9 @@ def test_a_body_that_nothing_holds_at_rest_is_refused(changed: dict[str, object]
 
 def test_friction_that_weakens_holds_up_to_a_limit() -> None:
     """Pressed with 1 and pushed with .85: between the friction after a long slip, .7, and that at rest, 1."""
-    block = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.25), (8, 2)),
-        material=hv.Material.lame(40.0, 40.0),
-        contact={"bottom": hv.Contact(hv.Compliance(100.0), hv.SlipWeakening(1.0))},
-        tractions={"top": (0.85, -1.0)},
+    contact = hv.Contact(hv.Compliance(100.0), hv.SlipWeakening(1.0))
+    block = bodies.strip(
+        contact, (8, 2), size=(1.0, 0.25), lame=(40.0, 40.0), supports={}, tractions={"top": (0.85, -1.0)}
     )
     solution = hv.solve(block)
     assert solution.status is hv.Status.CONVERGED

@@ -13,9 +13,9 @@ from hemivar.discrete import DiscreteProblem, Quadratic
 from hemivar.errors import MethodError, ProblemError
 from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, NoContact, Signorini, Superpotential, SurveyLaw
-from hemivar.mechanics import Contact, ContactProblem, Material, Pressure, Roller
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Pressure
 from hemivar.solvers import METHODS, Controls, Status, solve
+from tests import bodies
 
 
 def free_bar(load: tuple[float, float], law: Superpotential) -> DiscreteProblem:
@@ -33,15 +33,7 @@ def free_bar(load: tuple[float, float], law: Superpotential) -> DiscreteProblem:
 
 def block(law: Superpotential) -> DiscreteProblem:
     """A block between frictionless walls, pressed on its foundation by a pressure 0.5."""
-    return discretize(
-        ContactProblem(
-            mesh=rectangle((1.0, 1.0), 4, pattern="cross"),
-            material=Material.lame(4.0, 4.0),
-            supports={"left": Roller(), "right": Roller()},
-            contact={"bottom": Contact(law)},
-            tractions={"top": Pressure(0.5)},
-        )
-    )
+    return discretize(bodies.column(law, cells=4, pattern="cross", top=None, tractions={"top": Pressure(0.5)}))
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -17,6 +17,7 @@ from hemivar.mesh.mesh import Mesh
 from hemivar.solvers import FixedPoint, NonsmoothMultigrid, NonsmoothNewton, Status
 from hemivar.solvers.choice import choose
 from hemivar.systems.body_on_levels import levels_of
+from tests import bodies
 
 TIGHT = hv.Controls(rtol=1e-10)
 
@@ -189,11 +190,8 @@ def test_energy_falls_beyond_the_margin(name: str, dim: int) -> None:
 
 def test_body_that_only_its_foundation_holds() -> None:
     """Pressed down without a support: the stiffness is singular, the foundation and friction hold the body."""
-    statement = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (32, 16)),
-        material=hv.Material.lame(4.0, 4.0),
-        contact={"bottom": hv.Contact(hv.Compliance(5.0), hv.Tresca(0.4))},
-        tractions={"top": (0.1, -0.5)},
+    statement = bodies.strip(
+        hv.Contact(hv.Compliance(5.0), hv.Tresca(0.4)), (32, 16), supports={}, tractions={"top": (0.1, -0.5)}
     )
     check(statement, most_cycles=80)
 

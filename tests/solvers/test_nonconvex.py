@@ -22,8 +22,7 @@ from hemivar.laws import (
     Superpotential,
     Tresca,
 )
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Contact
 from hemivar.solvers import (
     METHODS,
     Controls,
@@ -39,6 +38,7 @@ from hemivar.solvers import (
 )
 from hemivar.systems import Workspace, condense
 from hemivar.systems.dense_newton import descent_direction
+from tests import bodies
 
 from ..problems import bar, discrete_square, relative_difference
 
@@ -50,13 +50,7 @@ CAPPED = PiecewiseQuadratic([0.0, 0.1], [0.0, 20.0, 0.0], [0.0, -2.0], name="cap
 def strip(normal: Superpotential, friction: Friction, n: int = 8, factor: float = 1.0) -> DiscreteProblem:
     """The strip of Jureczka and Ochal (2019)."""
     return discretize(
-        ContactProblem(
-            mesh=rectangle((2.0, 1.0), (2 * n, n), "cross"),
-            material=Material.lame(4.0, 4.0),
-            supports={"left": Clamped()},
-            contact={"bottom": Contact(normal, friction)},
-            body_force=(-1.2 * factor, -0.9 * factor),
-        )
+        bodies.strip(Contact(normal, friction), (2 * n, n), "cross", body_force=(-1.2 * factor, -0.9 * factor))
     )
 
 
@@ -295,12 +289,7 @@ def test_a_condensation_serves_other_loads_and_gaps() -> None:
 def test_a_potential_that_cancels_keeps_no_solution_from_its_tolerance(down: float, mu: float) -> None:
     """Its differences are rounding where the residual is 1e-9 to 7e-8; forces know them."""
     law = hv.FormulaLaw("piecewise((0, r < 0), (0.2 - (2*r + 0.2)*exp(-10*r), True))")
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1),
-        hv.Material.lame(0.0, mu),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=-down)},
-        contact={"bottom": hv.Contact(law)},
-    )
+    problem = bodies.column(law, 2.0 * mu, top=hv.Fixed(y=-down))
     solution = hv.solve(problem, hv.NonsmoothNewton(), controls=hv.Controls(rtol=1e-9))
     assert solution.status is hv.Status.CONVERGED
     r = float(solution.local[0, 0])

@@ -30,6 +30,7 @@ from hemivar.laws.friction.bounds import stack_bounds
 from hemivar.solvers import Controls, FixedPoint, LoadStepping, NonsmoothNewton, SemismoothNewton, Status, solve, suited
 from hemivar.solvers.active_set_newton import NewtonCache, active_set_newton
 from hemivar.systems.condensed import CondensedProblem, condense
+from tests import bodies
 
 from .pieces_of_friction import points_of, random_points
 
@@ -84,12 +85,18 @@ def random_steps(seed: int, steps: int = 4) -> tuple[int, int]:
     random = np.random.default_rng(seed)
     mu, stiffness = float(random.uniform(0.1, 1.5)), None if seed % 2 else float(random.choice([5.0, 200.0]))
     normal = Signorini() if stiffness is None else Compliance(stiffness)
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (2, 1)),
-        material=hv.Material.lame(*random.uniform(1.0, 10.0, size=2), density=1.0, viscosity=(0.1, 0.1)),
-        tractions={"top": tuple(random.normal(size=2))},
-        body_force=(float(random.normal()), -1.0),
-        contact={"bottom": hv.Contact(normal, Tresca(CoulombBound(mu)), gap=float(random.choice([0.0, 0.02])))},
+    lame, pull = random.uniform(1.0, 10.0, size=2), random.normal(size=2)
+    push, gap = float(random.normal()), float(random.choice([0.0, 0.02]))
+    problem = bodies.strip(
+        hv.Contact(normal, Tresca(CoulombBound(mu)), gap=gap),
+        (2, 1),
+        size=(1.0, 0.5),
+        lame=tuple(lame),
+        density=1.0,
+        viscosity=(0.1, 0.1),
+        supports={},
+        body_force=(push, -1.0),
+        tractions={"top": tuple(pull)},
     )
     evolution = hv.Evolution(problem, inertia=True, velocity=tuple(random.normal(size=2)))
     discrete = discretize_evolution(evolution)
@@ -182,12 +189,11 @@ def test_where_supports_hold_contact_points_in_a_direction(dim: int, normal: Sup
     """Rollers on the side meet the foundation at a corner or an edge; the top is pushed down, the side pulled."""
     pressed = hv.Fixed(y=-0.1) if dim == 2 else hv.Fixed(y=0.0, z=-0.1)
     problem = hv.discretize(
-        hv.ContactProblem(
-            mesh=hv.rectangle((1.0, 1.0), (6, 6)) if dim == 2 else hv.box((1.0, 1.0, 1.0), (3, 3, 3)),
-            material=hv.Material.lame(4.0, 4.0),
+        bodies.body(
+            hv.rectangle((1.0, 1.0), (6, 6)) if dim == 2 else hv.box((1.0, 1.0, 1.0), (3, 3, 3)),
+            hv.Contact(normal, Tresca(CoulombBound(0.3))),
             supports={"left": hv.Roller(), "top": pressed},
             tractions={"right": (0.5, 0.0) if dim == 2 else (0.5, 0.2, 0.0)},
-            contact={"bottom": hv.Contact(normal, Tresca(CoulombBound(0.3)))},
         )
     )
     assert not condense(problem).active.all()
@@ -201,12 +207,11 @@ def test_where_supports_hold_contact_points_in_a_direction(dim: int, normal: Sup
 def test_where_a_support_holds_the_normal_direction_the_bound_stays() -> None:
     """At the corner the side is held at a jump of the law, whose least pressure, 0.2, bounds the friction there."""
     problem = hv.discretize(
-        hv.ContactProblem(
-            mesh=hv.rectangle((1.0, 1.0), (4, 4)),
-            material=hv.Material.lame(4.0, 4.0),
+        bodies.square(
+            hv.Contact(hv.table_law([0.0, 0.0], [0.2, 0.5]), Tresca(CoulombBound(0.3))),
+            4,
             supports={"left": hv.Fixed(y=0.0), "top": hv.Fixed(x=0.0, y=0.0)},
             tractions={"right": (0.5, -0.5)},
-            contact={"bottom": hv.Contact(hv.table_law([0.0, 0.0], [0.2, 0.5]), Tresca(CoulombBound(0.3)))},
         )
     )
     found, corner = solve(problem), np.flatnonzero(~condense(problem).active[:, 0])
@@ -341,11 +346,14 @@ def test_options_are_checked() -> None:
 
 def bounce(cells: int, friction: Friction) -> hv.Evolution:
     """A block that falls on a compliant foundation, bounces and rubs."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (2 * cells, cells)),
-        material=hv.Material.lame(400.0, 400.0, density=1.0, viscosity=(0.2, 0.2)),
+    problem = bodies.strip(
+        hv.Contact(Compliance(400.0), friction, gap=0.002),
+        (2 * cells, cells),
+        lame=(400.0, 400.0),
+        density=1.0,
+        viscosity=(0.2, 0.2),
+        supports={},
         body_force=(0.0, -1.0),
-        contact={"bottom": hv.Contact(Compliance(400.0), friction, gap=0.002)},
     )
     return hv.Evolution(problem, inertia=True, velocity=(0.2, -0.1))
 
