@@ -16,17 +16,14 @@ from hemivar.fem.assembly import stiffness_matrix
 from hemivar.fem.transfer import interpolate
 from hemivar.gallery import survey, survey_cube, weighted_block
 from hemivar.mesh import rectangle
+from tests import bodies
 
 
 @pytest.fixture(scope="module")
 def softening() -> AdaptiveSolution:
     """A foundation whose friction weakens, on a body with a strong corner at its support."""
-    problem = hv.ContactProblem(
-        mesh=rectangle((1.0, 1.0), (4, 4)),
-        material=hv.Material.lame(4.0, 4.0),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.SlipWeakening(0.1, 1.0, 0.5, 20.0))},
-        body_force=(0.9, -0.3),
+    problem = bodies.square(
+        hv.Contact(hv.Compliance(10.0), hv.SlipWeakening(0.1, 1.0, 0.5, 20.0)), 4, body_force=(0.9, -0.3)
     )
     return solve_adaptive(problem, rtol=0.08)
 
@@ -248,12 +245,8 @@ def test_nothing_is_refined_where_nothing_happens() -> None:
 
 def test_a_patch_that_is_exact_to_rounding_is_a_bound() -> None:
     """Misfit and what nodes lack are rounding both: neither makes it an estimate."""
-    problem = hv.ContactProblem(
-        mesh=rectangle((1.0, 1.0), 4),
-        material=hv.Material.young(1.0, 0.0),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
-        tractions={"right": (1.0, 0.0)},
+    problem = bodies.square(
+        hv.Compliance(1.0), 4, material=hv.Material.young(1.0, 0.0), tractions={"right": (1.0, 0.0)}
     )
     found = solve_adaptive(problem)
     assert found.reached
@@ -265,13 +258,11 @@ def test_meshes_end_where_only_the_solves_err(size: float) -> None:
     """A body that is moved without strain: all that is left is rounding, and it went on to the last mesh that fits."""
     mesh = rectangle((size, size), 4, pattern="right")
     moved = hv.Prescribed((0.1 * size, 0.2 * size))
-    found = solve_adaptive(hv.ContactProblem(mesh, hv.Material.lame(4.0, 4.0), supports={"left": moved}))
+    found = solve_adaptive(bodies.body(mesh, supports={"left": moved}))
     assert (found.ended, len(found.levels)) == ("algebraic", 1)
     assert "without strain" in found.remedy
     assert found.distance.parts.algebraic > 0.01 * found.distance.energy_norm
-    pulled = hv.ContactProblem(
-        mesh, hv.Material.lame(4.0, 4.0), supports={"left": moved}, body_force=(0.0, 1e-3 / size)
-    )
+    pulled = bodies.body(mesh, supports={"left": moved}, body_force=(0.0, 1e-3 / size))
     assert solve_adaptive(pulled, rtol=0.2).ended == "reached"
 
 

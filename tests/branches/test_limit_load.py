@@ -11,6 +11,7 @@ import scipy.optimize
 import hemivar as hv
 from hemivar.branches import follow_path
 from hemivar.laws import PiecewiseQuadratic
+from tests import bodies
 
 from ..problems import bar
 from ..solvers.test_glued_bodies import lever, pulled
@@ -77,11 +78,11 @@ def test_the_limit_load_may_lie_above_the_first_instability() -> None:
     """A weak edge lets go, and a strong one holds on."""
     tough = hv.Adhesive(24.0, 2.0, 2.0, 72.0)
     brittle = hv.Adhesive(24.0, 0.3, 400.0, 72.0)
-    block = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 4),
-        material=hv.Material.lame(400.0, 400.0),
+    block = bodies.square(
+        {"left": hv.Contact(brittle), "bottom": hv.Contact(tough)},
+        4,
+        lame=(400.0, 400.0),
         supports={"bottom": hv.Fixed(x=0.0)},
-        contact={"left": hv.Contact(brittle), "bottom": hv.Contact(tough)},
         tractions={"top": (0.0, 1.0), "right": (0.0, 0.0)},
     )
     path = follow_path(replace(block, tractions={"top": (0.2, 1.0)}), (0.0, 5.0))

@@ -14,10 +14,10 @@ from hemivar.discrete.residual import residual
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance, PiecewiseQuadratic, Softening
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Clamped, ContactProblem, Prescribed
 from hemivar.solvers import LoadStepping, solve
 from hemivar.systems import condense
+from tests import bodies
 
 from ..problems import bar, discrete_square
 from .random_problems import random_problem
@@ -123,12 +123,7 @@ def test_a_convex_problem_has_a_stable_path_without_folds() -> None:
 
 
 def test_prescribed_displacements_grow_with_the_load() -> None:
-    problem = ContactProblem(
-        mesh=rectangle((1.0, 1.0), (3, 3), "cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Clamped(), "top": Prescribed((0.0, -0.05))},
-        contact={"bottom": Contact(Compliance(3.0))},
-    )
+    problem = bodies.square(Compliance(3.0), 3, "cross", supports={"left": Clamped(), "top": Prescribed((0.0, -0.05))})
     problem = ContactProblem(
         mesh=problem.mesh,
         material=problem.material,
@@ -178,12 +173,9 @@ def test_an_empty_range_is_refused(bounds: tuple[float, float]) -> None:
 def test_block_of_several_points_jumps_where_its_column_does() -> None:
     """E2 on law G, alpha > kappa: all points meet every event at once; folds and landings in closed form."""
     kappa, k, delta, alpha = 12.0, 24.0, 0.1, 20.0
-    block = ContactProblem(
-        mesh=rectangle((0.5, 1.0), (2, 4), "cross"),
-        material=Material.lame(4.0, 4.0),
-        supports={"left": Roller(), "right": Roller(), "top": Clamped()},
-        contact={"bottom": Contact(Softening(k, delta, alpha))},
-        body_force=(0.0, -6.0),
+    contact = Softening(k, delta, alpha)
+    block = bodies.column(
+        contact, cells=(2, 4), pattern="cross", size=(0.5, 1.0), top=Clamped(), body_force=(0.0, -6.0)
     )
     path = follow_path(discretize(block), (0.0, 2.0))
     per_load = 6.0 / (2.0 * kappa)  # r0 at load factor 1
