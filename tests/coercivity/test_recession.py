@@ -17,6 +17,7 @@ from hemivar.fem import discretize
 from hemivar.laws import Compliance, ContactLaw, FormulaLaw, NoContact, Signorini, SurveyLaw, Tresca
 from hemivar.mechanics import Contact, ContactProblem, Material, Roller
 from hemivar.mesh import Mesh, box, rectangle
+from tests import bodies
 
 clarabel = pytest.importorskip("clarabel")
 
@@ -257,9 +258,7 @@ def test_ten_thousand_contact_points_take_a_moment() -> None:
 
 def test_a_law_that_falls_without_end_is_not_said_to_hold() -> None:
     falling = FormulaLaw("-0.5 * r^2")
-    problem = ContactProblem(
-        rectangle((1.0, 1.0), 2), Material.lame(1, 1), {"bottom": Contact(falling)}, body_force=(0.0, -1.0)
-    )
+    problem = bodies.square(falling, 2, lame=(1, 1), supports={}, body_force=(0.0, -1.0))
     with pytest.raises(ProblemError, match="free to move"):
         discretize(problem)
 

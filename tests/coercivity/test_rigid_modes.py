@@ -15,6 +15,7 @@ from hemivar.laws import Adhesive, Bilateral, Compliance, Signorini, SurveyLaw, 
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Fixed, Material, Roller
 from hemivar.mesh import Mesh, box, rectangle
 from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
+from tests import bodies
 
 MATERIAL = Material.lame(4.0, 4.0)
 DOWN = (0.0, -0.5)
@@ -197,11 +198,7 @@ def test_gap_that_is_never_closed_gives_the_linear_problem() -> None:
 
 def test_no_load_and_an_adhesive_law() -> None:
     law = Adhesive(stiffness=100.0, strength=1.0, softening=200.0)
-    problem = discretize(
-        ContactProblem(
-            rectangle((1.0, 1.0), 8), Material.young(10.0, 0.3), {"bottom": Contact(law)}, {"left": Clamped()}
-        )
-    )
+    problem = discretize(bodies.square(law, 8, material=Material.young(10.0, 0.3)))
     for method in (None, NonsmoothMultigrid()):
         found = solve(problem, method)
         assert found.status is Status.CONVERGED

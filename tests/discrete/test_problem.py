@@ -23,8 +23,9 @@ from hemivar.laws import (
     SurveyLaw,
     Tresca,
 )
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mechanics import Contact, Material
 from hemivar.mesh import rectangle
+from tests import bodies
 
 LAW = ContactLaw(SurveyLaw(0.3, 2.0), Tresca(0.5))
 
@@ -81,11 +82,14 @@ def test_no_contact() -> None:
 def test_assembled_problems_pass_the_checks_they_are_spared(order: int) -> None:
     mesh = rectangle((2, 1), (4, 2)).rotated(0.3)
     problem = discretize(
-        ContactProblem(
-            mesh=mesh, material=Material.young(3.0, 0.3), contact={"bottom": Contact(SurveyLaw(0.3, 2.0), Tresca(0.5))},
-            supports={"left": Clamped()}, body_force=(0.1, -0.4), order=order,
+        bodies.body(
+            mesh,
+            Contact(SurveyLaw(0.3, 2.0), Tresca(0.5)),
+            material=Material.young(3.0, 0.3),
+            body_force=(0.1, -0.4),
+            order=order,
         )
-    )  # fmt: skip
+    )
     given = problem.bulk
     assert isinstance(given, Quadratic)
     assert abs(Quadratic(given.stiffness).stiffness - given.stiffness).nnz == 0
@@ -138,12 +142,7 @@ def test_refuses(changes: dict, words: str) -> None:
 
 
 def test_field_must_match() -> None:
-    problem = ContactProblem(
-        rectangle((1, 1), 2),
-        Material.lame(4, 4),
-        contact={"bottom": Contact(Signorini())},
-        supports={"left": Clamped()},
-    )
+    problem = bodies.square(Signorini(), 2)
     discrete = discretize(problem)
     with pytest.raises(ProblemError, match="space has"):
         DiscreteProblem.of_arrays(**arrays(field=discrete.field))
@@ -171,9 +170,7 @@ def test_three_components_and_no_points() -> None:
     for points, components in ((None, 2), (np.zeros((0, 3)), 3), (np.zeros((0, 2)), 2)):
         alone = DiscreteProblem.of_arrays(**arrays(**empty, points=points, slip_offset=np.zeros((0, 7))))
         assert alone.offset.shape == (0, components)
-    scalar = discretize(
-        ContactProblem(rectangle((1.0, 1.0), 2), Material.lame(4, 4), supports={"left": Clamped()}, body_force=(0, -1))
-    )
+    scalar = discretize(bodies.square(cells=2, body_force=(0, -1)))
     field = scalar.field
     assert field is not None
     own = DiscreteProblem.of_arrays(

@@ -14,6 +14,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.discrete import Bulk, ContactPoints, DiscreteProblem, Field, Loading, Model, Quadratic, Space
 from hemivar.laws import ContactLaw
+from tests import bodies
 
 MESH = hv.rectangle((1.0, 1.0), 8)
 
@@ -171,12 +172,8 @@ def test_a_step_of_newton_is_a_quadratic_bulk() -> None:
 
 def corner() -> DiscreteProblem:
     """A square pressed into a corner, with contact points on two boundaries that share a node."""
-    statement = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 4),
-        hv.Material.lame(1.0, 1.0),
-        supports={"top": hv.Prescribed((-0.1, -0.1))},
-        contact={"bottom": hv.Contact(hv.Compliance(5.0)), "left": hv.Contact(hv.Compliance(2.0))},
-    )
+    contact = {"bottom": hv.Contact(hv.Compliance(5.0)), "left": hv.Contact(hv.Compliance(2.0))}
+    statement = bodies.square(contact, 4, lame=(1.0, 1.0), supports={"top": hv.Prescribed((-0.1, -0.1))})
     return hv.discretize(statement)
 
 
@@ -203,12 +200,8 @@ def test_contact_points_know_their_node_and_boundary() -> None:
 
 
 def test_midpoints_know_their_facet() -> None:
-    statement = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 4),
-        hv.Material.lame(1.0, 1.0),
-        supports={"top": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(5.0))},
-        quadrature=hv.Quadrature.MIDPOINT,
+    statement = bodies.square(
+        hv.Compliance(5.0), 4, lame=(1.0, 1.0), supports={"top": hv.Clamped()}, quadrature=hv.Quadrature.MIDPOINT
     )
     problem = hv.discretize(statement)
     contact = problem.contact

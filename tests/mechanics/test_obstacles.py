@@ -31,6 +31,7 @@ from hemivar.mechanics import (
 )
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import solve
+from tests import bodies
 
 from ..mesh.meshes import cube
 
@@ -157,12 +158,8 @@ def test_an_oblique_plane_is_not_crossed() -> None:
 
 def test_an_overlap_is_an_interference_fit() -> None:
     """A block, zero Poisson's ratio, between a fixed top and a plane that it overlaps by d: pressure E d."""
-    problem = ContactProblem(
-        rectangle((1.0, 1.0), 4),
-        Material.young(7.0, 0.0),
-        contact={"bottom": Contact(Signorini(), obstacle=Plane((0.0, 0.01), (0.0, 1.0)))},
-        supports={"top": Clamped()},
-    )
+    contact = Contact(Signorini(), obstacle=Plane((0.0, 0.01), (0.0, 1.0)))
+    problem = bodies.square(contact, 4, material=Material.young(7.0, 0.0), supports={"top": Clamped()})
     np.testing.assert_allclose(solve(discretize(problem)).pressure, 0.07, atol=1e-13)
 
 

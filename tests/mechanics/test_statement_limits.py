@@ -32,6 +32,7 @@ from hemivar.mechanics import (
     Support,
 )
 from hemivar.mesh import Mesh, box, rectangle
+from tests import bodies
 
 HEAD = "[mesh]\nrectangle = [1.0, 1.0]\ncells = [4, 4]\n"
 TAIL = '[loads]\nbody = [0.0, -0.8]\n[supports]\nleft = "clamped"\n[contact.bottom]\nnormal = { law = "signorini" }\n'
@@ -225,7 +226,7 @@ def test_midpoints_of_a_closed_boundary_are_refused() -> None:
     """All sides, an even number of facets: pressures that alternate do no work on a bulk motion of the boundary."""
     sides = {name: Contact(Compliance(1.0)) for name in ("left", "right", "bottom", "top")}
     for cells in (4, 32):
-        problem = ContactProblem(rectangle(cells=cells), Material.lame(4.0, 4.0), sides, quadrature=Quadrature.MIDPOINT)
+        problem = bodies.square(sides, cells, supports={}, quadrature=Quadrature.MIDPOINT)
         mesh = problem.mesh
         joined = mesh.with_boundaries({"all": mesh.boundary_facets})
         whole = ContactProblem(

@@ -12,6 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import ProblemError
 from hemivar.mesh import Mesh, box, rectangle
 from hemivar.solvers import NonsmoothMultigrid, NonsmoothNewton
+from tests import bodies
 
 from .meshes import cube
 
@@ -174,15 +175,7 @@ def test_what_cannot_be_refined_is_refused(cells: object, message: str) -> None:
 def pressed(mesh: Mesh) -> hv.DiscreteProblem:
     force = (-0.2, *([0.0] * (mesh.dim - 2)), -0.8)
     law = hv.Contact(hv.Compliance(20.0), hv.Tresca(0.02))
-    return hv.discretize(
-        hv.ContactProblem(
-            mesh=mesh,
-            material=hv.Material.lame(4.0, 4.0),
-            supports={"left": hv.Clamped()},
-            contact={"bottom": law},
-            body_force=force,
-        )
-    )
+    return hv.discretize(bodies.body(mesh, law, body_force=force))
 
 
 @pytest.mark.parametrize(("mesh", "times"), [("cross", 6), ("box", 2)])

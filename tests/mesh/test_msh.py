@@ -19,6 +19,7 @@ from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Pressu
 from hemivar.mesh import Mesh, read_mesh
 from hemivar.mesh.msh import parse_msh
 from hemivar.solvers import solve
+from tests import bodies
 
 from .gmsh_models import FILES, MODELS, file_name, variants, write
 
@@ -245,12 +246,8 @@ def test_two_groups_of_one_name_bear_the_whole_force(tmp_path: Path) -> None:
         path.write_bytes(old_text(names, groups, [1, 1, 1, 1]))
         mesh = read_mesh(path)
         mesh = mesh.with_boundaries({"ground": mesh.boundaries["ground"], "top": lambda x: x[:, 1] > 0.99}).refined()
-        problem = ContactProblem(
-            mesh,
-            Material.lame(4.0, 4.0),
-            contact={"ground": Contact(Signorini())},
-            supports={"top": Clamped()},
-            body_force=(0.0, -0.8),
+        problem = bodies.body(
+            mesh, {"ground": Contact(Signorini())}, supports={"top": Clamped()}, body_force=(0.0, -0.8)
         )
         forces.append(solve(discretize(problem)).normal_force)
     assert forces[0] > 0.1
