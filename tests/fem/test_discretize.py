@@ -28,6 +28,7 @@ from hemivar.mechanics import (
     Roller,
 )
 from hemivar.mesh import Mesh, rectangle
+from tests import bodies
 
 from ..mesh.meshes import cube, distorted
 
@@ -66,12 +67,7 @@ def at(problem: ContactProblem, field: np.ndarray, point: tuple[float, ...]) -> 
 
 
 def test_clamped_rectangle() -> None:
-    problem = ContactProblem(
-        rectangle((2.5, 1.0), (5, 2), "cross"),
-        Material.lame(4.0, 4.0),
-        supports={"left": Clamped()},
-        body_force=(0.0, 0.2),
-    )
+    problem = bodies.strip(cells=(5, 2), pattern="cross", size=(2.5, 1.0), body_force=(0.0, 0.2))
     u = solve_linear(discretize(problem))
     np.testing.assert_allclose(at(problem, u, (0.5, 0.0)), [0.11787841, 0.1252073], atol=1e-7)
     np.testing.assert_allclose(at(problem, u, (2.5, 0.0)), [0.24898703, 1.07004206], atol=1e-7)
@@ -112,9 +108,9 @@ def test_order_two_is_exact_on_quadratic_fields() -> None:
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 def test_uniaxial_tension(plane: str, order: int) -> None:
     E, nu = 5.0, 0.3
-    problem = ContactProblem(
-        rectangle((2.0, 1.0), (4, 2)),
-        Material.young(E, nu, plane),
+    problem = bodies.strip(
+        cells=(4, 2),
+        material=Material.young(E, nu, plane),
         supports={"left": Roller(), "bottom": Roller()},
         tractions={"right": (0.1, 0.0)},
         order=order,
@@ -149,11 +145,10 @@ def test_spring_foundation(order: int, quadrature: Quadrature, rate: float) -> N
 
     errors = []
     for cells in (8, 16):
-        problem = ContactProblem(
-            rectangle((2.0, 1.0), (2 * cells, cells)),
-            Material.lame(lam, mu),
-            contact={"bottom": Contact(Compliance(lam + 2 * mu))},
-            supports={"left": Clamped()},
+        problem = bodies.strip(
+            Compliance(lam + 2 * mu),
+            (2 * cells, cells),
+            lame=(lam, mu),
             body_force=lambda x: 0.1 * lam * np.column_stack([x[:, 0], -(1 + x[:, 1])]),
             tractions={"right": lambda x: sigma(x)[:, :, 0], "top": lambda x: sigma(x)[:, :, 1]},
             order=order,
@@ -170,13 +165,7 @@ def test_spring_foundation(order: int, quadrature: Quadrature, rate: float) -> N
 def test_block_pressed_by_its_top(order: int) -> None:
     """Top moved down by D on the survey's foundation: the closed form satisfies the discrete equations."""
     D, q, p, M = 0.1, 0.3, 2.0, 12.0
-    problem = ContactProblem(
-        rectangle((1.0, 1.0), 4),
-        Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(SurveyLaw(q, p))},
-        supports={"left": Roller(), "right": Roller(), "top": Fixed(y=-D)},
-        order=order,
-    )
+    problem = bodies.column(SurveyLaw(q, p), cells=4, top=Fixed(y=-D), order=order)
     discrete = discretize(problem)
     s = (M * D - q) / (M + p)
     assert math.isclose(s, 0.9 / 14)
@@ -534,9 +523,7 @@ def test_points_without_friction_are_named() -> None:
     slanted = slanted.with_boundaries(
         {"bottom": lambda x: x[:, 1] < 1e-9, "left": lambda x: x[:, 0] < 0.5, "right": lambda x: x[:, 0] > 1.9}
     )
-    oblique = discretize(
-        ContactProblem(slanted, Material.lame(4, 4), {"bottom": rough}, {"left": Roller(), "right": Clamped()})
-    )
+    oblique = discretize(bodies.body(slanted, rough, supports={"left": Roller(), "right": Clamped()}))
     assert "x = (0, 0)" in oblique.warnings[0]
     assert "support" in oblique.warnings[0]
 

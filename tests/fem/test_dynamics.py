@@ -30,6 +30,7 @@ from hemivar.mechanics import Branch, Clamped, Contact, ContactProblem, Fixed, M
 from hemivar.mechanics.bedding import Bedding
 from hemivar.mesh import Mesh, box, rectangle
 from hemivar.solvers import Controls, NonsmoothMultigrid, NonsmoothNewton, Status, solve
+from tests import bodies
 
 from ..mesh.meshes import cube, distorted
 from .library import library_matrix
@@ -465,9 +466,7 @@ def islands(bedding: Callable[[np.ndarray], np.ndarray]) -> ContactProblem:
         np.concatenate([one.cells, one.cells + len(one.points)]),
         {"left": one.boundaries["left"]},
     )
-    return ContactProblem(
-        mesh=mesh, material=Material.lame(1, 1), supports={"left": Clamped()}, body_force=(0.0, -1.0), bedding=bedding
-    )
+    return bodies.body(mesh, lame=(1, 1), body_force=(0.0, -1.0), bedding=bedding)
 
 
 def test_every_part_must_be_bedded() -> None:
@@ -500,10 +499,12 @@ def test_units_do_not_matter() -> None:
             viscosity=(1e3 * pressure, 2e3 * pressure),
             branches=[Branch(lame=(1e6 * pressure, 1e6 * pressure), time=0.3)],
         )
-        problem = ContactProblem(
-            mesh=rectangle((2.0 * length, length), (6, 3)),
+        problem = bodies.strip(
+            Contact(Compliance(1e6 * force / length**3), Tresca(1e2 * pressure)),
+            (6, 3),
+            size=(2.0 * length, length),
             material=body,
-            contact={"bottom": Contact(Compliance(1e6 * force / length**3), Tresca(1e2 * pressure))},
+            supports={},
             body_force=(2e4 * force / length**3, -9e4 * force / length**3),
         )
         return discretize(problem.effective(1e3, (0.9,), 1e6))

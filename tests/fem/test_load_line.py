@@ -8,18 +8,18 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import LoadLine, discretize
 from hemivar.laws import Compliance, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Prescribed
 from hemivar.solvers import solve
+from tests import bodies
 
 
 def pulled(factor: float) -> ContactProblem:
     """A square on a compliant foundation, its top moved and its sides loaded in proportion to a factor."""
-    return ContactProblem(
-        rectangle(cells=4),
-        Material.lame(3.0, 2.0),
-        {"bottom": Contact(Compliance(5.0), Tresca(0.05), gap=0.01)},
-        {"top": Prescribed((0.03 * factor, -0.1 * factor))},
+    return bodies.square(
+        Contact(Compliance(5.0), Tresca(0.05), gap=0.01),
+        4,
+        lame=(3.0, 2.0),
+        supports={"top": Prescribed((0.03 * factor, -0.1 * factor))},
         tractions={"left": (0.2 * factor, 0.0)},
     )
 
@@ -37,9 +37,7 @@ def test_the_energy_of_prescribed_displacements_is_quadratic_in_them(factor: flo
 
 def test_work_done_on_the_way_is_the_energy_at_its_end() -> None:
     """Without contact the energy E(t) grows as t^2: at half the load it is a quarter."""
-    whole = ContactProblem(
-        rectangle(cells=4), Material.lame(3.0, 2.0), {}, {"top": Prescribed((0.1, 0.0)), "bottom": Clamped()}
-    )
+    whole = bodies.square(cells=4, lame=(3.0, 2.0), supports={"top": Prescribed((0.1, 0.0)), "bottom": Clamped()})
     line = LoadLine.of(whole)
     full = solve(line.at(1.0)).energy
     assert full > 1e-3

@@ -15,19 +15,19 @@ from hemivar.fem import discretize
 from hemivar.fem.locking import LOCKING, largest_poisson_ratio
 from hemivar.files import solution_record
 from hemivar.laws import Compliance
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mechanics import Material
 from hemivar.mesh import box, rectangle
 from hemivar.solvers import solve
+from tests import bodies
 
 
 def pressed(material: Material, order: int = 1, dim: int = 2, n: int = 4) -> DiscreteProblem:
     mesh = rectangle((1.0, 1.0), n) if dim == 2 else box((1.0, 1.0, 1.0), 2)
     return discretize(
-        ContactProblem(
-            mesh=mesh,
+        bodies.body(
+            mesh,
+            Compliance(5.0),
             material=material,
-            supports={"left": Clamped()},
-            contact={"bottom": Contact(Compliance(5.0))},
             body_force=(0.2, -1.0) if dim == 2 else (0.2, 0.0, -1.0),
             order=order,
         )

@@ -18,6 +18,7 @@ from hemivar.fem.small_strain import SMALL
 from hemivar.mesh.mesh import Mesh
 from hemivar.report import plot_contact, plot_solution
 from hemivar.report.path_diagrams import path_record
+from tests import bodies
 from tests.report.test_figures import texts
 
 
@@ -166,10 +167,11 @@ def test_the_command_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 def test_a_march_names_the_time() -> None:
     """The top moves by t on height 1, so that the strain is t; 10 % is exceeded at the step after t = 0.09."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2), material=hv.Material.lame(0.0, 1.0),
+    problem = bodies.square(
+        cells=2,
+        lame=(0.0, 1.0),
         supports={"top": hv.Fixed(y=lambda x, t: np.full(len(x), t)), "left": hv.Roller(), "bottom": hv.Roller()},
-    )  # fmt: skip
+    )
     history = march(hv.Evolution(problem, inertia=False), until=0.3, step=0.03)
     (message,) = history.messages
     assert message.startswith("beyond small strains from t = 0.12 on: largest strain 12 %, rotation ")

@@ -10,8 +10,8 @@ import pytest
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
 from hemivar.fem.transfer import interpolation_matrix, locate
-from hemivar.mechanics import Clamped, ContactProblem, Material
 from hemivar.mesh import Mesh, rectangle
+from tests import bodies
 
 from ..mesh.meshes import cube, distorted
 
@@ -48,7 +48,7 @@ def test_nodes_give_the_identity() -> None:
 
 
 def test_shapes_and_targets() -> None:
-    problem = ContactProblem(rectangle((1, 1), 3), Material.lame(1, 1), supports={"left": Clamped()}, order=2)
+    problem = bodies.square(cells=3, lame=(1, 1), order=2)
     field = discretize(problem).field
     values = field.nodes**2
     assert interpolate(field, values, field).shape == values.shape
