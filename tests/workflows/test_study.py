@@ -19,6 +19,7 @@ from hemivar.fem.error_norms import KnownField, error_norms
 from hemivar.files.problem_file import parse_problem
 from hemivar.report import plot_study, study_table
 from hemivar.workflows import Begun, StudyLevel, StudyOptions, result_of, studying
+from tests import bodies
 from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT
 
 
@@ -87,9 +88,7 @@ def test_the_finest_mesh_as_reference_for_quadratic_elements_and_one_component()
 
 
 def test_norms_in_closed_form() -> None:
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 2), hv.Material.lame(4.0, 4.0), contact={}, supports={"left": hv.Clamped()}
-    )
+    problem = bodies.square(cells=2)
     zero = np.zeros((problem.mesh.number_of_nodes, 2))
     found = error_norms(problem, zero, KnownField(["x*y", "0"]))
     assert found.energy**2 == pytest.approx(16.0 / 3.0, rel=1e-12)  # 4 y^2 + 8 (y^2 + x^2/2)
