@@ -15,6 +15,7 @@ from hemivar.evolution.stage import Stage
 from hemivar.evolution.stage_solver import StageSolution, StageSolver
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.solvers import Controls, Solution, Status
+from tests import bodies
 
 
 def column(ratio: float = 1.0) -> Evolution:
@@ -22,14 +23,14 @@ def column(ratio: float = 1.0) -> Evolution:
     mesh = hv.rectangle((1.0, 1.0), (1, 4))
     high = mesh.points[mesh.cells].mean(axis=1)[:, 1] > 0.5
     regions = {"upper": np.flatnonzero(high), "lower": np.flatnonzero(~high)}
-    problem = hv.ContactProblem(
-        mesh=dataclasses.replace(mesh, parent=None, regions=regions),
+    problem = bodies.body(
+        dataclasses.replace(mesh, parent=None, regions=regions),
+        hv.Compliance(5.0),
         material=hv.Material.by_region(
             {"upper": hv.Material.lame(4, 4, density=1.0), "lower": hv.Material.lame(4, 4, density=ratio)}
         ),
         supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
         tractions={"bottom": (0.0, -1.0)},
-        contact={"bottom": hv.Contact(hv.Compliance(5.0))},
     )
     return Evolution(problem, inertia=True)
 

@@ -8,6 +8,7 @@ import pytest
 import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import SDIRK2, Evolution, History, ImplicitEuler, Midpoint, Newmark, Save, Scheme, march
+from tests import bodies
 
 SPRING, DASHPOT, RUBBED = 20.0, 3.0, 0.02
 
@@ -24,16 +25,15 @@ def everything(inertia: bool) -> Evolution:
     """A body with viscosity and two branches, held at a top that moves, on springs and dashpots, rubbed."""
     dashpot = hv.PiecewiseQuadratic([0.0], [DASHPOT, DASHPOT], [0.0])
     springs = hv.PiecewiseQuadratic([0.0], [SPRING, SPRING], [0.0])
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(
-            4.0, 4.0, density=1.0 if inertia else None, viscosity=(0.4, 0.4),
-            branches=[hv.Branch(lame=(2.0, 2.0), time=0.3), hv.Branch(lame=(0.5, 1.0), time=0.1)],
-        ),
+    problem = bodies.square(
+        hv.Contact(springs, hv.Tresca(RUBBED), damping=dashpot),
+        2,
+        density=1.0 if inertia else None,
+        viscosity=(0.4, 0.4),
+        branches=[hv.Branch(lame=(2.0, 2.0), time=0.3), hv.Branch(lame=(0.5, 1.0), time=0.1)],
         supports={"top": hv.Prescribed(moved)},
         body_force=pushed,
-        contact={"bottom": hv.Contact(springs, hv.Tresca(RUBBED), damping=dashpot)},
-    )  # fmt: skip
+    )
     return Evolution(problem, inertia=inertia)
 
 
@@ -126,12 +126,12 @@ GLUE = hv.Softening(SPRING, 0.02, 5.0)
 
 def on_the_ground(contact: hv.Contact, load: float = 0.0, **more: object) -> Evolution:
     """A unit square between rollers, modulus 3, viscosity 0.6, pushed down at its bottom by ``load t``."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3), density=1.0 if more else None),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
+    problem = bodies.column(
+        contact,
+        3.0,
+        viscous=0.6,
+        density=1.0 if more else None,
         tractions={"bottom": lambda x, t: np.array([0.0, -load * t])},
-        contact={"bottom": contact},
     )
     return Evolution(problem, **more)  # type: ignore[arg-type]
 

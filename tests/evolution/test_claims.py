@@ -17,6 +17,7 @@ from hemivar.evolution.stepper import TimeStepper
 from hemivar.laws import FunctionLaw
 from hemivar.mechanics.thermal import Heat
 from hemivar.solvers import Controls
+from tests import bodies
 
 KAPPA, VISCOUS = 3.0, 0.6
 
@@ -97,12 +98,13 @@ def test_no_bound_of_other_schemes() -> None:
 @pytest.mark.parametrize(("weakening", "norm"), [(0.55, "stiffness"), (0.65, "")])
 def test_friction_that_weakens_must_be_slower_than_the_body_is_viscous(weakening: float, norm: str) -> None:
     """One degree of freedom in shear, viscosity 0.6: alpha of the law against it."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 3.0, viscosity=(0.0, VISCOUS)),
+    problem = bodies.square(
+        hv.Contact(hv.Bilateral(), hv.SlipWeakening(1.0, 1.0, 0.5, 2.0 * weakening)),
+        1,
+        lame=(0.0, 3.0),
+        viscosity=(0.0, VISCOUS),
         supports={"left": hv.Fixed(y=0.0), "right": hv.Fixed(y=0.0), "top": hv.Fixed(x=0.0, y=0.0)},
         tractions={"bottom": (1.0, 0.0)},
-        contact={"bottom": hv.Contact(hv.Bilateral(), hv.SlipWeakening(1.0, 1.0, 0.5, 2.0 * weakening))},
     )
     error = march(Evolution(problem), 0.1, step=0.1).time_error
     assert error.norm == norm, error.why

@@ -17,6 +17,7 @@ from hemivar.evolution import Evolution, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.formula import Formula
 from hemivar.laws.memory import LocalStep
+from tests import bodies
 
 
 @pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.SDIRK2()], ids=lambda s: s.name)
@@ -38,9 +39,11 @@ def test_what_long_memory_loses_is_no_rounding(ratio: float) -> None:
     """``int h'h / T`` of a branch, and of a foundation that remembers, pulled evenly: ``T^2 (x - e - e^2/2)``."""
     period, e = 1.0 / ratio, -np.expm1(-ratio)
     exact = ratio - e - e**2 / 2.0 if ratio > 0.1 else sum(e**k / k for k in range(3, 20))
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1, "cross"),
-        hv.Material.lame(0.0, 1.0, branches=[hv.Branch(lame=(0.0, 0.5), time=period)]),
+    problem = bodies.square(
+        cells=1,
+        pattern="cross",
+        lame=(0.0, 1.0),
+        branches=[hv.Branch(lame=(0.0, 0.5), time=period)],
         supports={"bottom": hv.Clamped(), "top": hv.Prescribed(lambda x, t: 0.1 * t * np.array([[0.0, 1.0]]) + 0 * x)},
     )
     lost = march(Evolution(problem), 1.0, step=0.1)["branch_loss"][-1]
@@ -94,11 +97,13 @@ def test_a_damper_that_cannot_pull() -> None:
 
 def test_a_damper_that_stiffens_with_time() -> None:
     """At the end of each step the pressure is ``c(t) max(r', 0)`` with the c of that time."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (2, 2)),
-        material=hv.Material.lame(40.0, 40.0, density=1.0),
+    problem = bodies.square(
+        hv.Contact(hv.NoContact(), damping=hv.Compliance(Formula("3 + 40*t"))),
+        2,
+        lame=(40.0, 40.0),
+        density=1.0,
+        supports={},
         body_force=lambda x, t: np.array([0.0, -np.cos(6.0 * t)]) + 0.0 * x,
-        contact={"bottom": hv.Contact(hv.NoContact(), damping=hv.Compliance(Formula("3 + 40*t")))},
     )
     history = march(Evolution(problem, inertia=True), 0.5, step=0.05, save=hv.Save(every=0.05))
     frames = [frame for frame in history.frames if frame.multiplier.any()]
@@ -122,9 +127,11 @@ def test_a_manufactured_motion() -> None:
         elastic = np.stack([x[:, 0], -(1 + x[:, 1])], axis=1) / 10
         return rho * -np.sin(t) * shape(x) + (lam * np.sin(t) + lam_v * np.cos(t)) * elastic
 
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (8, 4)),
-        material=hv.Material.lame(lam, mu, density=rho, viscosity=(lam_v, mu_v)),
+    problem = bodies.strip(
+        cells=(8, 4),
+        lame=(lam, mu),
+        density=rho,
+        viscosity=(lam_v, mu_v),
         supports={
             name: hv.Prescribed(lambda x, t: np.sin(t) * shape(x)) for name in ("left", "right", "top", "bottom")
         },
@@ -181,13 +188,7 @@ HOLDS = {
 @pytest.mark.parametrize("scheme", [hv.Newmark(), hv.GeneralizedAlpha(0.8), hv.Midpoint()], ids=lambda s: s.name)
 def test_a_body_in_equilibrium_stays_there(scheme: Scheme, name: str) -> None:
     """Statics under load and friction is where dynamics begins: without what holds it, Newmark rings for ever."""
-    problem = hv.ContactProblem(
-        hv.rectangle((2.0, 1.0), (4, 2)),
-        hv.Material.lame(400.0, 400.0, density=1.0),
-        contact={"bottom": HOLDS[name]},
-        supports={"left": hv.Clamped()},
-        tractions={"top": (3.0, -20.0)},
-    )
+    problem = bodies.strip(HOLDS[name], (4, 2), lame=(400.0, 400.0), density=1.0, tractions={"top": (3.0, -20.0)})
     still = hv.solve(problem, controls=hv.Controls(rtol=1e-13))
     place = np.asarray(still.displacement)
     history = march(Evolution(problem, inertia=True, displacement=place), 0.1, step=0.02, scheme=scheme)
@@ -200,11 +201,8 @@ def test_a_body_in_equilibrium_stays_there(scheme: Scheme, name: str) -> None:
 def test_a_foundation_that_falls_away_pulls_what_is_glued_to_it_from_the_start() -> None:
     """By ``.5 a t^2`` from rest: Newmark's pull is of second order from the first step on, against DOP853."""
     a, end = 3.0, 0.2
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1),
-        hv.Material.lame(0.0, 50.0, density=1.0),
-        contact={"bottom": hv.Contact(hv.Bilateral(), gap=lambda x, t: np.full(len(x), 0.5 * a * t**2))},
-        supports={"left": hv.Roller(), "right": hv.Roller()},
+    problem = bodies.column(
+        hv.Contact(hv.Bilateral(), gap=lambda x, t: np.full(len(x), 0.5 * a * t**2)), 100.0, top=None, density=1.0
     )
     evolution = Evolution(problem, inertia=True)
     discrete = discretize_evolution(evolution)
@@ -261,11 +259,7 @@ def test_redistributed_mass_is_the_whole_mass(side: str, dim: int, angle: float)
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_the_law_of_impact_asks_for_mass_at_contact_points(restitution: float) -> None:
     """A block that fell on a rigid obstacle sank into it by a third of its height, however short the steps were."""
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1),
-        hv.Material.lame(0.0, 5.0, density=1.0),
-        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.1)},
-    )
+    problem = bodies.square(hv.Contact(hv.Signorini(), gap=0.1), 1, lame=(0.0, 5.0), density=1.0, supports={})
     evolution = Evolution(problem, inertia=True, velocity=(0.0, -1.0), mass="redistributed")
     with pytest.raises(ProblemError, match="take mass = 'consistent', or the scheme newmark"):
         march(evolution, 0.1, step=0.01, scheme=hv.MoreauJean(restitution))

@@ -12,6 +12,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, History, Save, Scheme, march
 from hemivar.mechanics.statement import Contact
+from tests import bodies
 
 #: kappa of the block; with the glue 24 it opens by f / 36.
 _KAPPA = 12.0
@@ -21,12 +22,12 @@ _SCHEMES = [hv.ImplicitEuler(), hv.Midpoint(), hv.SDIRK2()]
 def block(load: Any, contact: Contact, **more: Any) -> hv.ContactProblem:
     """A block under a load at its foot, of stiffness 12 along its axis."""
     lame = more.pop("lame", (4.0, 4.0))
-    return hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (1, 2)),
+    return bodies.column(
+        contact,
+        cells=(1, 2),
+        top=hv.Clamped(),
         material=more.pop("material", None) or hv.Material.lame(*lame, **more),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
         tractions={"bottom": load},
-        contact={"bottom": contact},
     )
 
 
@@ -146,13 +147,7 @@ def test_a_load_that_sets_in_just_after_the_start_breaks_no_glue_that_holds_it()
 
 
 def test_a_start_whose_equilibrium_is_not_found_ends_the_march_there() -> None:
-    strip = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (16, 8)),
-        material=hv.Material.lame(4, 4),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Signorini(), hv.Tresca(hv.CoulombBound(0.3)))},
-        body_force=(0.3, -1.0),
-    )
+    strip = bodies.strip(hv.Contact(hv.Signorini(), hv.Tresca(hv.CoulombBound(0.3))), (16, 8), body_force=(0.3, -1.0))
     found = march(Evolution(strip), 1.0, step=0.1, scheme=hv.Midpoint(), controls=hv.Controls(max_steps=1))
     assert found.ended == "max_steps"
     assert found.times.tolist() == [0.0]

@@ -28,6 +28,7 @@ from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.linear import factorisation
 from hemivar.solvers.active_set_newton import ForceResidual, NewtonCache, active_set_newton
 from hemivar.systems import elimination
+from tests import bodies
 from tests.counting import at_most_calls
 
 STEP = 0.01
@@ -47,11 +48,8 @@ def body(law: str, n: int = 8, viscosity: tuple[float, float] = (0.4, 0.4)) -> E
 def glued(n: int = 4) -> Evolution:
     """A block pulled off its glue, which breaks slowly."""
     bond = hv.Contact(hv.NoContact(), memory=(hv.Bonding(50.0, 0.05, 0.2),))
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (n, n)),
-        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4)),
-        supports={"top": hv.Fixed(x=0.0, y=lambda x, t: np.full(len(x), 0.5 * t))},
-        contact={"bottom": bond},
+    problem = bodies.square(
+        bond, n, viscosity=(0.4, 0.4), supports={"top": hv.Fixed(x=0.0, y=lambda x, t: np.full(len(x), 0.5 * t))}
     )
     return Evolution(problem)
 
@@ -267,12 +265,7 @@ def test_where_a_step_may_have_several_solutions_it_is_searched(monkeypatch: pyt
 
     monkeypatch.setattr("hemivar.evolution.stage_solver.active_set_newton", refused)
     law = hv.PiecewiseQuadratic([0.0, 0.1, 0.2], [0.0, 2.0, -2.0, 0.0], np.zeros(3))
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 0.5),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=lambda x, t: np.full(len(x), -t))},
-        contact={"bottom": hv.Contact(law)},
-    )
+    problem = bodies.column(law, 1.0, top=hv.Fixed(y=lambda x, t: np.full(len(x), -t)))
     history = march(Evolution(problem), 0.05, step=0.01, save=NONE)
     assert (history["margin"][1:] < 0.0).all()
 

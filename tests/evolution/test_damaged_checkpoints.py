@@ -17,6 +17,7 @@ from hemivar.basics.packed import read_arrays, write_arrays
 from hemivar.basics.types import AnyArray
 from hemivar.errors import FileError
 from hemivar.evolution import Evolution, March, march, marching
+from tests import bodies
 
 Head = dict[str, Any]
 Arrays = dict[str, AnyArray]
@@ -25,13 +26,8 @@ Arrays = dict[str, AnyArray]
 def evolution() -> Evolution:
     """A clamped body with a branch and wear below it."""
     material = hv.Material.lame(4, 4, branches=[hv.Branch(lame=(2, 2), time=0.5)])
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (4, 2)),
-        material=material,
-        supports={"left": hv.Clamped()},
-        body_force=(0.0, -0.5),
-        contact={"bottom": hv.Contact(normal=hv.Compliance(20.0), friction=hv.Tresca(0.05), memory=hv.Wear(0.01))},
-    )
+    contact = hv.Contact(normal=hv.Compliance(20.0), friction=hv.Tresca(0.05), memory=hv.Wear(0.01))
+    problem = bodies.strip(contact, (4, 2), material=material, body_force=(0.0, -0.5))
     return Evolution(problem)
 
 

@@ -16,6 +16,7 @@ from hemivar.evolution.history import History
 from hemivar.evolution.stage import Stage
 from hemivar.systems.body import Body
 from hemivar.systems.contact_moves import smooth_components
+from tests import bodies
 
 TIGHT = hv.Controls(rtol=1e-10)
 
@@ -28,13 +29,8 @@ def survey(n: int) -> Evolution:
 
 def falling(n: int = 16) -> Evolution:
     """A block that falls towards its foundation."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (n, n)),
-        material=hv.Material.lame(40.0, 40.0, density=1.0),
-        contact={"bottom": hv.Contact(hv.Compliance(2000.0), gap=0.1)},
-        supports={},
-        body_force=(0.3, -2.0),
-    )
+    contact = hv.Contact(hv.Compliance(2000.0), gap=0.1)
+    problem = bodies.square(contact, n, lame=(40.0, 40.0), density=1.0, supports={}, body_force=(0.3, -2.0))
     return Evolution(problem, inertia=True)
 
 

@@ -8,17 +8,13 @@ import hemivar as hv
 from hemivar.coercivity.foothold import PERHAPS_NO_MINIMUM
 from hemivar.evolution.descent import slowed
 from hemivar.evolution.discrete import Bodies, discretize_evolution
+from tests import bodies
 
 
 def hanging(jump: str, until: float) -> hv.History:
     """A block between frictionless walls, on glue of the strength 2, pulled off it by the tension t."""
-    block = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(4.0, 4.0),
-        supports={"left": hv.Roller(), "right": hv.Roller()},
-        contact={"bottom": hv.Contact(hv.Adhesive(24.0, 2.0, 6.0, 72.0))},
-        tractions={"top": lambda x, t: np.tile([0.0, t], (len(x), 1))},
-    )
+    contact = hv.Adhesive(24.0, 2.0, 6.0, 72.0)
+    block = bodies.column(contact, cells=2, top=None, tractions={"top": lambda x, t: np.tile([0.0, t], (len(x), 1))})
     evolution = hv.Evolution(block)
     assert discretize_evolution(evolution).problem.notes == (PERHAPS_NO_MINIMUM,)
     return hv.march(evolution, until=until, step=0.25, jump=jump, save=hv.Save(every=0.25))
@@ -39,13 +35,7 @@ def test_a_block_on_glue_follows_its_load_until_the_strength_is_reached() -> Non
 
 def test_a_step_against_springs_at_the_contact_points_has_one_solution() -> None:
     """K + R - B'W diag(alpha) B is positive definite, where no multiple of K alone makes it so."""
-    block = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(4.0, 4.0),
-        supports={"left": hv.Roller(), "right": hv.Roller()},
-        contact={"bottom": hv.Contact(hv.Adhesive(24.0, 2.0, 60.0, 72.0))},
-        tractions={"top": (0.0, 1.0)},
-    )
+    block = bodies.column(hv.Adhesive(24.0, 2.0, 60.0, 72.0), cells=2, top=None, tractions={"top": (0.0, 1.0)})
     discrete = discretize_evolution(hv.Evolution(block))
     slow = slowed(Bodies(discrete), discrete.problem, np.inf)
     assert slow.contact is not None

@@ -13,18 +13,15 @@ import hemivar as hv
 from hemivar import gallery
 from hemivar.basics.types import Array
 from hemivar.evolution import BondBroken, Evolution, MarginLost, Release, Save, Slip, Touch, When, march
+from tests import bodies
 
 KAPPA = 3.0
 
 
 def block(contact: hv.Contact, load: Any, **material: Any) -> Evolution:
     """A unit square between rollers, modulus 3, held at its top and pushed at its bottom: ``3 s + g(s) = load``."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 0.5 * KAPPA, **material),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
-        tractions={"bottom": load},
-        contact={"bottom": contact},
+    problem = bodies.column(
+        contact, material=hv.Material.lame(0.0, 0.5 * KAPPA, **material), tractions={"bottom": load}
     )
     return Evolution(problem)
 
@@ -48,12 +45,14 @@ def test_touch_and_release_of_a_block_that_is_pushed_and_pulled() -> None:
 
 def test_slip_starts_where_friction_is_overcome() -> None:
     """A block of mass 1, bound 0.3, pushed by ``t``: it sticks until then. Rigid but for 1e-4 of the load."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.2), (2, 1)),
-        material=hv.Material.lame(1e4, 1e4, density=5.0),
+    problem = bodies.strip(
+        hv.Contact(hv.Bilateral(), hv.Tresca(0.3)),
+        (2, 1),
+        size=(1.0, 0.2),
+        lame=(1e4, 1e4),
+        density=5.0,
         supports={"top": hv.Fixed(y=0.0)},
         body_force=lambda x, t: np.stack([5.0 * t + 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1),
-        contact={"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.3))},
     )
     history = march(Evolution(problem, inertia=True), 0.5, step=0.04, events=[Slip("stop", rate=1e-3)])
     # From then on the velocity is (t - 0.3)^2/2, which passes the rate after sqrt(2e-3); a step counts its end.
@@ -131,12 +130,8 @@ def test_a_worn_foundation_is_left_where_it_is_worn_to() -> None:
         lifted = 0.1 * max(t - 1.0, 0.0) - 0.05
         return np.stack([np.full(len(x), min(t, 1.0)), np.full(len(x), lifted)], axis=1)
 
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 6.0),
-        supports={"top": hv.Prescribed(moved)},
-        contact={"bottom": hv.Contact(hv.Compliance(50.0), hv.Tresca(1e-3), memory=(hv.Wear(0.3),))},
-    )
+    contact = hv.Contact(hv.Compliance(50.0), hv.Tresca(1e-3), memory=(hv.Wear(0.3),))
+    problem = bodies.square(contact, 1, lame=(0.0, 6.0), supports={"top": hv.Prescribed(moved)})
     history = march(Evolution(problem), 1.6, step=0.25, stops=(1.0,), events=[Release("stop")])
     worn = history.moment.memory["bottom"]["0.depth"]
     assert history.ended == "event: release"

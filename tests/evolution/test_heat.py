@@ -19,6 +19,7 @@ from hemivar.files.unsaid import difference
 from hemivar.mechanics import ScalarKind
 from hemivar.mechanics.thermal import Heat, HeatContact
 from hemivar.workflows.marching import evolution_of
+from tests import bodies
 
 MESH = hv.rectangle((1.0, 1.0), 2)
 
@@ -326,12 +327,7 @@ def test_a_conductance_that_is_a_function_conducts_at_held_nodes() -> None:
 
 def chattering(conductance: object) -> Evolution:
     """What touches cools, shrinks and opens; what is open warms, grows and touches."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 50.0),
-        contact={"bottom": hv.Contact(hv.Compliance(1e4), gap=0.002)},
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
-    )
+    problem = bodies.column(hv.Contact(hv.Compliance(1e4), gap=0.002), 100.0, top=hv.Clamped())
     foot = HeatContact(conductance, temperature=-2.0)  # type: ignore[arg-type]
     return Evolution(problem, heat=Heat(1.0, 1.0, expansion=0.01, supports={"top": 1.0}, contact={"bottom": foot}))
 

@@ -10,6 +10,7 @@ from hemivar.evolution import Evolution, ImplicitEuler, Midpoint, Save, Scheme, 
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.formula import Formula
 from hemivar.mechanics.thermal import Heat, HeatContact, Touching
+from tests import bodies
 
 KAPPA, VISCOUS, BETA, SOURCE, START = 3.0, 0.6, 2.0, 0.7, 0.2
 
@@ -18,12 +19,7 @@ KAPPA, VISCOUS, BETA, SOURCE, START = 3.0, 0.6, 2.0, 0.7, 0.2
 @pytest.mark.parametrize(("scheme", "at"), [(ImplicitEuler(), 1.0), (Midpoint(), 0.5)], ids=["euler", "midpoint"])
 def test_a_block_that_is_warmed_from_within(scheme: Scheme, at: float, coupling: float) -> None:
     """``3 e + 0.6 e' = 2 (th - 0.2)``, ``th' = 0.7 - 2 T0 e'``: at the place of the step where the scheme asks."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 0.5 * KAPPA, viscosity=(0.0, 0.5 * VISCOUS)),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
-        contact={"bottom": hv.Contact(hv.NoContact())},
-    )
+    problem = bodies.column(hv.NoContact(), KAPPA, viscous=VISCOUS)
     heat = Heat(
         1.0, 1.0, thermal_stress=BETA, source=SOURCE, coupling=coupling, temperature=START, stress_free=START,
         rtol=1e-13,
@@ -64,12 +60,13 @@ def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
     coupling: float, conductivity: float, rounds: int
 ) -> None:
     """Up to 100 times as hard as heat alone resists: against one system for both, without a shorter step."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 12),
-        material=hv.Material.lame(1.0, 1.0, viscosity=(0.05, 0.05)),
+    problem = bodies.square(
+        hv.NoContact(),
+        12,
+        lame=(1.0, 1.0),
+        viscosity=(0.05, 0.05),
         supports={"top": hv.Clamped()},
         tractions={"right": (0.1, -0.2)},
-        contact={"bottom": hv.Contact(hv.NoContact())},
     )
     heat = Heat(conductivity, 1.0, thermal_stress=1.0, coupling=coupling, source=0.1)
     tau, count = 0.1, 3
@@ -104,12 +101,7 @@ def test_a_coupling_that_pushes_back_hard_is_solved_at_once_as_well(
 
 def test_temperatures_of_supports_and_what_they_give() -> None:
     """A rod between temperatures that rise: what it stores comes from its supports."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (4, 1)),
-        material=hv.Material.lame(1.0, 1.0),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.NoContact())},
-    )
+    problem = bodies.strip(hv.NoContact(), (4, 1), size=(1.0, 0.5), lame=(1.0, 1.0))
     rise = 0.5
     heat = Heat(
         2.0, 1e-9, temperature=lambda x: x[:, 0],
@@ -127,12 +119,7 @@ def test_temperatures_of_supports_and_what_they_give() -> None:
 
 def test_where_a_support_holds_the_body_heat_flows_as_beside_it() -> None:
     """The node at a clamped edge is no contact point: its conductance is that of the next node, not of the last one."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(0.0, 0.5),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(2.0))},
-    )
+    problem = bodies.square(hv.Compliance(2.0), 2, lame=(0.0, 0.5))
     heat = Heat(1.0, 1.0, contact={"bottom": HeatContact(Touching(5.0), temperature=1.0)})
     discrete = discretize_evolution(Evolution(problem, heat=heat))
     assert discrete.heat is not None
@@ -181,11 +168,12 @@ def test_a_body_of_one_temperature_waits_for_what_cools_it(scheme: Scheme, condu
 )
 def test_conductances_are_those_of_the_stage_of_heat(scheme: Scheme, on: str) -> None:
     """A block is pressed on ground that it conducts to as it is pressed: of second order in the step."""
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1),
-        hv.Material.lame(0.0, 3.0, density=1.0, viscosity=(0.0, 0.3)),
-        contact={"bottom": hv.Contact(hv.Compliance(5.0))},
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
+    problem = bodies.column(
+        hv.Compliance(5.0),
+        6.0,
+        top=hv.Clamped(),
+        viscous=0.6,
+        density=1.0,
         tractions={"bottom": lambda x, t: np.full(x.shape, (0.0, -3.0 * np.sin(2.0 * t) ** 2))},
     )
     law = {"penetration": lambda r, p: 5.0 * np.maximum(r, 0.0), "pressure": lambda r, p: np.maximum(p, 0.0)}[on]
@@ -198,12 +186,7 @@ def test_conductances_are_those_of_the_stage_of_heat(scheme: Scheme, on: str) ->
 @pytest.mark.parametrize("scheme", [Midpoint(), hv.Newmark(), hv.GeneralizedAlpha(0.5)], ids=lambda scheme: scheme.name)
 def test_a_pressure_that_grows_evenly_is_known_between_the_steps_from_the_first_on(scheme: Scheme) -> None:
     """A block falls on ground too soft to stop it, p = 1e-6 t: 2 th' = -t th by the midpoint rule, step by step."""
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1),
-        hv.Material.lame(0.0, 3.0, density=1.0),
-        contact={"bottom": hv.Contact(hv.Compliance(1e-6))},
-        supports={"left": hv.Roller(), "right": hv.Roller()},
-    )
+    problem = bodies.column(hv.Compliance(1e-6), 6.0, top=None, density=1.0)
     heat = Heat(1e6, 2.0, temperature=1.0, contact={"bottom": HeatContact(lambda r, p: 1e6 * np.maximum(p, 0.0))})
     tau, count = 0.25, 4
     evolution = Evolution(problem, heat=heat, inertia=True, velocity=(0.0, -1.0))

@@ -12,6 +12,7 @@ from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, March, MoreauJean, Save, march, marching
 from hemivar.evolution.discrete import discretize_evolution
 from hemivar.gallery import moving_bar
+from tests import bodies
 
 
 @pytest.mark.parametrize(("restitution", "theta"), [(0.0, 0.5), (0.6, 0.5), (0.6, 0.6), (1.0, 0.5)])
@@ -85,12 +86,7 @@ def test_what_a_step_takes_from_the_energy_is_known(restitution: float, theta: f
     A point that leaves and is pressed back adds energy, unless ``theta = 1/(1 + e)``.
     """
     step = 0.01
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (6, 6)),
-        material=hv.Material.lame(4.0, 4.0, density=1.0),
-        body_force=(0.0, -1.0),
-        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.05)},
-    )
+    problem = bodies.square(hv.Contact(hv.Signorini(), gap=0.05), 6, density=1.0, supports={}, body_force=(0.0, -1.0))
     evolution = hv.Evolution(problem, inertia=True, velocity=(0.3, -0.2))
     plan = March(2.4, step=step, scheme=MoreauJean(restitution, theta), controls=hv.Controls(rtol=1e-12))
     discrete, taken = discretize_evolution(evolution), []
@@ -116,12 +112,7 @@ def test_an_obstacle_that_jumps_into_the_body_is_reported(ramp: float, says: boo
         part = min(max((t - 0.505) / ramp, 0.0), 1.0) if ramp else float(t > 0.505)
         return np.full(len(x), 0.03 - 0.05 * part)
 
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (1, 1)),
-        material=hv.Material.lame(4, 4, density=1.0),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Signorini(), gap=gap)},
-    )
+    problem = bodies.column(hv.Contact(hv.Signorini(), gap=gap), top=hv.Clamped(), density=1.0)
     found = march(Evolution(problem, inertia=True), 1.0, step=0.02, scheme=hv.MoreauJean())
     told = [message for message in found.messages if "jumps into the body" in message]
     assert (len(told) == 1) == says

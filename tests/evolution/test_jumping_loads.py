@@ -10,6 +10,7 @@ import hemivar as hv
 from hemivar.basics.types import Array
 from hemivar.evolution import Evolution, Scheme, march
 from hemivar.evolution.discrete import discretize_evolution
+from tests import bodies
 
 #: Where the load jumps, and where the motion ends.
 _AT, _UNTIL = 0.5, 1.0
@@ -22,12 +23,7 @@ def swinging(inclusive: bool = False, first: float = 0.3, then: float = -1.0) ->
         grows = t <= _AT if inclusive else t < _AT
         return np.column_stack([0.0 * x[:, 0], np.full(len(x), first * t if grows else then)])
 
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (1, 1)),
-        material=hv.Material.lame(1, 1, density=1.0),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Clamped()},
-        tractions={"bottom": load},
-    )
+    problem = bodies.column(top=hv.Clamped(), lame=(1, 1), density=1.0, tractions={"bottom": load})
     return Evolution(problem, inertia=True)
 
 

@@ -14,6 +14,7 @@ from hemivar.errors import ProblemError
 from hemivar.evolution import Evolution, History, March, descent, march, marching
 from hemivar.formula import Formula
 from hemivar.solvers import solve
+from tests import bodies
 from tests.evolution.messages import said_of
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2.
@@ -193,14 +194,15 @@ def test_inertia_carries_beyond_the_next_equilibrium() -> None:
 def test_a_body_of_many_points_jumps_point_by_point() -> None:
     """A strip is bent onto glue-like ground and back: what is lost in jumps is the same with steps of a third."""
     law = hv.PiecewiseQuadratic([0.0, 0.02, 0.04], [0.0, 40.0, -40.0, 0.0], np.zeros(3))
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 0.5), (6, 1)),
-        material=hv.Material.lame(1.0, 1.0),
+    problem = bodies.strip(
+        law,
+        (6, 1),
+        size=(2.0, 0.5),
+        lame=(1.0, 1.0),
         supports={
             "left": hv.Clamped(),
             "top": hv.Prescribed(lambda x, t: np.stack([0.0 * x[:, 0], -0.2 * min(t, 2.0 - t) * x[:, 0]], 1)),
         },
-        contact={"bottom": hv.Contact(law)},
     )
     histories = [march(Evolution(problem), 2.0, step=step, jump="arc-length") for step in (0.5, 1.0 / 6.0)]
     for history in histories:
@@ -215,12 +217,7 @@ def test_a_body_of_many_points_jumps_point_by_point() -> None:
 
 
 def test_what_the_ways_of_jumping_need_is_said_before() -> None:
-    still = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 0.5),
-        supports={"top": hv.Clamped()},
-        contact={"bottom": hv.Contact(LAW)},
-    )
+    still = bodies.square(LAW, 1, lame=(0.0, 0.5), supports={"top": hv.Clamped()})
     with pytest.raises(ProblemError, match="no density"):
         march(Evolution(still), 1.0, jump="dynamic")
     with pytest.raises(ProblemError, match="ends of steps"):
@@ -235,12 +232,7 @@ def test_adaptive_steps_go_through_jumps_and_go_on_bit_for_bit(
     jump: str, up: float, down: float, tmp_path: Path
 ) -> None:
     """A step in which a body jumps is never short enough; what follows does not depend on what was computed before."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(0.0, 0.5 * KAPPA),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=Formula("-min(t, 0.8 - t)"))},
-        contact={"bottom": hv.Contact(LAW)},
-    )
+    problem = bodies.column(LAW, KAPPA, cells=2, top=hv.Fixed(y=Formula("-min(t, 0.8 - t)")))
     file = hv.Checkpoint(tmp_path / "a.ckpt", 0.0)
     plan = March(0.8, step=hv.AdaptiveStep(0.1), jump=jump, save=hv.Save(0.4), checkpoint=file)
     steps = marching(Evolution(problem), plan)
@@ -271,12 +263,12 @@ def test_viscosity_that_slows_the_body_down_is_told() -> None:
 
 def test_points_that_rest_on_what_falls_are_found_by_multigrid_too() -> None:
     """A strip peeled off glue that falls 13 times as fast as the strip is stiff, without the graph of the law."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((3.0, 1.0), (12, 4)),
+    problem = bodies.strip(
+        hv.Adhesive(stiffness=50.0, strength=0.25, softening=20.0, compression=500.0),
+        (12, 4),
+        size=(3.0, 1.0),
         material=hv.Material.young(100.0, 0.3),
-        supports={"left": hv.Clamped()},
         tractions={"right": lambda x, t: np.stack([0.0 * x[:, 0], 0.6 * t + 0.0 * x[:, 0]], axis=1)},
-        contact={"bottom": hv.Contact(hv.Adhesive(stiffness=50.0, strength=0.25, softening=20.0, compression=500.0))},
     )
     runs = [
         march(Evolution(problem), 0.36, step=0.12, solver=solver, max_time=60.0)

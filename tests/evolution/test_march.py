@@ -20,6 +20,7 @@ from hemivar.evolution.initial import initial_moment
 from hemivar.evolution.stepper import TimeStepper
 from hemivar.formula import Formula, FormulaArray
 from hemivar.solvers import Controls
+from tests import bodies
 from tests.evolution.messages import said_of
 
 
@@ -29,13 +30,7 @@ def beam(inertia: bool = True, load: float = -0.5, **contact: Any) -> Evolution:
         4, 4, density=1.0, viscosity=(0.4, 0.4), branches=[hv.Branch(lame=(2, 2), time=0.5)] if inertia else ()
     )
     given = {"normal": hv.Compliance(20.0), "friction": hv.Tresca(0.05), "gap": 0.02} | contact
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (6, 3)),
-        material=material,
-        supports={"left": hv.Clamped()},
-        body_force=(0.0, load),
-        contact={"bottom": hv.Contact(**given)},
-    )
+    problem = bodies.strip(hv.Contact(**given), (6, 3), material=material, body_force=(0.0, load))
     return Evolution(problem, inertia=inertia)
 
 
@@ -67,12 +62,14 @@ def test_a_march_goes_on_as_if_it_had_never_stopped(tmp_path: Path, scheme: Sche
 
 def test_residuals_of_a_body_at_rest_are_held_against_what_acts() -> None:
     """It creeps to rest under its weight: nothing is left of the load then, and all is in balance."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (6, 3)),
-        material=hv.Material.lame(100.0, 100.0, viscosity=(1.0, 1.0)),
+    problem = bodies.strip(
+        hv.Contact(hv.Compliance(1e4), gap=1e-3),
+        (6, 3),
+        size=(1.0, 0.5),
+        lame=(100.0, 100.0),
+        viscosity=(1.0, 1.0),
         supports={"top": hv.Clamped()},
         body_force=(0.0, -1.0),
-        contact={"bottom": hv.Contact(hv.Compliance(1e4), gap=1e-3)},
     )
     history = march(Evolution(problem), 2.0, step=0.05)
     assert history["residual"].max() <= 1e-9
@@ -103,12 +100,8 @@ def test_a_rejected_step_leaves_no_trace() -> None:
 
 def test_a_falling_block_touches_when_it_should() -> None:
     """A block falls freely by the gap 0.05: t = sqrt(0.1)."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(400.0, 400.0, density=1.0),
-        body_force=(0.0, -1.0),
-        contact={"bottom": hv.Contact(hv.Compliance(400.0), gap=0.05)},
-    )
+    contact = hv.Contact(hv.Compliance(400.0), gap=0.05)
+    problem = bodies.square(contact, 2, lame=(400.0, 400.0), density=1.0, supports={}, body_force=(0.0, -1.0))
     half = When(function=lambda discrete, moment: moment.time - 0.123, label="half way")
     stop = Touch("stop")
     history = march(Evolution(problem, inertia=True), 1.0, step=0.03, scheme=hv.Midpoint(), events=[half, stop])
@@ -199,12 +192,7 @@ def _moving() -> Evolution:
 
 
 def _loose() -> hv.ContactProblem:
-    return hv.ContactProblem(
-        mesh=hv.rectangle(),
-        material=hv.Material.lame(1, 1, viscosity=(1, 1)),
-        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
-        body_force=(1.0, 0.0),
-    )
+    return bodies.square(hv.Compliance(1.0), 8, lame=(1, 1), viscosity=(1, 1), supports={}, body_force=(1.0, 0.0))
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -244,12 +232,13 @@ def test_frames_are_interpolated() -> None:
 
 def kinked(force: str, until: float = 2.0, **options: Any) -> History:
     """A body whose load is a formula of the time."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(1.0, 1.0, viscosity=(1.0, 1.0)),
+    problem = bodies.square(
+        hv.Compliance(1.0),
+        1,
+        lame=(1.0, 1.0),
+        viscosity=(1.0, 1.0),
         supports={"top": hv.Clamped()},
         tractions={"right": FormulaArray((Formula(force), 0.0), (2,))},
-        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
     )
     return march(Evolution(problem), until, **options)
 
@@ -270,12 +259,7 @@ def test_kinks_of_formulas_are_met_exactly() -> None:
 
 
 def test_kinks_of_what_warms_a_body_are_met_exactly() -> None:
-    problem = hv.ContactProblem(
-        hv.rectangle((1.0, 1.0), 1),
-        hv.Material.lame(1.0, 1.0),
-        contact={"bottom": hv.Contact(hv.Compliance(1.0))},
-        supports={"top": hv.Clamped()},
-    )
+    problem = bodies.square(hv.Compliance(1.0), 1, lame=(1.0, 1.0), supports={"top": hv.Clamped()})
     heat = hv.Heat(
         1.0, 1.0, source=Formula("min(t, 0.17)"), supports={"top": Formula("min(t, 0.33)")},
         fluxes={"left": Formula("max(t, 0.57)")}, contact={"bottom": hv.HeatContact(1.0, Formula("abs(t - 0.71)"))},
@@ -287,11 +271,13 @@ def test_kinks_of_what_warms_a_body_are_met_exactly() -> None:
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
 def test_adaptive_steps_see_a_body_that_slides_as_a_whole(unit: float) -> None:
     """It stops after v0^2/(2 mu g): its deceleration is constant, so that velocities and deformations have no error."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0 * unit, 0.2 * unit), (2, 1)),
-        material=hv.Material.lame(1e4, 1e4, density=5.0 / unit**2),
+    problem = bodies.strip(
+        hv.Contact(hv.Bilateral(), hv.Tresca(0.3)),
+        (2, 1),
+        size=(1.0 * unit, 0.2 * unit),
+        lame=(1e4, 1e4),
+        density=5.0 / unit**2,
         supports={"top": hv.Fixed(y=0.0)},
-        contact={"bottom": hv.Contact(hv.Bilateral(), hv.Tresca(0.3))},
     )
     evolution = Evolution(problem, inertia=True, velocity=(1.0 * unit, 0.0))
     way, errors, counts = 1.0 / 0.6 * unit, [], []
@@ -419,16 +405,15 @@ def test_steps_that_are_looked_for_need_no_law_beyond_the_end() -> None:
 @pytest.mark.parametrize("law", [hv.Compliance(20.0), hv.Signorini()])
 def test_a_step_that_is_solved_has_the_residual_that_was_asked_for(law: hv.Superpotential) -> None:
     """The number in the table is held against what the tolerance is held against: a third of it was left out."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (12, 6)),
-        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.3)),
-        supports={"left": hv.Clamped()},
+    problem = bodies.strip(
+        hv.Contact(law, hv.Tresca(hv.CoulombBound(0.4))),
+        (12, 6),
+        viscosity=(0.4, 0.3),
         tractions={
             "top": lambda x, t: np.stack(
                 [0.3 * np.sin(6.0 * t) + 0.0 * x[:, 0], -0.2 * t - 0.1 * x[:, 0] - 0.05], axis=1
             )
         },
-        contact={"bottom": hv.Contact(law, hv.Tresca(hv.CoulombBound(0.4)))},
     )
     history = hv.march(hv.Evolution(problem), 0.5, step=0.05, controls=hv.Controls(rtol=1e-11))
     assert history.finished

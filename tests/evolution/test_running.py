@@ -22,6 +22,7 @@ from hemivar.evolution.state import TimeState
 from hemivar.evolution.step_error import step_error
 from hemivar.evolution.stepper import StepResult, TimeStepper
 from hemivar.solvers import Controls, Status
+from tests import bodies
 from tests.evolution.messages import said_of
 
 KAPPA, VISCOUS = 3.0, 0.6
@@ -216,12 +217,14 @@ def test_the_estimate_with_mass_is_half_the_distance_from_the_prediction() -> No
 
 def test_the_acceleration_at_the_start_balances_the_forces() -> None:
     """``M w = f - K u - C v - B'W lam``: also of a body that is deformed, moves, and is pulled by glue at once."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(1.0, 1.5, density=2.0, viscosity=(0.1, 0.2)),
+    problem = bodies.square(
+        hv.Contact(hv.Compliance(5.0), gap=-0.1),
+        2,
+        lame=(1.0, 1.5),
+        density=2.0,
+        viscosity=(0.1, 0.2),
         supports={"top": hv.Clamped()},
         body_force=(0.3, -0.7),
-        contact={"bottom": hv.Contact(hv.Compliance(5.0), gap=-0.1)},
     )
     evolution = Evolution(
         problem, inertia=True, displacement=lambda x: 0.1 * (1.0 - x[:, 1:]) * [1.0, 0.5],
@@ -253,12 +256,12 @@ def test_a_body_that_sets_out_with_its_support_is_the_body_at_rest(scheme: Schem
     """Who moves along at a constant speed sees a body that hangs from a support at rest and swings."""
     found, speed = [], 0.3
     for pace in (0.0, speed):
-        problem = hv.ContactProblem(
-            mesh=hv.rectangle((1.0, 1.0), 2),
-            material=hv.Material.lame(4.0, 4.0, density=1.0),
+        problem = bodies.square(
+            hv.Compliance(8.0),
+            2,
+            density=1.0,
             supports={"top": hv.Prescribed(lambda x, t, pace=pace: np.tile([pace * t, 0.0], (len(x), 1)))},
             body_force=(0.0, -1.0),
-            contact={"bottom": hv.Contact(hv.Compliance(8.0))},
         )
         evolution = Evolution(problem, inertia=True, velocity=(pace, 0.0))
         found.append(march(evolution, 1.0, step=0.05, scheme=scheme, save=Save(0.05)))
@@ -287,12 +290,7 @@ def test_a_body_that_sets_out_with_its_support_is_the_body_at_rest(scheme: Schem
 def test_a_scheme_for_springs_says_that_it_rings_on_a_rigid_obstacle(
     scheme: Scheme, normal: hv.Superpotential, mass: str, told: bool
 ) -> None:
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(4.0, 4.0, density=1.0),
-        body_force=(0.0, -1.0),
-        contact={"bottom": hv.Contact(normal)},
-    )
+    problem = bodies.square(normal, 2, density=1.0, supports={}, body_force=(0.0, -1.0))
     history = march(Evolution(problem, inertia=True, mass=Mass(mass)), 0.02, step=0.02, scheme=scheme)
     assert ["rigid" in message and scheme.name in message for message in said_of(history)] == [True] * told
 
@@ -302,11 +300,7 @@ def test_a_scheme_for_springs_says_that_it_rings_on_a_rigid_obstacle(
 def test_a_body_on_which_nothing_acts_flies_on(scheme: Scheme, velocity: tuple[float, float]) -> None:
     """Far from its foundation, thrown, without a load: all forces are rounding, against which nothing can be held."""
     for gap in (1.0, 10.0):
-        problem = hv.ContactProblem(
-            mesh=hv.rectangle((1.0, 1.0), 4),
-            material=hv.Material.lame(40.0, 40.0, density=1.0),
-            contact={"bottom": hv.Contact(hv.Signorini(), gap=gap)},
-        )
+        problem = bodies.square(hv.Contact(hv.Signorini(), gap=gap), 4, lame=(40.0, 40.0), density=1.0, supports={})
         history = march(Evolution(problem, inertia=True, velocity=velocity), 0.1, step=0.02, scheme=scheme)
         assert history.finished, history.messages
         assert not history["normal_force"].any()
@@ -323,11 +317,8 @@ def set_out(path: Callable[[float], float]) -> TimeState:
     def below(x: Array, t: float) -> Array:
         return 1.0 + along(x, t)
 
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(4.0, 4.0, density=1.0),
-        supports={"top": hv.Fixed(x=along)},
-        contact={"bottom": hv.Contact(hv.Compliance(8.0), gap=below)},
+    problem = bodies.square(
+        hv.Contact(hv.Compliance(8.0), gap=below), 2, density=1.0, supports={"top": hv.Fixed(x=along)}
     )
     still = Evolution(problem, inertia=True, displacement=(path(0.0), 0.0))
     return initial_moment(TimeStepper.of(discretize_evolution(still), hv.Newmark(), None, Controls()), 0.1)
@@ -405,12 +396,9 @@ def test_steps_that_time_does_not_resolve_are_refused(start: float, step: float)
 @pytest.mark.parametrize("scheme", [hv.ImplicitEuler(), hv.GeneralizedAlpha(0.8), hv.Newmark()])
 def test_a_very_short_step_is_as_exact_as_displacements_are(scheme: Scheme) -> None:
     """Its forces are those of differences that rounding hides: with a mass they were too inexact for any tolerance."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(40.0, 40.0, density=1.0),
-        supports={"top": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.Tresca(0.1))},
-        body_force=(0.1, -1.0),
+    contact = hv.Contact(hv.Compliance(10.0), hv.Tresca(0.1))
+    problem = bodies.square(
+        contact, 2, lame=(40.0, 40.0), density=1.0, supports={"top": hv.Clamped()}, body_force=(0.1, -1.0)
     )
 
     def marched(**stops: Any) -> History:
@@ -428,11 +416,7 @@ def test_a_very_short_step_is_as_exact_as_displacements_are(scheme: Scheme) -> N
 
 @pytest.mark.parametrize("unit", [1e-299, 1e299])
 def test_steps_beyond_the_range_of_numbers_are_refused(unit: float) -> None:
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(4.0, 4.0, density=1.0),
-        contact={"bottom": hv.Contact(hv.Compliance(8.0))},
-    )
+    problem = bodies.square(hv.Compliance(8.0), 1, density=1.0, supports={})
     with pytest.raises(ProblemError, match="state times in another unit"):
         march(Evolution(problem, inertia=True), 10.0 * unit, step=unit)
     told = hv.When(function=lambda discrete, moment: "high", label="level")  # type: ignore[arg-type,return-value]
@@ -443,12 +427,8 @@ def test_steps_beyond_the_range_of_numbers_are_refused(unit: float) -> None:
 @pytest.mark.parametrize("scheme", [hv.Newmark(), hv.Midpoint(), hv.GeneralizedAlpha(0.8), hv.ImplicitEuler()])
 def test_pressures_of_what_is_held_do_not_ring_from_the_start(scheme: Scheme) -> None:
     """From one step to the next they bend less than they change, and nothing is told."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(40.0, 40.0, density=1.0),
-        supports={"top": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Bilateral())},
-        body_force=(0.0, -1.0),
+    problem = bodies.square(
+        hv.Bilateral(), 2, lame=(40.0, 40.0), density=1.0, supports={"top": hv.Clamped()}, body_force=(0.0, -1.0)
     )
     history = march(Evolution(problem, inertia=True), 0.2, step=0.01, scheme=scheme)
     force = history["normal_force"][1:]
@@ -461,13 +441,7 @@ def test_pressures_of_what_is_held_do_not_ring_from_the_start(scheme: Scheme) ->
 )
 def test_nodes_without_mass_swing_where_forces_balance_within_a_step(scheme: Scheme) -> None:
     """Half a block of mass 1/2 and a side without any, which its weight takes to ``w`` at once, swings as is told."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (1, 1)),
-        material=hv.Material.lame(0.0, 5.0, density=1.0),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
-        tractions={"bottom": (0.0, -1.0)},
-        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.2)},
-    )
+    problem = bodies.column(hv.Contact(hv.Signorini(), gap=0.2), 10.0, density=1.0, tractions={"bottom": (0.0, -1.0)})
     evolution = Evolution(problem, inertia=True, mass=Mass.REDISTRIBUTED)
     history = march(evolution, 0.06, step=0.01, scheme=scheme)
     place = -0.2 - history["penetration"]
@@ -480,12 +454,8 @@ def test_nodes_without_mass_swing_where_forces_balance_within_a_step(scheme: Sch
 @pytest.mark.parametrize(("scheme", "told"), [(hv.Midpoint(), True), (hv.SDIRK2(), False), (hv.ImplicitEuler(), False)])
 def test_a_body_without_mass_rings_on_a_rigid_obstacle_with_the_midpoint_rule(scheme: Scheme, told: bool) -> None:
     """Pushed onto it by ``t``, it rests from then on; with the midpoint rule it goes to and fro, as the march says."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 1.5, viscosity=(0.0, 0.3)),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=0.0)},
-        tractions={"bottom": lambda x, t: np.array([0.0, -t])},
-        contact={"bottom": hv.Contact(hv.Signorini(), gap=0.053)},
+    problem = bodies.column(
+        hv.Contact(hv.Signorini(), gap=0.053), 3.0, viscous=0.6, tractions={"bottom": lambda x, t: np.array([0.0, -t])}
     )
     lost = []
     for count in (20, 40):

@@ -35,6 +35,7 @@ from hemivar.gallery import (
     viscoelastic_cantilever,
     wearing_block,
 )
+from tests import bodies
 
 TIP = Save(probes={"tip": (2.5, 0.0)})
 
@@ -94,13 +95,8 @@ def test_what_points_remember_lasts_whole_steps(known: KnownEvolution, error: fl
 
 @pytest.mark.parametrize("memory", [hv.ViscousFoundation(5.0), hv.PenetrationMemory(30.0, 0.4)], ids=lambda m: m.name)
 def test_schemes_agree_on_what_points_remember(memory: hv.Memory) -> None:
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 6.0, density=0.2, viscosity=(0.0, 0.5)),
-        supports={"left": hv.Roller(), "right": hv.Roller()},
-        tractions={"top": (0.0, -1.0)},
-        contact={"bottom": hv.Contact(hv.Compliance(24.0), memory=(memory,))},
-    )
+    contact = hv.Contact(hv.Compliance(24.0), memory=(memory,))
+    problem = bodies.column(contact, 12.0, top=None, viscous=1.0, density=0.2, tractions={"top": (0.0, -1.0)})
     states = []
     for scheme in (Newmark(), Midpoint(), GeneralizedAlpha(0.5)):
         history = march(Evolution(problem, inertia=True), 0.8, step=0.02, scheme=scheme)

@@ -25,6 +25,7 @@ from hemivar.evolution.thermal_stepper import ThermalStepper, stepper_of
 from hemivar.formula import Formula
 from hemivar.mechanics.thermal import Heat
 from hemivar.solvers import Controls
+from tests import bodies
 from tests.evolution.messages import said_of
 
 SPRING, PERIOD, BOUND = 60.0, 0.3, 0.05
@@ -35,13 +36,15 @@ TOP, DOWN, SINKS, END = 0.4, 0.7, 0.5, 1.0
 
 def dragged(**more: Any) -> Evolution:
     """A body pressed on springs, whose top is dragged, stops and goes down, and whose foundation sinks."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (4, 2)),
-        material=hv.Material.lame(
-            50.0, 40.0, density=1.0, viscosity=(0.02, 0.02), branches=[hv.Branch(lame=(0.0, 10.0), time=PERIOD)]
-        ),
+    problem = bodies.strip(
+        hv.Contact(hv.Compliance(SPRING), gap=Formula(f"-0.01 + 0.02*max(0, t - {SINKS})")),
+        (4, 2),
+        size=(1.0, 0.5),
+        lame=(50.0, 40.0),
+        density=1.0,
+        viscosity=(0.02, 0.02),
+        branches=[hv.Branch(lame=(0.0, 10.0), time=PERIOD)],
         supports={"top": hv.Fixed(x=Formula(f"0.03*min(t, {TOP})"), y=Formula(f"-0.02*max(0, t - {DOWN})"))},
-        contact={"bottom": hv.Contact(hv.Compliance(SPRING), gap=Formula(f"-0.01 + 0.02*max(0, t - {SINKS})"))},
     )
     return Evolution(problem, inertia=True, **more)
 
@@ -242,11 +245,13 @@ def test_an_impulse_that_is_not_found_is_told(monkeypatch: pytest.MonkeyPatch) -
 
 def warm() -> Evolution:
     """The same body, which friction and its deformation heat and heat stretches."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), (4, 2)),
-        material=hv.Material.lame(50.0, 40.0, density=1.0),
+    problem = bodies.strip(
+        hv.Contact(hv.Compliance(SPRING), hv.Tresca(BOUND)),
+        (4, 2),
+        size=(1.0, 0.5),
+        lame=(50.0, 40.0),
+        density=1.0,
         supports={"top": hv.Fixed(x=Formula(f"0.03*min(t, {TOP})"), y=-0.01)},
-        contact={"bottom": hv.Contact(hv.Compliance(SPRING), hv.Tresca(BOUND))},
     )
     heat = Heat(1e-2, 1.0, expansion=1e-2, coupling=300.0, temperature=5.0, supports={"top": 0.0})
     return Evolution(problem, inertia=True, heat=heat)
@@ -271,11 +276,13 @@ def test_paths_that_jump_themselves_are_left_alone() -> None:
     """No rate belongs to a place that jumps; smooth paths, at rest or turning, have no kink."""
 
     def kinks(path: str, at: float) -> bool:
-        problem = hv.ContactProblem(
-            mesh=hv.rectangle((1.0, 0.5), (2, 1)),
-            material=hv.Material.lame(50.0, 40.0, density=1.0),
+        problem = bodies.strip(
+            hv.Compliance(SPRING),
+            (2, 1),
+            size=(1.0, 0.5),
+            lame=(50.0, 40.0),
+            density=1.0,
             supports={"top": hv.Fixed(x=Formula(path), y=0.0)},
-            contact={"bottom": hv.Contact(hv.Compliance(SPRING))},
         )
         discrete = discretize_evolution(Evolution(problem, inertia=True))
         found = speeds_jump(TimeStepper.of(discrete, hv.Newmark(), None, Controls()), at, 0.01)

@@ -14,6 +14,7 @@ from hemivar.basics.types import Array
 from hemivar.errors import MethodError
 from hemivar.evolution import Evolution, History, march
 from hemivar.solvers import NonsmoothMultigrid, Solver
+from tests import bodies
 from tests.evolution.messages import said_of
 
 #: kappa (r0 - r) in dj(r): j' = 2 r up to 0.1, falls with slope -2 to zero at 0.2; up at 0.3, down at 0.2.
@@ -24,16 +25,7 @@ STRENGTH = 0.5 * STIFF * DELTA**2 + 0.5 * (STIFF * DELTA) ** 2 / FALL
 
 def cycle(jump: str, step: float, solver: Solver | None = None, until: float = 0.8) -> tuple[History, Array]:
     """The top of a block pushed down by r0 = t up to 0.4 and back; r0 at every row."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 0.5 * KAPPA),
-        supports={
-            "left": hv.Roller(),
-            "right": hv.Roller(),
-            "top": hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, 0.8 - t))),
-        },
-        contact={"bottom": hv.Contact(LAW)},
-    )
+    problem = bodies.column(LAW, KAPPA, top=hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, 0.8 - t))))
     history = march(Evolution(problem), until, step=step, stops=(0.4,), jump=jump, solver=solver)
     return history, np.minimum(history.times, 0.8 - history.times)
 
@@ -108,12 +100,7 @@ def test_where_nothing_jumps_nothing_is_booked() -> None:
     history, _ = cycle("stop", 0.034)
     assert history.ended == "margin lost"
     assert len(history.times) == 1
-    soft = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
-        material=hv.Material.lame(0.0, 2.0),
-        supports={"left": hv.Roller(), "right": hv.Roller(), "top": hv.Fixed(y=lambda x, t: np.full(len(x), -t))},
-        contact={"bottom": hv.Contact(LAW)},
-    )
+    soft = bodies.column(LAW, 4.0, top=hv.Fixed(y=lambda x, t: np.full(len(x), -t)))
     for jump in ("local", "global"):
         history = march(Evolution(soft), 0.5, step=0.06, jump=jump)  # kappa = 4 > alpha
         assert history.finished
@@ -140,15 +127,10 @@ def test_a_jump_at_the_very_end_of_a_step_is_taken_in_it(beyond: float) -> None:
 
 def pushed_block(contact: hv.Contact, material: hv.Material | None = None, hold: float = np.inf) -> hv.ContactProblem:
     """The block of :func:`cycle`, its top pushed down by ``min(t, hold)``."""
-    return hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
+    return bodies.column(
+        contact,
+        top=hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, hold))),
         material=hv.Material.lame(0.0, 0.5 * KAPPA) if material is None else material,
-        supports={
-            "left": hv.Roller(),
-            "right": hv.Roller(),
-            "top": hv.Fixed(y=lambda x, t: np.full(len(x), -min(t, hold))),
-        },
-        contact={"bottom": contact},
     )
 
 
@@ -243,11 +225,13 @@ def test_viscous_jumps_are_booked_by_schemes_whose_stages_lie_within_the_step(sc
 @pytest.mark.parametrize("jump", ["arc-length", "dynamic"])
 def test_leaving_rest_on_a_kink_of_the_law_is_no_jump(jump: str) -> None:
     """Glue that is stiffer in compression: all branches end at rest, and the first load picks one."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 0.5), 1),
-        material=hv.Material.lame(1.0, 1.0, density=1.0),
+    problem = bodies.strip(
+        hv.Adhesive(20.0, 0.5, 40.0, 30.0),
+        1,
+        size=(1.0, 0.5),
+        lame=(1.0, 1.0),
+        density=1.0,
         supports={"top": hv.Prescribed(lambda x, t: 0.05 * t * (1.0 + x[:, :1]) * np.array([[1.0, 2.0]]))},
-        contact={"bottom": hv.Contact(hv.Adhesive(20.0, 0.5, 40.0, 30.0))},
     )
     history = march(Evolution(problem), 0.2, step=0.05, jump=jump)
     assert history.finished
@@ -265,11 +249,10 @@ def test_what_a_branch_holds_together_does_not_jump() -> None:
     """
     law = hv.table_law([0.0, 0.1, 0.3, 0.3 + 0.16 / 3.0], [0.0, 0.4, 0.16, 0.0])
     material = hv.Material.lame(0.0, 0.25, branches=[hv.Branch(lame=(0.0, 0.5), time=1e6)])
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 1),
+    problem = bodies.column(
+        law,
+        top=hv.Clamped(),
         material=material,
-        supports={"top": hv.Clamped(), "left": hv.Roller(), "right": hv.Roller()},
-        contact={"bottom": hv.Contact(law)},
         tractions={"bottom": lambda x, t: np.tile([0.0, -0.58 * t], (len(x), 1))},
     )
     history = march(Evolution(problem), 1.0, step=0.05)
