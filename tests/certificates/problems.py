@@ -7,8 +7,8 @@ import numpy as np
 from hemivar.discrete import DiscreteProblem
 from hemivar.fem import discretize
 from hemivar.laws import ContactLaw, Friction, PiecewiseQuadratic, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Contact
+from tests import bodies
 from tests.problems import bar
 
 X = np.linspace(0.0, 1.0, 9)[1:]
@@ -62,11 +62,11 @@ def square(
     law = softening(3.0 * pressure / length, 0.02 * length, alpha * pressure / length)
     body = np.array([-0.8, -0.8]) * force / (area * length)
     return discretize(
-        ContactProblem(
-            mesh=rectangle((length, length), (n, n)),
-            material=Material.lame(4.0 * pressure, 4.0 * pressure),
-            supports={"left": Clamped()},
-            contact={"bottom": Contact(law, friction or Tresca(0.05 * pressure))},
+        bodies.square(
+            Contact(law, friction or Tresca(0.05 * pressure)),
+            n,
+            side=length,
+            lame=(4.0 * pressure, 4.0 * pressure),
             body_force=body,
         )
     )

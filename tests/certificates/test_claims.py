@@ -21,6 +21,7 @@ from hemivar.laws import (
     Signorini,
     SurveyLaw,
 )
+from tests import bodies
 from tests.certificates.problems import bar_problem, bar_unknowns, softening
 
 
@@ -191,12 +192,9 @@ def test_a_certificate_made_of_its_numbers_alone_is_whole_and_proved() -> None:
 
 def test_an_ellipticity_of_samples_is_told() -> None:
     """Moduli that are functions may be less between the points of a rule: m_A = 1 / 1.2 was told as 0.842."""
-    stated = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 4, pattern="cross"),
-        material=hv.Material.young(lambda x: 1.0 + 0.5 * x[:, 0], 0.2),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Softening(1.0, 0.1, 0.05))},
-        body_force=(0.0, -0.1),
+    contact = hv.Softening(1.0, 0.1, 0.05)
+    stated = bodies.square(
+        contact, 4, "cross", material=hv.Material.young(lambda x: 1.0 + 0.5 * x[:, 0], 0.2), body_force=(0.0, -0.1)
     )
     lines = "\n".join(hv.certify(hv.solve(stated)).lines(whole=True))
     assert "at the points of a rule" in lines

@@ -19,6 +19,7 @@ from hemivar.linear.definite import below_zero, free_unknowns, indefinite, quoti
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
 from hemivar.mesh import rectangle
 from hemivar.solvers import METHODS, NonsmoothMultigrid, Status, solve
+from tests import bodies
 
 
 def between_walls(cells: int, angle: float, *, clamped: bool = False) -> DiscreteProblem:
@@ -75,9 +76,7 @@ def test_many_turned_squares() -> None:
 def test_held_bodies_stay_unique() -> None:
     """Slender, fine and stiffly mixed bodies are definite all the same."""
     for size, cells in (((1.0, 1.0), (64, 64)), ((100.0, 1.0), (400, 4)), ((1.0, 1.0), (2, 300))):
-        statement = ContactProblem(
-            rectangle(size, cells), Material.lame(4.0, 4.0), {"bottom": Contact(Compliance(1.0))}, {"left": Clamped()}
-        )
+        statement = bodies.strip(Compliance(1.0), cells, size=size)
         problem = discretize(statement)
         assert energy_norm(problem).definite
         assert EnergyNorm(problem.stiffness).definite

@@ -9,22 +9,14 @@ from hemivar.certificates import certify
 from hemivar.fem import discretize
 from hemivar.files import solution_record
 from hemivar.laws import Compliance, CoulombBound, Friction, PenetrationBound
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Contact
 from hemivar.solvers import solve
+from tests import bodies
 
 
 @pytest.mark.parametrize("bound", [CoulombBound(0.4), PenetrationBound(([0.0, 1.0], [0.0, 2.0]))])
 def test_solution_and_certificate_have_one_energy(bound: CoulombBound | PenetrationBound) -> None:
-    problem = discretize(
-        ContactProblem(
-            mesh=rectangle((1.0, 1.0), 6),
-            material=Material.lame(4.0, 4.0),
-            supports={"left": Clamped()},
-            contact={"bottom": Contact(Compliance(20.0), Friction(bound))},
-            body_force=(-0.6, -0.9),
-        )
-    )
+    problem = discretize(bodies.square(Contact(Compliance(20.0), Friction(bound)), 6, body_force=(-0.6, -0.9)))
     found = solve(problem).raise_for_status()
     r, lam = found.local, found.multiplier
     frozen = problem.law.frozen(r, lam)

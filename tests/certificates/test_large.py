@@ -28,6 +28,7 @@ from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Roller
 from hemivar.mesh import rectangle
 from hemivar.mesh.mesh import Mesh
 from hemivar.systems import body_on_levels as systems
+from tests import bodies
 from tests.certificates.problems import softening, weakening
 
 TIGHT = hv.Controls(rtol=1e-10)
@@ -272,16 +273,14 @@ def test_units_do_not_matter() -> None:
     for length, force in ((1.0, 1.0), (1e3, 1e6)):
         pressure = force / length**2
         problem = discretize(
-            ContactProblem(
-                mesh=rectangle((length, length), (32, 32)),
-                material=Material.lame(4.0 * pressure, 4.0 * pressure),
-                supports={"left": Clamped()},
-                contact={
-                    "bottom": Contact(
-                        softening(3.0 * pressure / length, 0.02 * length, 1.5 * pressure / length),
-                        Tresca(0.05 * pressure),
-                    )
-                },
+            bodies.square(
+                Contact(
+                    softening(3.0 * pressure / length, 0.02 * length, 1.5 * pressure / length),
+                    Tresca(0.05 * pressure),
+                ),
+                32,
+                side=length,
+                lame=(4.0 * pressure, 4.0 * pressure),
                 body_force=(-0.8 * force / length**3, -0.8 * force / length**3),
             )
         )

@@ -15,10 +15,10 @@ from hemivar.fem import discretize
 from hemivar.fem.assembly import stiffness_matrix
 from hemivar.gallery import survey, survey_cube
 from hemivar.laws import Compliance, ContactLaw, Friction, PenetrationBound, PiecewiseQuadratic, Softening, StateBound
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
-from hemivar.mesh import rectangle
+from hemivar.mechanics import Contact, ContactProblem, Material
 from hemivar.solvers import solve
 from hemivar.systems.workspace import Workspace
+from tests import bodies
 from tests.certificates.problems import bar_problem, softening, square, weakening
 
 
@@ -106,10 +106,7 @@ def test_trace_constant_converges() -> None:
     ],
 )
 def test_ellipticity(material: Material, expected: float) -> None:
-    problem = ContactProblem(
-        mesh=rectangle((1.0, 1.0), (16, 16)), material=material, supports={"left": Clamped()},
-        contact={"bottom": Contact(softening(1.0, 0.1, 0.1))}, body_force=(0.0, -0.1),
-    )  # fmt: skip
+    problem = bodies.square(softening(1.0, 0.1, 0.1), 16, material=material, body_force=(0.0, -0.1))
     assert ellipticity(problem) == pytest.approx(expected, rel=5e-3)
 
 
