@@ -13,9 +13,10 @@ from hemivar.basics.types import Array
 from hemivar.fem import discretize
 from hemivar.gallery import elastic_bar, survey
 from hemivar.laws import Signorini, SurveyLaw, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Quadrature
+from hemivar.mechanics import Contact, ContactProblem, Material, Prescribed, Quadrature
 from hemivar.mesh import Mesh, rectangle
 from hemivar.solvers import Solution, solve
+from tests import bodies
 
 
 def pytest_configure() -> None:
@@ -83,13 +84,7 @@ def solid() -> Solution:
     mesh = Mesh.oriented(points, cells).with_boundaries(
         {"left": lambda p: p[:, 0] < 1e-9, "bottom": lambda p: p[:, 2] < 1e-9}
     )
-    problem = ContactProblem(
-        mesh,
-        Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(SurveyLaw(0.3, 2.0), Tresca(0.1))},
-        supports={"left": Clamped()},
-        body_force=(0.4, 0.2, -1.0),
-    )
+    problem = bodies.body(mesh, Contact(SurveyLaw(0.3, 2.0), Tresca(0.1)), body_force=(0.4, 0.2, -1.0))
     return solve(discretize(problem)).raise_for_status()
 
 

@@ -22,6 +22,7 @@ import hemivar as hv
 from hemivar.basics.portable import Portable
 from hemivar.laws.friction import ABSOLUTE_VALUE
 from hemivar.mesh.mesh import Mesh
+from tests import bodies
 from tests.problems import bar, discrete_square, square
 
 Thing = TypeVar("Thing")
@@ -180,13 +181,8 @@ def test_solution_sets_and_paths(trip: str) -> None:
 @pytest.mark.parametrize("trip", TRIPS)
 def test_histories_with_what_contact_points_remember(trip: str) -> None:
     """Memories are mappings in a mapping: those inside travel too, and arrive read-only."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (4, 2)),
-        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4)),
-        supports={"left": hv.Clamped()},
-        body_force=(0.0, 0.5),
-        contact={"bottom": hv.Contact(hv.Adhesive(5.0, 1.0, 1.0), memory=(hv.Secant(),))},
-    )
+    contact = hv.Contact(hv.Adhesive(5.0, 1.0, 1.0), memory=(hv.Secant(),))
+    problem = bodies.strip(contact, (4, 2), viscosity=(0.4, 0.4), body_force=(0.0, 0.5))
     history = hv.march(hv.Evolution(problem), 0.2, step=0.1)
     again = TRIPS[trip](history)
     assert np.array_equal(again["normal_force"], history["normal_force"])

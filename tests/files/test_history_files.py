@@ -27,17 +27,18 @@ from hemivar.files.snapshot import moving_states, snapshot
 from hemivar.linear.vectors import Whole
 from hemivar.solvers import NormalState, TangentialState
 from hemivar.solvers.contact_states import KINDS
+from tests import bodies
 
 
 def pressed(gap: object = 0.02) -> Evolution:
     """A block that falls on a foundation and is pushed along it."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (6, 3)),
-        material=hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.4, 0.4)),
-        supports={"left": hv.Clamped()},
+    problem = bodies.strip(
+        hv.Contact(hv.Compliance(20.0), hv.Tresca(0.05), gap=gap),
+        (6, 3),
+        density=1.0,
+        viscosity=(0.4, 0.4),
         body_force=(0.0, -0.5),
         tractions={"right": (-0.3, 0.0)},
-        contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.05), gap=gap)},
         title="block",
     )
     return Evolution(problem, inertia=True)

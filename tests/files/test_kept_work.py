@@ -17,6 +17,7 @@ from hemivar.files import kept_work
 from hemivar.files.kept_solution import KeptSolution
 from hemivar.files.kept_work import KeptWork
 from hemivar.files.sweep_point import SweepPoint
+from tests import bodies
 
 POINT = SweepPoint((2, 0), 0.5, (-1.0, 2.0), ("minimiser", ""), (0.1, 0.2), (3.0, 4.0), True, "all", False)
 
@@ -24,13 +25,7 @@ Data = dict[str, Any]
 
 
 def solution_line() -> str:
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), (2, 2)),
-        material=hv.Material.lame(4, 4),
-        supports={"left": hv.Clamped()},
-        body_force=(0.0, -0.5),
-        contact={"bottom": hv.Contact(normal=hv.Compliance(20.0))},
-    )
+    problem = bodies.square(hv.Compliance(20.0), 2, body_force=(0.0, -0.5))
     return KeptSolution.of(0, hv.solve(problem)).line()
 
 

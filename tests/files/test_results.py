@@ -18,6 +18,7 @@ from hemivar.laws import Compliance, Signorini
 from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Quadrature, Sphere
 from hemivar.mesh import rectangle
 from hemivar.solvers import Solution, solve
+from tests import bodies
 
 
 def test_json_holds_the_solution(plane: Solution, tmp_path: Path) -> None:
@@ -177,11 +178,9 @@ def test_files_name_the_boundary_of_each_contact_point(order: int, quadrature: s
     mesh = rectangle((2.0, 1.0), (4, 2), "cross")
     names = {"right": mesh.boundaries["right"], "under <&>": mesh.boundaries["bottom"], "left": mesh.boundaries["left"]}
     problem = discretize(
-        ContactProblem(
+        bodies.body(
             mesh.with_boundaries(names),
-            Material.lame(4.0, 4.0),
-            contact={"under <&>": Contact(Compliance(9.0)), "right": Contact(Signorini(), gap=0.01)},
-            supports={"left": Clamped()},
+            {"under <&>": Contact(Compliance(9.0)), "right": Contact(Signorini(), gap=0.01)},
             body_force=(0.4, -0.8),
             order=order,
             quadrature=Quadrature(quadrature),

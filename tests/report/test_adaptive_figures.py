@@ -18,6 +18,7 @@ from hemivar.errors import ProblemError
 from hemivar.files import write_vtu
 from hemivar.gallery import survey, survey_cube
 from hemivar.report import adaptive_table, plot_adaptive, plot_meshes, save
+from tests import bodies
 
 from .test_figures import texts
 
@@ -104,10 +105,7 @@ def test_values_of_cells_that_do_not_fit_are_refused(found: AdaptiveSolution, tm
 
 
 def test_nothing_to_draw() -> None:
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 4), material=hv.Material.lame(4.0, 4.0), supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(10.0), hv.Tresca(hv.CoulombBound(0.2)))}, body_force=(0.1, -0.3),
-    )  # fmt: skip
+    problem = bodies.square(hv.Contact(hv.Compliance(10.0), hv.Tresca(hv.CoulombBound(0.2))), 4, body_force=(0.1, -0.3))
     found = hv.solve_adaptive(problem)
     assert found.ended is AdaptiveEnd.NO_BOUND
     with pytest.raises(ProblemError, match="no mesh of this adaptive solve has a distance"):

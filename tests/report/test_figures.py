@@ -19,7 +19,7 @@ from hemivar.errors import ProblemError
 from hemivar.fem import discretize, von_mises
 from hemivar.gallery import beam, membrane_obstacle, survey, survey_cube
 from hemivar.laws import Compliance, ContactLaw, CoulombBound, Friction, PenetrationBound, Signorini, Tresca
-from hemivar.mechanics import Clamped, Contact, ContactProblem, Material
+from hemivar.mechanics import Clamped, Contact, ContactProblem
 from hemivar.mesh import rectangle
 from hemivar.report import Arrows, BodyColour, plot_contact, plot_errors, plot_history, plot_solution, save
 from hemivar.report.deformed import DeformedBody
@@ -28,6 +28,7 @@ from hemivar.report.mesh_lines import mesh_lines
 from hemivar.report.statement_figure import painted, plot_problem
 from hemivar.solvers import Controls, Solution, solve
 from hemivar.solvers.contact_states import KINDS
+from tests import bodies
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -113,13 +114,7 @@ def test_auto_scale_makes_small_displacements_visible(plane: Solution, curved: S
 @pytest.mark.parametrize(("gap", "factor"), [(0.03, 2.0), (0.004, 20.0)])
 def test_auto_scale_leaves_an_even_gap_in_the_picture(gap: float, factor: float) -> None:
     """A body of size 1 that hardly moves, above ground that would be drawn at ``factor gap``: at most a tenth."""
-    problem = ContactProblem(
-        mesh=rectangle((1.0, 1.0), 2),
-        material=Material.lame(4.0, 4.0),
-        contact={"bottom": Contact(Signorini(), gap=gap)},
-        supports={"top": Clamped()},
-        body_force=(0.0, -1e-4),
-    )
+    problem = bodies.square(Contact(Signorini(), gap=gap), 2, supports={"top": Clamped()}, body_force=(0.0, -1e-4))
     assert DeformedBody.of(solve(discretize(problem)), "auto").factor == factor
 
 

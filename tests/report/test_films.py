@@ -23,24 +23,23 @@ from hemivar.report.gif import palette_of, write_gif
 from hemivar.report.style import BLUE
 from hemivar.solvers import ContactStates
 from hemivar.solvers.contact_states import KINDS
+from tests import bodies
 
 
 @cache
 def worn() -> History:
     """A block is rubbed along a hump, which wears."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (6, 3)),
+    problem = bodies.strip(
+        hv.Contact(
+            hv.Compliance(1000.0),
+            hv.Tresca(0.05),
+            gap=lambda x: 0.1 * (x[:, 0] - 1.0) ** 2,
+            memory=(hv.Wear(0.1),),
+        ),
+        (6, 3),
         material=hv.Material.young(100.0, 0.3),
         supports={"top": hv.Fixed(x=lambda x, t: 0.3 * t + 0.0 * x[:, 0])},
         body_force=(0.0, -1.0),
-        contact={
-            "bottom": hv.Contact(
-                hv.Compliance(1000.0),
-                hv.Tresca(0.05),
-                gap=lambda x: 0.1 * (x[:, 0] - 1.0) ** 2,
-                memory=(hv.Wear(0.1),),
-            )
-        },
         title="hump",
     )
     return hv.march(hv.Evolution(problem), 0.4, step=0.1, save=hv.Save(every=0.1))

@@ -16,17 +16,13 @@ from hemivar.files import film_of, read_film, read_history_table
 from hemivar.files.history_table import history_columns
 from hemivar.report import MARCH_FIGURES, Units, animate, plot_march, save
 from hemivar.report.animation import check_film
+from tests import bodies
 
 
 @pytest.fixture(scope="module")
 def history() -> History:
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((2.0, 1.0), (6, 3)),
-        material=hv.Material.lame(4.0, 4.0, density=1.0, viscosity=(0.4, 0.4)),
-        supports={"left": hv.Clamped()},
-        body_force=(0.0, -0.5),
-        contact={"bottom": hv.Contact(hv.Compliance(20.0), hv.Tresca(0.05), gap=0.02)},
-    )
+    contact = hv.Contact(hv.Compliance(20.0), hv.Tresca(0.05), gap=0.02)
+    problem = bodies.strip(contact, (6, 3), density=1.0, viscosity=(0.4, 0.4), body_force=(0.0, -0.5))
     return march(Evolution(problem, inertia=True), 1.0, step=0.05, save=Save(every=0.1, probes={"tip": (2.0, 1.0)}))
 
 
@@ -60,12 +56,7 @@ def test_the_ledger_stacks_to_what_was_put_in(history: History) -> None:
 
 def test_the_ledger_of_a_warm_body_closes() -> None:
     """Work of thermal stress is put in, too: what is left of the balance is that of the table."""
-    problem = hv.ContactProblem(
-        mesh=hv.rectangle((1.0, 1.0), 2),
-        material=hv.Material.lame(4.0, 4.0, viscosity=(0.4, 0.4)),
-        supports={"left": hv.Clamped()},
-        contact={"bottom": hv.Contact(hv.Compliance(20.0))},
-    )
+    problem = bodies.square(hv.Compliance(20.0), 2, viscosity=(0.4, 0.4))
     heat = hv.Heat(1.0, 1.0, expansion=0.01, source=1.0, supports={"left": 0.0})
     warm = march(Evolution(problem, heat=heat), 1.0, step=0.25)
     table = history_columns(warm)
@@ -184,11 +175,9 @@ def test_a_film_from_files_is_that_of_the_history(history: History, tmp_path: Pa
 
 
 def test_a_film_in_three_dimensions(tmp_path: Path) -> None:
-    problem = hv.ContactProblem(
-        mesh=hv.box((1.0, 1.0, 0.5), (2, 2, 1)),
-        material=hv.Material.lame(4.0, 4.0, density=1.0),
-        body_force=(0.0, 0.0, -1.0),
-        contact={"bottom": hv.Contact(hv.Compliance(50.0), hv.Tresca(0.01), gap=0.1)},
+    contact = hv.Contact(hv.Compliance(50.0), hv.Tresca(0.01), gap=0.1)
+    problem = bodies.cube(
+        contact, (2, 2, 1), size=(1.0, 1.0, 0.5), density=1.0, supports={}, body_force=(0.0, 0.0, -1.0)
     )
     found = march(Evolution(problem, inertia=True, velocity=(0.2, 0.0, -0.5)), 0.4, step=0.1)
     assert animate(found, tmp_path / "a.gif", frames=2, dpi=40).stat().st_size > 3000
