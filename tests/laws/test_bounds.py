@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hemivar.discrete import DiscreteProblem, residual
 from hemivar.errors import ProblemError
-from hemivar.laws import ContactLaw, CoulombBound, Friction, PenetrationBound, SlipWeakening, SurveyLaw, Tresca
+from hemivar.laws import ContactLaw, Coulomb, CoulombBound, Friction, PenetrationBound, SlipWeakening, SurveyLaw, Tresca
 from hemivar.laws.friction import ExponentialWeakening
 from hemivar.laws.friction.bounds import stack_bounds
 
@@ -145,3 +145,12 @@ def test_bad_bounds_are_named(make: object, words: list[str]) -> None:
         make()  # type: ignore[operator]
     for word in words:
         assert word in str(caught.value) or word == "negative"
+
+
+def test_coulombs_law_is_tresca_with_a_bound_of_the_pressure() -> None:
+    law = Coulomb(0.3).at(np.zeros((2, 2)))
+    assert isinstance(law.bound, CoulombBound)
+    np.testing.assert_allclose(law.bound.value(np.zeros(2), np.array([2.0, -1.0])), [0.6, 0.0])
+    assert law.profile is Tresca(1.0).profile
+    with pytest.raises(ProblemError, match="coefficient of the Coulomb friction bound"):
+        Coulomb(-0.1).at(None)

@@ -11,6 +11,7 @@ a law of one's own.
 from hemivar.laws.contact_law import ContactLaw
 from hemivar.laws.description import LawDescription, LawKink
 from hemivar.laws.friction import (
+    Coulomb,
     CoulombBound,
     Friction,
     Logarithmic,
@@ -64,6 +65,7 @@ __all__ = [
     "Capped",
     "Compliance",
     "ContactLaw",
+    "Coulomb",
     "CoulombBound",
     "DampedContact",
     "FinitePenetration",

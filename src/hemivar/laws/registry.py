@@ -13,7 +13,7 @@ from typing import cast
 from hemivar.basics.types import Parameter
 from hemivar.errors import ProblemError
 from hemivar.laws.friction import (
-    CoulombBound,
+    Coulomb,
     Friction,
     Logarithmic,
     NoFriction,
@@ -193,10 +193,6 @@ def _formula_friction(
     where: str = "",
 ) -> Friction:
     return Friction(bound, FormulaLaw(potential, kinks=kinks, reach=reach, even=True, where=where))
-
-
-def _coulomb(coefficient: Parameter) -> Friction:
-    return Tresca(CoulombBound(coefficient))
 
 
 _FORMULA_KINKS = LawParameter(
@@ -391,7 +387,7 @@ _FRICTION = (
     LawEntry(
         "coulomb",
         LawKind.FRICTION,
-        _coulomb,
+        Coulomb,
         "friction of at most coefficient times the pressure (quasi-variational: the bound is iterated)",
         "j(s) = coefficient pressure |s|",
         (LawParameter("coefficient", "friction coefficient mu", "1", minimum=0.0, example=0.3),),

@@ -3,6 +3,7 @@
 from hemivar.laws.friction.bounds import CoulombBound, PenetrationBound, StateBound
 from hemivar.laws.friction.friction_law import Friction
 from hemivar.laws.friction.named_frictions import (
+    Coulomb,
     Logarithmic,
     NoFriction,
     SlipTable,
@@ -19,6 +20,7 @@ from hemivar.laws.friction.profiles import (
 
 __all__ = [
     "ABSOLUTE_VALUE",
+    "Coulomb",
     "CoulombBound",
     "ExponentialWeakening",
     "Friction",

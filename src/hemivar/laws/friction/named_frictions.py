@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from types import MappingProxyType
 
 from hemivar.basics.types import Parameter
-from hemivar.laws.friction.bounds import StateBound
+from hemivar.laws.friction.bounds import CoulombBound, StateBound
 from hemivar.laws.friction.friction_law import Friction
 from hemivar.laws.friction.profiles import ExponentialWeakening, LogarithmicWeakening, StaticKineticProfile
 from hemivar.laws.own.table_law import check_points, even_table
 
-__all__ = ["Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKinetic", "Tresca"]
+__all__ = ["Coulomb", "Logarithmic", "NoFriction", "SlipTable", "SlipWeakening", "StaticKinetic", "Tresca"]
 
 
 def Tresca(bound: Parameter | StateBound) -> Friction:  # noqa: N802 - a law, named as the others are
@@ -27,6 +27,21 @@ def Tresca(bound: Parameter | StateBound) -> Friction:  # noqa: N802 - a law, na
     Friction
     """
     return Friction(bound)
+
+
+def Coulomb(coefficient: Parameter) -> Friction:  # noqa: N802 - a law, named as the others are
+    """Coulomb's law: friction at most ``coefficient`` times the pressure (quasi-variational).
+
+    Parameters
+    ----------
+    coefficient : number, array or function
+        Friction coefficient mu >= 0.
+
+    Returns
+    -------
+    Friction
+    """
+    return Friction(CoulombBound(coefficient))
 
 
 def NoFriction() -> Friction:  # noqa: N802 - a law, named as the others are
