@@ -21,6 +21,7 @@ from hemivar.report import plot_study, study_table
 from hemivar.workflows import Begun, StudyLevel, StudyOptions, result_of, studying
 from tests import bodies
 from tests.problem_files import MANUFACTURED, MANUFACTURED_EXACT
+from tests.problems import square
 
 
 @pytest.fixture(scope="module")
@@ -299,3 +300,25 @@ def test_table_and_figure_show_what_was_found(exact: hv.Study) -> None:
     slopes = [np.ptp(np.log(line.get_ydata())) / np.ptp(np.log(line.get_xdata())) for line in triangles]
     orders = [order for order in exact.orders.values() if order > 0.0]
     assert sorted(slopes) == pytest.approx(sorted(orders), abs=0.005)  # two decimals, as the legend has them
+
+
+def test_the_guaranteed_bound_is_a_column_and_no_bound_is_below_its_error() -> None:
+    found = hv.study(square(n=2), 3, certify=True, method="newton")
+    errors = found.errors("energy")
+    assert np.isfinite(found.bounds).all()
+    assert (found.bounds[:-1] >= errors[:-1]).all()
+    assert found.bounds[-1] < found.bounds[0]
+    column = [row[study_table(found).columns.index("guaranteed bound")] for row in study_table(found).rows]
+    assert column == found.bounds.tolist()
+    assert "guaranteed bound" not in study_table(hv.study(square(n=2), 1)).columns
+    labels = [text.get_text() for text in plot_study(found).axes[0].get_legend().get_texts()]
+    assert "energy norm, guaranteed bound" in labels
+
+
+def test_no_bound_says_why() -> None:
+    coulomb = {"bottom": hv.Contact(hv.Signorini(), hv.Coulomb(0.2))}
+    found = hv.study(replace(square(n=2), contact=coulomb), 1, certify=True)
+    assert np.isinf(found.bounds).all()
+    assert all(level.unbounded for level in found.levels)
+    table = study_table(found)
+    assert [row[table.columns.index("guaranteed bound")] for row in table.rows] == [None, None]

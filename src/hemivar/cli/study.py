@@ -31,6 +31,9 @@ def study(
         list[str] | None,
         typer.Option(metavar="FORMULA", help="Exact solution of x and y, once for each component (the finest mesh)."),
     ] = None,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Bound the error on each mesh, guaranteed (a column of the table).")
+    ] = False,
     method: Annotated[str | None, typer.Option(metavar="NAME", help="Method (by predicted cost).")] = None,
     jobs: Annotated[int, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Processes that work at once.")] = 1,
     keep: Annotated[
@@ -68,7 +71,9 @@ def study(
             "of cells, or [mesh] refine"
         )
     first = stated.problem.on(meshes[-1 - coarser])
-    options = StudyOptions(refine, exact or None, solver, session.controls, jobs, must_keep=keep is not None)
+    options = StudyOptions(
+        refine, exact or None, solver, session.controls, jobs, must_keep=keep is not None, certify=certify
+    )
     keep = kept_file(problem, "study", study_digest(first, options), outputs, writer) if keep is None else keep
     options = replace(options, keep=keep)
     terminal = console()
@@ -86,6 +91,7 @@ def study(
     print()
     print_table(terminal, study_table(found, brief=True))
     _print_orders(found)
+    _print_bounds(found)
     writer.write("--csv", csv, table.write_csv)
     writer.write("--latex", latex, study_table(found, stated.problem.title).write_latex)
     writer.write_record(json, _record(found, stated.name))
@@ -116,6 +122,21 @@ def _print_orders(found: Study) -> None:
         print(f"{name:<18}{told}" + (f", relative error {finest[-1]:.3g}" if finest else ""))
 
 
+def _print_bounds(found: Study) -> None:
+    """Print the bound on the finest mesh, or why there is none."""
+    level = found.levels[-1]
+    if math.isnan(level.bound):
+        return
+    if math.isfinite(level.bound):
+        norm = found.norms["energy"]
+        relative = f", relative {level.bound / norm:.3g}" if norm > 0.0 else ""
+        print(f"guaranteed bound  {level.bound:.3g} in the energy norm on the finest mesh{relative}")
+        return
+    print("guaranteed bound  none on the finest mesh")
+    for reason in level.unbounded:
+        print(f"                  because {reason}")
+
+
 def _record(found: Study, name: str) -> Record:
     """A study as plain numbers and lists."""
 
@@ -129,6 +150,7 @@ def _record(found: Study, name: str) -> Record:
             "status": level.solution.status.value,
             "errors": {quantity: plain(getattr(level, quantity)) for quantity in found.quantities},
             "orders": {quantity: plain(found.steps(quantity)[number]) for quantity in found.quantities},
+            **({} if math.isnan(level.bound) else {"guaranteed_bound": plain(level.bound)}),
             "energy": plain(level.solution.energy),
             "normal_force": plain(level.solution.normal_force) if level.solution.problem.contact_points else None,
         }

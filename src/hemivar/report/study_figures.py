@@ -80,6 +80,9 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
             shared = np.logical_not(study.trusted)
             ax.plot(sizes[shared], values[shared], ls="", color=colour, marker=_MARKS[number], ms=5.0, mfc="white")
             _triangle(ax, sizes, values, order, colour, above=name == highest and len(curves) > 1)
+        if np.isfinite(study.bounds).any() and study.norms["energy"] > 0.0:
+            bounds = np.where(np.isfinite(study.bounds), study.bounds, np.nan) / study.norms["energy"]
+            ax.plot(sizes, bounds, color=SERIES[0], ls="--", marker="x", ms=5.0, label="energy norm, guaranteed bound")
         ax.set_xscale("log")
         ax.set_yscale("log")
         shown = sizes[np.isfinite(np.array(list(curves.values()))).any(axis=0)]
@@ -96,10 +99,10 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
         ax.grid(True, which="major", color="#e2e2e2", lw=0.6)
         ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
-        ax.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), frameon=True, framealpha=0.9, edgecolor="none")
+        legend = ax.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), frameon=True, framealpha=0.9, edgecolor="none")
         # room for the legend above the curves
         low, high = ax.get_ylim()
-        ax.set_ylim(low, high * (high / low) ** (0.09 * len(curves)))
+        ax.set_ylim(low, high * (high / low) ** (0.09 * len(legend.get_texts())))
         if title:
             ax.set_title(title)
     return fig

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from hemivar.report.tables import Table
 from hemivar.workflows.study import Study
 from hemivar.workflows.sweep import Sweep
@@ -13,6 +15,9 @@ __all__ = ["study_table", "sweep_table"]
 
 def study_table(study: Study, title: str = "", *, relative: bool = False, brief: bool = False) -> Table:
     """One line for each mesh: size, unknowns, errors with the order from the mesh before, energy, normal force, status.
+
+    Where bounds were asked for, the column ``guaranteed bound`` has that of the error in the energy norm; it is empty
+    where there is none.
 
     Parameters
     ----------
@@ -31,9 +36,13 @@ def study_table(study: Study, title: str = "", *, relative: bool = False, brief:
     columns = ["h", "unknowns"]
     for name in names:
         columns += [name, "order"] if brief else [f"{name} error", f"{name} order"]
+    bounds = study.bounds
+    certified = bool((~np.isnan(bounds)).any())
+    columns += ["guaranteed bound"] * certified
     columns += ["status"] * (not study.converged) if brief else ["energy", "normal force", "status"]
     errors = {name: study.relative(name) if relative else study.errors(name) for name in names}
     steps = {name: study.steps(name) for name in names}
+    size = study.norms["energy"] if relative else 1.0
     rows = []
     for number, level in enumerate(study.levels):
         solution = level.solution
@@ -41,6 +50,9 @@ def study_table(study: Study, title: str = "", *, relative: bool = False, brief:
         for name in names:
             error, order = float(errors[name][number]), float(steps[name][number])
             row += [None if math.isnan(error) else error, None if math.isnan(order) else round(order, 2)]
+        if certified:
+            bound = float(bounds[number] / size)
+            row.append(bound if math.isfinite(bound) else None)
         force = float(solution.normal_force) if solution.problem.contact_points else None
         last: list[object] = [float(solution.energy), force, solution.status.value]
         rows.append((*row, *(last[2:] * (not study.converged) if brief else last)))

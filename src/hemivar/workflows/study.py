@@ -22,6 +22,8 @@ from hemivar.basics.generators import result_of
 from hemivar.basics.known_statement import KnownStatement
 from hemivar.basics.processes import results
 from hemivar.basics.types import Array, BoolArray
+from hemivar.certificates.continuous import exact_distance
+from hemivar.certificates.continuous.body_constants import body_constants
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
 from hemivar.fem import discretize, interpolate
@@ -32,11 +34,12 @@ from hemivar.files.kept_solution import KeptSolution
 from hemivar.files.kept_work import KeptWork
 from hemivar.files.problem_file import read_problem_file
 from hemivar.linear.threads import one_thread
-from hemivar.mechanics import Statement
+from hemivar.mechanics import ContactProblem, Statement
 from hemivar.mechanics.scalar import ScalarProblem
 from hemivar.mesh import Mesh
-from hemivar.solvers import Controls, Solution, Solver, Status, solving, suited, transfer_solution
+from hemivar.solvers import Controls, Solution, Solver, Status, method_named, solving, suited, transfer_solution
 from hemivar.solvers.choice import choose
+from hemivar.systems import Workspace
 from hemivar.workflows.events import Begun, Chosen, Notice, Phase, Warned, Work
 from hemivar.workflows.survey_runs import observed_order
 
@@ -77,6 +80,8 @@ class StudyOptions:
         where the mesh is now halved more often, or compared with another exact solution.
     must_keep : bool
         Whether the study ends where that file cannot be written; else ``Study.unkept`` says why.
+    certify : bool
+        Whether the error on each mesh is bounded as well, see :func:`hemivar.exact_distance`.
 
     Raises
     ------
@@ -92,6 +97,7 @@ class StudyOptions:
     jobs: int = 1
     keep: str | Path | None = None
     must_keep: bool = True
+    certify: bool = False
 
     def __post_init__(self) -> None:
         count = whole_number(self.refine, "refine", 1)
@@ -118,6 +124,10 @@ class StudyLevel(Notice):
         The mesh size h: length of the longest edge.
     energy, displacement, pressure : float
         Errors, as :class:`Study` tells; nan while there is nothing to compare with.
+    bound : float
+        Guaranteed bound of the error in the energy norm; nan where none was asked for, inf where there is none.
+    unbounded : tuple of str
+        Why there is no bound; one sentence each.
     """
 
     solution: Solution
@@ -125,6 +135,8 @@ class StudyLevel(Notice):
     energy: float = math.nan
     displacement: float = math.nan
     pressure: float = math.nan
+    bound: float = math.nan
+    unbounded: tuple[str, ...] = ()
 
     __repr__ = brief
 
@@ -178,6 +190,11 @@ class Study(Displayed):
     def quantities(self) -> tuple[str, ...]:
         """Names of the errors that there are."""
         return tuple(name for name in QUANTITIES if np.isfinite(self.errors(name)).any())
+
+    @property
+    def bounds(self) -> Array:
+        """Guaranteed bounds of the errors in the energy norm on each mesh, absolute; see :class:`StudyLevel`."""
+        return np.array([level.bound for level in self.levels])
 
     @property
     def converged(self) -> bool:
@@ -256,6 +273,8 @@ def studying(problem: Statement | KnownStatement | str | Path, options: StudyOpt
             f"study: the problem is {described(stated)}; give a ContactProblem, a ScalarProblem or a problem file, "
             "whose mesh can be refined"
         )
+    if options.certify and not isinstance(stated, ContactProblem):
+        raise ProblemError("study: certify bounds errors of elastic bodies, not of scalar problems; leave it out")
     known = options.exact if isinstance(options.exact, KnownField) else None
     if known is not None:
         error_norms(stated, np.zeros((len(stated.mesh.nodes(stated.order)), _components(stated))), known)
@@ -271,6 +290,11 @@ def studying(problem: Statement | KnownStatement | str | Path, options: StudyOpt
         interrupted = yield from _levels(stated, options, kept, levels)
     except KeyboardInterrupt:
         interrupted = True
+    if options.certify and not interrupted:
+        try:
+            interrupted = yield from _bounded(levels)
+        except KeyboardInterrupt:
+            interrupted = True
     if not levels:
         raise ProblemError("study: no mesh was solved before the end of the work; take a coarser mesh, or more time")
     return _measured(options, levels, stated, known, interrupted, "" if kept is None else kept.unkept)
@@ -298,17 +322,18 @@ def study(
     refine: int = 4,
     *,
     exact: KnownField | Sequence[str] | None = None,
-    solver: Solver | None = None,
+    method: Solver | str | None = None,
     controls: Controls | None = None,
     jobs: int = 1,
     keep: str | Path | None = None,
+    certify: bool = False,
 ) -> Study:
     """:func:`studying` to its end, as a value.
 
     Parameters
     ----------
     problem : ContactProblem, ScalarProblem, or path of a problem file
-    refine, exact, solver, controls, jobs, keep
+    refine, exact, method, controls, jobs, keep, certify
         As in :class:`StudyOptions`.
 
     Returns
@@ -320,7 +345,10 @@ def study(
     ProblemError, MethodError, FileError
         As :func:`studying`.
     """
-    given = StudyOptions(refine, exact, solver, Controls() if controls is None else controls, jobs, keep)
+    solver = method_named(method) if isinstance(method, str) else method
+    given = StudyOptions(
+        refine, exact, solver, Controls() if controls is None else controls, jobs, keep, certify=certify
+    )
     return result_of(studying(problem, given))
 
 
@@ -507,6 +535,26 @@ def _pressure(solution: Solution, stated: Statement, known: KnownField) -> Array
     stress = np.einsum("mij,mj->mi", stated.material.stiffness_tensor(points), strain)
     stress = stress[:, voigt_index(stated.mesh.dim)]
     return np.asarray(-np.einsum("mi,mij,mj->m", normal, stress, normal))
+
+
+def _bounded(levels: list[StudyLevel]) -> Work[bool]:
+    """Put the guaranteed bound of its error into each level; returns whether the work was interrupted."""
+    first = levels[0].solution.problem
+    with one_thread():
+        constants = body_constants(first, Workspace())  # of the body: they hold on every mesh of it
+        for number, level in enumerate(levels):
+            yield Phase(f"h = {level.size:.4g}: bound of the error", number, len(levels))
+            stated = level.solution.problem.origin
+            assert isinstance(stated, ContactProblem)
+            try:
+                found = exact_distance(stated, level.solution.displacement, constants)
+                bound, reasons = (found.distance if found.guaranteed else math.inf), found.reasons
+            except ProblemError as error:
+                bound, reasons = math.inf, (str(error),)
+            levels[number] = replace(level, bound=bound, unbounded=() if math.isfinite(bound) else reasons)
+            if (yield levels[number]):
+                return number + 1 < len(levels)
+    return False
 
 
 def _measured(
