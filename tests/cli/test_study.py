@@ -225,6 +225,37 @@ def test_a_template_solves_as_it_is(name: str, tmp_path: Path, capsys: pytest.Ca
     assert cli.main([command, str(file), "--quiet", *given]) == 0
 
 
+def test_the_softening_template_has_three_solutions_and_two_folds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The block presses evenly: 12 per penetration against 60 up to 0.02, then -16; the load is 12 * 0.07 + 0.5."""
+    file = tmp_path / "softening.toml"
+    assert cli.main(["new", str(file), "--template", "softening"]) == 0
+    assert cli.main(["solutions", str(file), "--json", str(tmp_path / "all.json")]) == 0
+    assert "3; no others exist" in capsys.readouterr().out
+    load = 12.0 * 0.07 + 0.5
+    falling = (1.2 + 16.0 * 0.02 - load) / (16.0 - 12.0)
+    by_hand = sorted([load / 72.0, falling, load / 12.0])
+    records = json.loads((tmp_path / "all.json").read_text())["solutions"]
+    found = sorted(max(one["contact"]["penetration"]) for one in records)
+    assert found == pytest.approx(by_hand, rel=1e-10)
+    given = ["--load-factor", "0", "1.2", "--json", str(tmp_path / "path.json")]
+    assert cli.main(["path", str(file), *given]) == 0
+    folds = [float(line.split()[3].rstrip(",")) for line in capsys.readouterr().out.splitlines() if line[:4] == "fold"]
+    last = 0.02 + 1.2 / 16.0
+    assert folds == pytest.approx([(1.2 + 12.0 * 0.02) / load, 12.0 * last / load], rel=1e-9)
+
+
+def test_the_bounce_template_says_why_it_has_no_margin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "bounce.toml"
+    assert cli.main(["new", str(file), "--template", "bounce"]) == 0
+    assert cli.main(["march", str(file), "--quiet", "--until", "0.02"]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("least margin"))
+    assert line.endswith(
+        "a friction bound that depends on the pressure, as Coulomb's, or jumps has no uniqueness margin"
+    )
+
+
 def test_templates_are_listed_and_others_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["new", "--template", "list"]) == 0
     assert all(f"{name} " in capsys.readouterr().out for name in ("softening",))

@@ -179,9 +179,14 @@ class History(Portable, Displayed):
         if not len(margins):
             return "no step was taken"
         lost = int(np.count_nonzero(~(margins > 0.0)))
-        if lost:
-            return f"{lost} step{'s' if lost > 1 else ''} may have several solutions"
         contacts, law = self.discrete.contacts.values(), self.discrete.problem.law
+        if lost:
+            why = ""
+            if np.isinf(law.lipschitz).any():
+                why = ": a friction bound that depends on the pressure, as Coulomb's, or jumps has no uniqueness margin"
+            elif any(np.isinf(alpha).any() for alpha in law.weak_convexity):
+                why = ": a law that drops discontinuously has no uniqueness margin"
+            return f"{lost} step{'s' if lost > 1 else ''} may have several solutions{why}"
         damped = [one.damping for one in contacts if one.damping is not None]
         sampled = law.alpha_doubt or law.lipschitz_sampled
         held = [part.name for one in contacts for part in one.memory if part.iterates]

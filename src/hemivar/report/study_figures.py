@@ -80,12 +80,14 @@ def plot_study(study: Study, *, title: str | None = None, unit: str = "", ax: Ax
             shared = np.logical_not(study.trusted)
             ax.plot(sizes[shared], values[shared], ls="", color=colour, marker=_MARKS[number], ms=5.0, mfc="white")
             _triangle(ax, sizes, values, order, colour, above=name == highest and len(curves) > 1)
+        drawn = list(curves.values())
         if np.isfinite(study.bounds).any() and study.norms["energy"] > 0.0:
             bounds = np.where(np.isfinite(study.bounds), study.bounds, np.nan) / study.norms["energy"]
             ax.plot(sizes, bounds, color=SERIES[0], ls="--", marker="x", ms=5.0, label="energy norm, guaranteed bound")
+            drawn.append(bounds)
         ax.set_xscale("log")
         ax.set_yscale("log")
-        shown = sizes[np.isfinite(np.array(list(curves.values()))).any(axis=0)]
+        shown = sizes[np.isfinite(np.array(drawn)).any(axis=0)]
         whole = all(reciprocal(float(h)) for h in shown)
         ax.set_xticks(shown, labels=[f"1/{reciprocal(float(h))}" if whole else f"{h:.3g}" for h in shown])
         ax.xaxis.set_minor_formatter(NullFormatter())
