@@ -380,6 +380,11 @@ def _checked(
         wanted = goal_named(problem, expect(wanted, Goal, "a goal", remedy).name)
         if problem.order != 1:
             raise ProblemError("quantities of interest are bounded for linear elements; take order = 1, or no goal")
+        if not problem.material.linear:
+            raise ProblemError(
+                "quantities of interest are bounded for linear materials; give no goal, and the distance to the exact "
+                "solution is bounded"
+            )
     while problem.mesh.number_of_cells < _FEW[problem.mesh.dim]:
         problem = replace(problem, mesh=problem.mesh.refined())
     return problem, wanted

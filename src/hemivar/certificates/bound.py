@@ -4,6 +4,7 @@ Any admissible pair (v, lam'), lam' in dj(Bv - g), near the given point bounds i
 
     |u - u*|_K <= |u - v|_K + |f - K v - B'W lam'|_{K^-1} / margin
 
+Of a body that is not linear ``K v`` is the derivative of its energy, and K elsewhere the stiffness of C_low.
 Several such pairs are made and the smallest bound counts.
 """
 
@@ -22,7 +23,7 @@ from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.norms import EnergyNorm, Norm
 from hemivar.certificates.trace_inverse import gram_solve, lift, symmetric_inverse
 from hemivar.discrete.bulk import Quadratic
-from hemivar.discrete.model import quadratic
+from hemivar.discrete.potential import Potential
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.discrete.residual import contact_compliance
 from hemivar.laws import ContactLaw, StateBound, Superpotential
@@ -36,6 +37,8 @@ _SMALL = 2_000_000
 #: No search with more contact components than this, for it works with dense matrices.
 _SEARCHABLE = 1500
 _SEARCH_STEPS = 60
+#: Operations between a strain and the stress of a material that is not linear.
+_OPERATIONS = 32
 _Real = TypeVar("_Real", bound=np.floating)
 _ROWS = 1 << 14
 #: Contact points times knots that are looked at in one go.
@@ -51,10 +54,13 @@ class Point:
     u: Array
     lam: Array
 
-    @property
+    @cached_property
     def bulk(self) -> Quadratic:
-        """The body, which is linear or stands for its tangent."""
-        return quadratic(self.problem.bulk, "a bound of the error")
+        """The body; where it is not linear the linear one above it, for the sizes of its forces."""
+        bulk = self.problem.bulk
+        if isinstance(bulk, Quadratic | Potential):
+            return bulk.upper
+        return Quadratic(bulk.hessian(self.u))
 
     @property
     def active(self) -> BoolArray:
@@ -230,7 +236,8 @@ def error_bound(point: Point, margin: float, ceiling: Array | None = None) -> fl
         best = min(best, _admissible(point, point.u, snapped, lam, margin, ceiling))
         if best <= poor * scale and not point.energy.factorised:
             break
-    if best > poor * scale and 0 < rows <= _SEARCHABLE and isinstance(point.energy, EnergyNorm):
+    linear = isinstance(problem.bulk, Quadratic)
+    if best > poor * scale and linear and 0 < rows <= _SEARCHABLE and isinstance(point.energy, EnergyNorm):
         best = min(best, _search(point, point.energy, margin, best, ceiling))
     return best
 
@@ -280,7 +287,7 @@ def _nearby(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
     step, change = v - point.u, problem.contact_force(lam - point.lam)
     size, longest = _rounding_size(point, step, np.zeros_like(v), lam - point.lam)
     more = longest * float(np.finfo(float).eps) * (size + float(np.linalg.norm(rest / np.sqrt(point.energy.diagonal))))
-    if more > doubt:
+    if more > doubt or not (v is point.u or isinstance(problem.bulk, Quadratic)):
         return _out_of_balance(point, v, lam)
     moved = point.bulk.stiffness @ step if v is not point.u else 0.0
     return rest - moved - change, doubt + more
@@ -289,9 +296,17 @@ def _nearby(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
 def _out_of_balance(point: Point, v: Array, lam: Array) -> tuple[Array, float]:
     """``f - K v - B'W lam``, summed in extended precision, and a bound of ``|D^-1/2 e|_2``, e its rounding errors.
 
-    ``|e| <= longest eps (|K| |v| + |f| + |B'| |W lam|)``, entry by entry, longest being the number of terms.
+    ``|e| <= longest eps (|K| |v| + |f| + |B'| |W lam|)``, entry by entry, longest being the number of terms. Forces of
+    a body that is not linear have the precision of their arithmetic.
     """
     problem, bulk, long = point.problem, point.bulk, np.longdouble
+    if not isinstance(problem.bulk, Quadratic):
+        sizes = np.abs(problem.load)
+        if isinstance(problem.bulk, Potential):
+            sizes = sizes + np.abs(problem.bulk.initial_forces)
+        size, longest = _rounding_size(point, v, sizes, lam)
+        rest = problem.out_of_balance(v) - problem.contact_force(lam)
+        return rest, (longest + _OPERATIONS) * float(np.finfo(float).eps) * size
     force = problem.contact.weights[:, None].astype(long) * lam
     transposed = sp.csr_array(problem.contact.trace.T)
     rest = problem.load - _product(bulk.stiffness, v.astype(long)) - _product(transposed, force.ravel())

@@ -16,8 +16,8 @@ import scipy.sparse.linalg as spla
 from hemivar.basics.deadline import check_time
 from hemivar.basics.first_use import cached_property
 from hemivar.basics.types import Array, BoolArray
+from hemivar.certificates.linear_bodies import below
 from hemivar.certificates.subspace import Mode, Subspace, counting_rows, start_vector
-from hemivar.discrete.model import quadratic
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.cycle import contact_unknowns, selects
 from hemivar.linear.definite import free_unknowns, lowest_quotient, quotient, rounding
@@ -58,7 +58,7 @@ class MultigridNorm:
     Parameters
     ----------
     problem : DiscreteProblem
-        K is its stiffness.
+        K is its stiffness; of a body that is not linear that of the body below.
     workspace : Workspace, optional
         Keeps the levels: those that a solve by multigrid made there, or will take.
     """
@@ -66,10 +66,10 @@ class MultigridNorm:
     factorised: ClassVar[bool] = False
 
     def __init__(self, problem: DiscreteProblem, workspace: Workspace | None = None) -> None:
-        self.problem = problem
-        self.bulk = quadratic(problem.bulk, "multigrid")
+        self.problem = below(problem)
+        self.bulk = self.problem.linear
         self.stiffness = self.bulk.stiffness
-        self._levels = levels_of(problem, Workspace.given(workspace)).levels
+        self._levels = levels_of(self.problem, Workspace.given(workspace)).levels
         self._top = len(self._levels.sizes) - 1
         self._negative: float | None = None
 

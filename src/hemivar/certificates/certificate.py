@@ -19,6 +19,7 @@ from hemivar.certificates.bound import Point, equilibrium_multiplier, error_boun
 from hemivar.certificates.continuous.exact_certificate import distance_to_exact
 from hemivar.certificates.distance_to_exact import DistanceToExact
 from hemivar.certificates.kind import LocalStudy, study
+from hemivar.certificates.linear_bodies import convex_body
 from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
 from hemivar.certificates.smallness import (
     Smallness,
@@ -66,6 +67,9 @@ class Certifiable(Protocol):
 @dataclass(frozen=True, eq=False)
 class Certificate(Displayed):
     """What is known about a pair ``(u, lambda)``.
+
+    K is the stiffness of the body. Of one that is not linear ``K u`` is the derivative of its stored energy, and
+    elsewhere K is the stiffness of its lower tensor C_low: ``smallness.stiffness_by`` tells how that was found.
 
     Attributes
     ----------
@@ -450,12 +454,13 @@ def _classify(point: Point, constants: Smallness, stationary: bool) -> _Classifi
         return local.kind, f"the only one with {constants.within}", local
     if dependent:
         return local.kind, None, local
-    if constants.m_alpha == 0.0 and not (constants.alpha_sampled or constants.within):
+    convex = convex_body(problem)
+    if convex and constants.m_alpha == 0.0 and not (constants.alpha_sampled or constants.within):
         if local.kind is PointKind.LOCAL_MINIMISER and point.energy.definite:
             return PointKind.UNIQUE_MINIMISER, True, local
         return PointKind.GLOBAL_MINIMISER, None, replace(local, direction=None)
     falls = local.kind in (PointKind.SADDLE, PointKind.MAXIMUM, PointKind.CLARKE_STATIONARY)
-    if falls and point.energy.definite and _bounded_below(problem):
+    if falls and convex and point.energy.definite and _bounded_below(problem):
         unique = False  # the energy has a global minimiser, and this is not it
     return local.kind, unique, local
 

@@ -10,8 +10,9 @@ import scipy.sparse.linalg as spla
 
 from hemivar.basics.types import Array, BoolArray, IntArray
 from hemivar.certificates.bound import Point, snap
-from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm
-from hemivar.discrete.model import quadratic
+from hemivar.certificates.linear_bodies import at_tangent, convex_body
+from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm
+from hemivar.discrete.bulk import Quadratic
 from hemivar.discrete.point_kind import PointKind
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.laws import Superpotential
@@ -39,7 +40,8 @@ class LocalStudy:
     kind : PointKind
         LOCAL_MINIMISER, SADDLE, MAXIMUM, DIRECTIONALLY_STATIONARY or CLARKE_STATIONARY.
     curvature : float or None
-        Smallest ``1 + v'B'W j''(r) B v / v'K v`` over the critical directions: 1 is the curvature of the body alone;
+        Smallest ``1 + v'B'W j''(r) B v / v'K v`` over the critical directions: 1 is the curvature of the body alone,
+        K its stiffness at the point;
         -inf at a downward jump; None if not computed.
     direction : array (m, d) or None
         Local displacements along which the energy falls, largest component 1.
@@ -199,13 +201,16 @@ def kind_of(problem: DiscreteProblem, u: Array, lam: Array, energy: Norm) -> Poi
     kind = study(Point(problem, energy, u, lam)).kind
     if kind is PointKind.DIRECTIONALLY_STATIONARY and not problem.law.state_dependent:
         parts = (problem.law.normal, problem.law.tangential)
-        if all(law.convex and not law.alpha_sampled for law in parts):
+        if convex_body(problem) and all(law.convex and not law.alpha_sampled for law in parts):
             return PointKind.GLOBAL_MINIMISER
     return kind
 
 
 def study(point: Point) -> LocalStudy:
-    """Classify a pair that is stationary up to rounding."""
+    """Classify a pair that is stationary up to rounding; a body that is not linear by its tangent at the point."""
+    if not isinstance(point.problem.bulk, Quadratic):
+        tangent = at_tangent(point.problem, point.u)
+        point = Point(tangent, energy_norm(tangent), point.u, point.lam)
     m, d = point.problem.contact_points, point.problem.contact.components
     parts = _components(point)
     free, held, weak, falls, one_sided = parts.free, parts.held, parts.weak, parts.falls, parts.one_sided
@@ -293,7 +298,7 @@ def _curvatures_on_foundation(point: Point, C: sp.csr_array, weight: Array, held
     curvature of the energy, its size means nothing else.  None where it cannot be had.
     """
     problem = point.problem
-    stiffness = quadratic(problem.bulk, "the kind of a point").stiffness
+    stiffness = problem.stiffness
     if not point.energy.factorised:
         return None
     trace = problem.contact.trace

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hemivar.certificates.by_factorisation import EnergyNorm
 from hemivar.certificates.by_multigrid import MultigridNorm
-from hemivar.discrete.model import quadratic
+from hemivar.certificates.linear_bodies import below
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.linear.definite import free_unknowns
 from hemivar.systems.workspace import Workspace
@@ -20,7 +20,8 @@ Norm = EnergyNorm | MultigridNorm
 def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) -> Norm:
     """The energy norm of a problem: factorised where that takes no more than a moment, by multigrid beyond.
 
-    A workspace keeps it for other loads, gaps and laws of the body.
+    Of a body that is not linear it is that of C_low (:func:`hemivar.certificates.linear_bodies.below`). A workspace
+    keeps it for other loads, gaps and laws of the body.
 
     Parameters
     ----------
@@ -37,9 +38,9 @@ def energy_norm(problem: DiscreteProblem, workspace: Workspace | None = None) ->
     def make() -> Norm:
         if not factorises(problem):
             return MultigridNorm(problem, kept)
-        free = free_unknowns(problem)
-        stiffness = quadratic(problem.bulk, "the energy norm").stiffness
-        return EnergyNorm(stiffness, singular=free is not None and free.shape[1] > 0)
+        body = below(problem)
+        free = free_unknowns(body)
+        return EnergyNorm(body.stiffness, singular=free is not None and free.shape[1] > 0)
 
     return kept.once("energy norm", problem.model, make)
 

@@ -15,6 +15,7 @@ from hemivar.basics.deadline import check_time
 from hemivar.basics.types import Array
 from hemivar.certificates.bound import Point, equilibrium_multiplier, error_bound, friction_bound
 from hemivar.certificates.continuous.lower_bounds import lower_bounds
+from hemivar.certificates.linear_bodies import UNKNOWN, lower_bound_by
 from hemivar.certificates.norms import EnergyNorm, MultigridNorm, Norm, energy_norm, factorises
 from hemivar.discrete.problem import DiscreteProblem
 from hemivar.errors import ProblemError
@@ -24,7 +25,7 @@ from hemivar.fem.posed import Posable, posed
 from hemivar.fem.quadrature import quadrature_rule, region_masks
 from hemivar.fem.scalar_energy import discretize_scalar, gradient_norm_problem, least_coefficient
 from hemivar.laws import ContactLaw, Superpotential
-from hemivar.mechanics.material import Material
+from hemivar.mechanics.material import BoundsBy, Material
 from hemivar.mechanics.scalar import ScalarProblem, Statement
 from hemivar.systems.workspace import Workspace
 
@@ -107,7 +108,11 @@ class Smallness:
     reach_normal, reach_tangential : float
         Penetrations (and openings) and slips up to which the constants hold; inf where they hold for all.
     m_A_sampled : bool
-        Whether m_A is that of the points of a rule, for moduli that are functions of the place: then so is (H_s).
+        Whether m_A is that of the points of a rule, for moduli that are functions of the place, or of a lower tensor
+        that is sampled: then so is (H_s).
+    stiffness_by : str
+        How the lower tensor of a material that is not linear was found: "closed form", "intervals", "sampled", "stated"
+        with a bulk of the user's own, or "unknown", and then there is no margin; empty for a linear body.
     """
 
     alpha_normal: float
@@ -130,6 +135,7 @@ class Smallness:
     m_A_sampled: bool = False  # noqa: N815 - the survey's name
     reach_normal: float = np.inf
     reach_tangential: float = np.inf
+    stiffness_by: str = ""
 
     @property
     def within(self) -> str:
@@ -141,7 +147,7 @@ class Smallness:
     @property
     def sampled(self) -> bool:
         """Whether the margin rests on samples: then it proves nothing."""
-        return self.alpha_sampled or self.m_L_sampled
+        return self.alpha_sampled or self.m_L_sampled or self.stiffness_by == BoundsBy.SAMPLED
 
 
 def smallness(
@@ -233,7 +239,10 @@ def with_survey(
     if problem.origin is None or not problem.contact_points:
         return constants
     m_a, stated = ellipticity(problem.origin), problem.origin
-    sampled = not (stated.homogeneous if isinstance(stated, ScalarProblem) else stated.material.uniform)
+    if isinstance(stated, ScalarProblem):
+        sampled = not stated.homogeneous
+    else:
+        sampled = not (stated.material.uniform and stated.material.bounds_by.proved)
     constants = replace(constants, m_A=m_a, m_A_sampled=sampled)
     if not trace_constant:
         return constants
@@ -247,7 +256,7 @@ def with_survey(
         trace_constant=trace,
         trace_bound=above,
         survey_condition=True if m_a > needed else None if m_a > least else False,
-        survey_margin=1.0 - needed / m_a,
+        survey_margin=-np.inf if m_a == 0.0 else 1.0 - needed / m_a,
     )
 
 
@@ -309,6 +318,9 @@ def _constants(
     A ``reach`` of penetration or slip that is finite asks for the constants that are proved up to it.
     """
     m, d = problem.contact_points, problem.contact.components
+    stiffness_by = lower_bound_by(problem)
+    if stiffness_by == UNKNOWN:
+        energy = None
     if m:
         law = problem.law
         normal = np.broadcast_to(_alpha(law.normal, reach[0]), (m,))
@@ -375,6 +387,7 @@ def _constants(
         contraction=0.0 if coupling == 0.0 else (coupling / (1.0 - c) if c < 1.0 else np.inf),
         margin=_margin(energy, c, coupling),
         m_L_sampled=slips and problem.law.lipschitz_sampled,
+        stiffness_by=stiffness_by,
     )
 
 
@@ -472,7 +485,8 @@ def _coupling(law: ContactLaw) -> Array:
 def ellipticity(statement: Statement) -> float:
     """m_A, the smallest eigenvalue of the elasticity tensor over the body: ``eps : C eps >= m_A eps : eps``.
 
-    That of the coefficient for one component.  What varies is sampled at the quadrature points of the stiffness matrix.
+    That of the lower tensor of a material that is not linear; that of the coefficient for one component.  What varies
+    is sampled at the quadrature points of the stiffness matrix.
 
     Parameters
     ----------
@@ -486,12 +500,12 @@ def ellipticity(statement: Statement) -> float:
         return least_coefficient(statement)
     mesh, dim = statement.mesh, statement.mesh.dim
     if statement.material.homogeneous:
-        tensor = statement.material.stiffness_tensor(mesh.points[:1])
+        tensor = statement.material.lower_tensor(mesh.points[:1])
     else:
         barycentric, weights = quadrature_rule(dim, 2 * statement.order)
         points = np.einsum("qk,mkd->mqd", barycentric, mesh.points[mesh.cells]).reshape(-1, dim)
         masks = {name: np.repeat(mask, len(weights)) for name, mask in region_masks(mesh).items()}
-        tensor = statement.material.stiffness_tensor(points, masks)
+        tensor = statement.material.lower_tensor(points, masks)
     scale = np.ones(tensor.shape[-1])
     scale[dim:] = np.sqrt(2.0)  # Mandel's form: shear strains as sqrt(2) eps_xy
     return float(np.linalg.eigvalsh(tensor * np.outer(scale, scale))[:, 0].min())

@@ -6,6 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from hemivar.basics.rounding import rounded_down, rounded_up
+from hemivar.certificates.linear_bodies import STATED, UNKNOWN
+from hemivar.mechanics.material import BoundsBy
 
 if TYPE_CHECKING:
     from hemivar.certificates.certificate import Certificate
@@ -61,6 +63,8 @@ def certificate_lines(certificate: Certificate, whole: bool = False) -> list[str
         say("left out", f"{', '.join(certificate.left_out)}: the time limit was reached")
     for warning in certificate.warnings:
         say("warning", warning)
+    if constants.stiffness_by:
+        say("body", _lower_bound(constants.stiffness_by))
     say("certified", f"in {certificate.seconds:.2g} s by {certificate.method}")
     if whole:
         say("alpha", f"normal {_text(constants.alpha_normal)}, tangential {_text(constants.alpha_tangential)}")
@@ -116,9 +120,22 @@ def _without_margin(constants: Smallness) -> str:
     """Why there is no margin at all, in words."""
     if max(constants.alpha_normal, constants.alpha_tangential) == math.inf:
         return "the derivative of a law jumps down, or falls without bound: no stiffness of the body makes up for that"
+    if constants.stiffness_by == UNKNOWN:
+        return "no lower bound of the stiffness of the body is known at all strains"
     if math.isinf(constants.m_L):
         return "the laws have no finite constant here"
     return "the supports alone do not hold the body: what rests on the foundation alone has no margin"
+
+
+def _lower_bound(found_by: str) -> str:
+    """What the norms of a body that is not linear are, in words."""
+    if found_by == UNKNOWN:
+        return "not linear: norms are those of its stiffness at rest, and bound nothing"
+    how = {
+        BoundsBy.SAMPLED.value: "known from samples only: margin and distance are estimates",
+        STATED: "as its maker states it",
+    }.get(found_by, f"proved ({found_by})")
+    return f"not linear: norms are those of the lower bound of its stiffness, {how}"
 
 
 def _text(value: float | None) -> str:

@@ -1,0 +1,71 @@
+"""Linear bodies that stand for one that is not linear: the one below it, and the tangent at a point."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hemivar.basics.types import Array
+from hemivar.discrete.bulk import Quadratic
+from hemivar.discrete.potential import Potential
+from hemivar.discrete.problem import DiscreteProblem
+from hemivar.fem.hierarchy import tangent_problem
+from hemivar.mechanics.composed_material import lower_elasticity
+from hemivar.mechanics.material import BoundsBy
+from hemivar.mechanics.statement import ContactProblem
+
+__all__ = ["STATED", "UNKNOWN", "at_tangent", "below", "convex_body", "lower_bound_by"]
+
+#: What :func:`lower_bound_by` says where no lower bound is known, and where the maker of the bulk gave one.
+UNKNOWN, STATED = "unknown", "stated"
+
+
+def below(problem: DiscreteProblem) -> DiscreteProblem:
+    """The problem with the linear body of C_low, by which its own is strongly monotone; itself if that is linear.
+
+    In its energy norm errors are bounded. Where no lower bound is known (:func:`lower_bound_by`) the body at rest takes
+    its place, and the norm is no more than a measure of sizes.
+    """
+    bulk = problem.bulk
+    if isinstance(bulk, Quadratic):
+        return problem
+    found: Quadratic | None = None
+    if isinstance(bulk, Potential):
+        found = bulk.lower
+    origin, model = None, problem.model
+    if found is None:
+        found = bulk.at_rest if isinstance(bulk, Potential) else Quadratic(bulk.hessian(np.zeros(bulk.unknowns)))
+    elif isinstance(model.origin, ContactProblem) and model.parts is None:  # the same on coarser meshes
+        origin = replace(model.origin, material=lower_elasticity(model.origin.material))
+    return replace(problem, model=replace(model, bulk=found, origin=origin, parts=None), law_known=True)
+
+
+def at_tangent(problem: DiscreteProblem, u: Array) -> DiscreteProblem:
+    """The problem with the linear body that has the forces and the stiffness of its own at unknowns (n,)."""
+    bulk = problem.bulk
+    if isinstance(bulk, Quadratic):
+        return problem
+    if isinstance(bulk, Potential):
+        found = tangent_problem(problem, u)
+    else:
+        found = problem.with_(bulk=Quadratic(bulk.hessian(u)))
+    return found.with_(load=problem.out_of_balance(u) + found.bulk.gradient(u))
+
+
+def lower_bound_by(problem: DiscreteProblem) -> str:
+    """How the body below was found: "closed form", "intervals", "sampled", :data:`STATED`, :data:`UNKNOWN`.
+
+    Empty for a linear body.
+    """
+    bulk, origin = problem.bulk, problem.origin
+    if isinstance(bulk, Quadratic):
+        return ""
+    if not isinstance(bulk, Potential) or bulk.lower is None:
+        return UNKNOWN
+    return origin.material.bounds_by.value if isinstance(origin, ContactProblem) else STATED
+
+
+def convex_body(problem: DiscreteProblem) -> bool:
+    """Whether the energy of the body is shown to be convex."""
+    return lower_bound_by(problem) not in (UNKNOWN, BoundsBy.SAMPLED.value)

@@ -1,0 +1,272 @@
+"""The distance to the exact solution of bodies with a stored energy: never below the error, and not far above it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from hemivar.adapt import solve_adaptive
+from hemivar.basics.types import Array
+from hemivar.certificates.continuous.body_constants import body_constants
+from hemivar.certificates.continuous.exact_distance import ExactDistance, exact_distance
+from hemivar.errors import ProblemError
+from hemivar.fem.assembly import stiffness_matrix
+from hemivar.fem.elements import barycentric_gradients
+from hemivar.fem.quadrature import quadrature_rule
+from hemivar.gallery import survey
+from hemivar.laws import Compliance, Friction, Logarithmic, Signorini, Softening, Superpotential, SurveyLaw, Tresca
+from hemivar.mechanics import Clamped, Contact, ContactProblem, Material, Prescribed, Roller
+from hemivar.mechanics.material import BoundsBy
+from hemivar.mechanics.named_energies import Hencky
+from hemivar.mesh import box, rectangle
+from hemivar.solvers import Status, solve
+from hemivar.systems import Workspace
+
+BULK, SHEAR, SOFTENED, STRAIN = 20.0 / 3.0, 4.0, 0.25, 0.05
+HENCKY = Material.hencky(BULK, SHEAR, SOFTENED, STRAIN)
+LINEAR = Material.lame(BULK - 2.0 * SHEAR / 3.0, SHEAR)
+
+
+def judged(problem: ContactProblem) -> tuple[ExactDistance, Array]:
+    solution = solve(problem)
+    assert solution.status is Status.CONVERGED
+    constants = body_constants(solution.problem, Workspace())
+    return exact_distance(problem, solution.displacement, constants), solution.displacement
+
+
+def error_of(problem: ContactProblem, u: Array, below: Material, times: int = 2) -> float:
+    """Distance to the solution on a refined mesh (nested), in the energy norm of a linear material."""
+    mesh = problem.mesh
+    for _ in range(times):
+        u = np.vstack([u, 0.5 * (u[mesh.edges[:, 0]] + u[mesh.edges[:, 1]])])
+        mesh = mesh.refined()
+    off = (solve(replace(problem, mesh=mesh)).displacement - u).ravel()
+    return float(np.sqrt(off @ (stiffness_matrix(mesh, below, 1) @ off)))
+
+
+def below(bulk: float, shear: float, softened: float, plane: str = "strain") -> Material:
+    """The linear material of C_low, in closed form."""
+    return Material.lame(bulk - 2.0 * softened * shear / 3.0, softened * shear, plane)
+
+
+# ---- linear materials written as potentials ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plane", ["strain", "stress"])
+def test_a_linear_material_written_as_a_potential_has_the_same_bound(plane: str) -> None:
+    linear = replace(survey("5.1", 8), material=linear_in(plane))
+    potential = replace(linear, material=Material.hencky(BULK, SHEAR, 1.0, STRAIN, plane))
+    one, other = judged(linear)[0], judged(potential)[0]
+    assert other.distance == pytest.approx(one.distance, rel=1e-9)
+    assert other.relative == pytest.approx(one.relative, rel=1e-9)
+    assert other.cells == pytest.approx(one.cells, rel=1e-7)
+    assert other.guaranteed
+
+
+def linear_in(plane: str) -> Material:
+    return Material.lame(BULK - 2.0 * SHEAR / 3.0, SHEAR, plane)
+
+
+@pytest.mark.parametrize("softening", [0.0, 2.0])
+def test_so_has_one_in_space_with_loads_that_vary_and_laws_that_soften(softening: float) -> None:
+    law: Superpotential = Softening(4.0, 0.01, softening) if softening else Compliance(4.0)
+    linear = ContactProblem(
+        mesh=box((1.0, 1.0, 1.0), 2),
+        material=LINEAR,
+        contact={"bottom": Contact(law)},
+        supports={"left": Clamped()},
+        body_force=lambda x: np.column_stack([0.1 * x[:, 0], -0.2 * x[:, 1], -0.3 + 0.2 * x[:, 2] ** 2]),
+    )
+    one, other = judged(linear)[0], judged(replace(linear, material=Material.hencky(BULK, SHEAR, 1.0, STRAIN)))[0]
+    assert one.constant > 0.0 or not softening
+    assert other.constant == pytest.approx(one.constant, rel=1e-9)
+    assert other.distance == pytest.approx(one.distance, rel=1e-9)
+
+
+# ---- a closed form ------------------------------------------------------------------------------------------------
+
+
+def force(e: float) -> float:
+    """Stress of Hencky's material along an axis at a strain along it, no other strains."""
+    root = np.sqrt(1.0 + 2.0 * e**2 / (3.0 * STRAIN**2))
+    return (BULK + 4.0 * SHEAR * (SOFTENED + (1.0 - SOFTENED) / root) / 3.0) * e
+
+
+def strain(stress: float) -> float:
+    return brentq(lambda e: force(e) - stress, -5.0, 5.0, xtol=1e-15)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A block between rollers, its top held at ``-down``, under its weight: strains depend on the height alone."""
+
+    law: Superpotential
+    pressure: Callable[[float], float]
+    down: float
+    weight: float
+
+    def problem(self, n: int) -> ContactProblem:
+        return ContactProblem(
+            mesh=rectangle((1.0, 1.0), n, pattern="cross"),
+            material=HENCKY,
+            contact={"bottom": Contact(self.law)},
+            supports={"left": Roller(), "right": Roller(), "top": Prescribed((0.0, -self.down))},
+            body_force=(0.0, -self.weight),
+        )
+
+    @property
+    def penetration(self) -> float:
+        def off(s: float) -> float:
+            return self.down - s + quad(lambda y: strain(self.weight * y - self.pressure(s)), 0.0, 1.0, epsrel=1e-11)[0]
+
+        return brentq(off, 0.0, 1.0, xtol=1e-14)
+
+    def error(self, problem: ContactProblem, u: Array) -> float:
+        """In the energy norm of C_low, by a rule of degree 6 on cells."""
+        mesh = problem.mesh
+        gradient = np.einsum("mai,maj->mij", u[mesh.cells], barycentric_gradients(mesh))
+        off = np.stack([gradient[:, 0, 0], gradient[:, 1, 1], gradient[:, 0, 1] + gradient[:, 1, 0]], axis=1)
+        barycentric, weights = quadrature_rule(2, 6)
+        height = np.einsum("qa,ma->mq", barycentric, mesh.points[mesh.cells][:, :, 1])
+        start, at = self.pressure(self.penetration), np.unique(height.round(12))
+        known = dict(zip(at.tolist(), [strain(self.weight * y - start) for y in at], strict=True))
+        exact = np.vectorize(known.__getitem__)(height.round(12))
+        rest = np.repeat(off[:, None], len(weights), axis=1)
+        rest[:, :, 1] -= exact
+        lam, mu = BULK - 2.0 * SOFTENED * SHEAR / 3.0, SOFTENED * SHEAR
+        density = lam * (rest[:, :, 0] + rest[:, :, 1]) ** 2
+        density += 2.0 * mu * (rest[:, :, 0] ** 2 + rest[:, :, 1] ** 2 + 0.5 * rest[:, :, 2] ** 2)
+        return float(np.sqrt(np.einsum("m,mq,q->", mesh.volumes, density, weights)))
+
+
+def softened_pressure(s: float) -> float:
+    return 20.0 * s if s <= 0.02 else max(0.4 - (s - 0.02), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("column", "highest"),
+    [
+        (Column(Compliance(20.0), lambda s: 20.0 * max(s, 0.0), 0.1, 0.5), 1.6),
+        (Column(Softening(20.0, 0.02, 1.0), softened_pressure, 0.1, 0.5), 2.5),
+    ],
+)
+def test_a_column_has_a_closed_form(column: Column, highest: float) -> None:
+    """The bound over the error, where the law softens too, and both fall as the mesh becomes finer."""
+    errors = []
+    for n in (4, 8, 16):
+        problem = column.problem(n)
+        found, u = judged(problem)
+        error = column.error(problem, u)
+        assert found.guaranteed
+        assert 1.0 < found.distance / error < highest
+        errors.append(error)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.1)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(1.0, abs=0.1)
+
+
+# ---- random statements ----------------------------------------------------------------------------------------------
+
+
+def random_problem(seed: int) -> tuple[ContactProblem, Material]:
+    """A body of Hencky's material on a foundation that rises, softens, ends or jumps in its slope."""
+    rng = np.random.default_rng(seed)
+    plane = str(rng.choice(["strain", "stress"]))
+    constants = rng.uniform(3.0, 12.0), rng.uniform(2.0, 6.0), rng.uniform(0.15, 1.0)
+    load = 10.0 ** rng.uniform(-1.5, 0.3)
+    law: Superpotential = rng.choice(
+        np.array(
+            [
+                Compliance(rng.uniform(1.0, 20.0)),
+                Softening(rng.uniform(2.0, 10.0), 0.03, rng.uniform(0.1, 1.0)),
+                SurveyLaw(0.1, 10.0),
+                Signorini(),
+            ],
+            dtype=object,
+        )
+    )
+    weakening = replace(Logarithmic(0.5), bound=0.1 * load)
+    frictions: list[Friction | None] = [None, Tresca(rng.uniform(0.01, 0.2)), weakening]
+    friction = frictions[rng.integers(0, 3)]
+    contact = Contact(law) if friction is None else Contact(law, friction)
+    problem = ContactProblem(
+        mesh=rectangle((1.0, rng.uniform(0.5, 1.5)), int(rng.integers(2, 5)), pattern="cross"),
+        material=Material.hencky(*constants, 10.0 ** rng.uniform(-2.0, -0.5), plane),
+        contact={"bottom": contact},
+        supports={"left": Clamped()} if rng.random() < 0.7 else {"left": Roller(), "right": Clamped()},
+        tractions={"top": (rng.uniform(-0.3, 0.3) * load, -load)},
+        body_force=(0.2 * load, -0.5 * load * rng.random()),
+    )
+    return problem, below(*constants, plane)
+
+
+def check(seed: int) -> float:
+    """The bound over the error; inf where there is no bound."""
+    problem, metric = random_problem(seed)
+    found, u = judged(problem)
+    ratio = found.distance / error_of(problem, u, metric)
+    assert ratio >= 1.0, seed
+    return ratio
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_bound_is_below_the_error(seed: int) -> None:
+    assert check(seed) < 6.0
+
+
+@pytest.mark.slow
+def test_none_of_two_hundred_is() -> None:
+    ratios = np.array([check(seed) for seed in range(1000, 1200)])
+    assert np.isfinite(ratios).mean() > 0.8
+    assert np.median(ratios) < 2.0
+
+
+# ---- what is not proved, refused, and refined ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Doubtful(Hencky):
+    """Its bounds are said to come from samples."""
+
+    @property
+    def bounds_by(self) -> BoundsBy:
+        return BoundsBy.SAMPLED
+
+
+def test_a_sampled_lower_bound_makes_an_estimate_of_it() -> None:
+    problem = replace(survey("figure1", 4), material=Doubtful(BULK, SHEAR, SOFTENED, STRAIN))
+    found = solve(problem).certify(exact=True).exact
+    assert found is not None
+    assert np.isfinite(found.bound)
+    assert not found.guaranteed
+    assert "the lower bound of the stiffness of the material is sampled" in found.why
+    assert "an estimate, no bound" in "\n".join(found.lines())
+
+
+def test_a_certificate_bounds_it() -> None:
+    found = solve(replace(survey("figure1", 6), material=HENCKY)).certify(exact=True).exact
+    assert found is not None
+    assert found.guaranteed
+    assert 0.1 < found.relative < 0.5
+
+
+def test_an_adaptive_solve_reaches_what_was_asked_for() -> None:
+    problem = replace(survey("5.1", 4), material=HENCKY)
+    found = solve_adaptive(problem, rtol=0.12)
+    assert found.reached
+    bounds = [level.distance.relative for level in found.levels]
+    assert (np.diff(bounds) < 0.0).all()
+    assert found.rate == pytest.approx(0.5, abs=0.12)
+    last = found.levels[-1]
+    error = error_of(last.problem.origin, last.solution.displacement, below(BULK, SHEAR, SOFTENED), 1)  # type: ignore[arg-type]
+    assert 1.0 < last.distance.distance / error < 3.0
+
+
+def test_goals_are_refused_in_words() -> None:
+    problem = replace(survey("5.1", 4), material=HENCKY)
+    with pytest.raises(ProblemError, match="linear materials; give no goal"):
+        solve_adaptive(problem, goal="contact.bottom.force")
