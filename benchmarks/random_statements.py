@@ -180,6 +180,17 @@ def random_body(seed: int, space: float = 0.2) -> Body:
     return Body(problem, length, modulus, turn, f"{shape}, {made}, {held}{turned}{units}")
 
 
+def softened(body: Body, seed: int) -> Body:
+    """The same body of a material that softens as it changes shape (Hencky), in plane strain, plane stress or space."""
+    rng = np.random.default_rng([seed, 3])
+    bulk, shear = body.modulus * rng.uniform(1.0, 8.0), body.modulus * rng.uniform(0.5, 4.0)
+    q, strain = rng.uniform(0.15, 1.0), 10.0 ** rng.uniform(-2.0, -0.5)
+    plane = "stress" if body.problem.mesh.dim == 2 and rng.uniform() < 0.4 else "strain"
+    material = hv.Material.hencky(bulk, shear, q, strain, plane)
+    words = f"Hencky (q = {q:.2f}, strain {strain:.3g}, plane {plane}) in place of: {body.words}"
+    return replace(body, problem=replace(body.problem, material=material), words=words)
+
+
 # ---- laws and loads ------------------------------------------------------------------------------------------------
 
 
